@@ -1,0 +1,30 @@
+"""The tissue: nodes, springs, forces, energy, time integration and rest shapes."""
+
+from dynamics.forces import kinetic_energy, node_forces, potential_energy
+from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, unpack
+from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
+from dynamics.rest import rest_shape
+from dynamics.stepping import Stepper, adaptive, derivative
+from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
+
+__all__ = [
+    "HIDDEN",
+    "OUTER",
+    "MassSpringNetwork",
+    "NetworkError",
+    "Stepper",
+    "adaptive",
+    "all_positions",
+    "damping_matrix",
+    "derivative",
+    "four_mass_phantom",
+    "kinetic_energy",
+    "node_forces",
+    "pack",
+    "potential_energy",
+    "rest_shape",
+    "stable_step",
+    "state_matrix",
+    "stiffness_matrix",
+    "unpack",
+]

@@ -1,0 +1,134 @@
+"""Compiled spring forces and Runge-Kutta steps over a batch of states.
+
+Arrays are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over
+neighbouring numbers and the compiler can take several states at a time. Nothing here checks its input:
+`dynamics.forces` and `dynamics.stepping` are the doors.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from dynamics.network import Floats, MassSpringNetwork
+
+SLIP_VELOCITY = 5e-3
+"""Speed over which Coulomb friction builds up [m/s]; chosen: dry friction has a jump there, a filter cannot."""
+
+SHORTEST = 1e-9
+"""Length below which a spring has no direction and pushes nowhere [m]."""
+
+
+class Packed(NamedTuple):
+    """The network as the kernels read it; see `MassSpringNetwork` for units."""
+
+    springs: np.ndarray
+    stiffness: Floats
+    rest_lengths: Floats
+    damping: Floats
+    weight: Floats
+    drag: Floats
+    friction: Floats
+
+
+def packed(network: MassSpringNetwork) -> Packed:
+    """The network's arrays in the order that the kernels take them; weight [N], shape (n_nodes, dim)."""
+    weight = np.where(network.fixed[:, None], 0.0, network.masses[:, None] * network.gravity)
+    return Packed(
+        network.springs,
+        network.stiffness,
+        network.rest_lengths,
+        network.damping,
+        weight,
+        network.drag,
+        network.friction,
+    )
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
+    """Write the force on each node [N] into `force`, (n_nodes, dim, n_points); `pull`, `square` are scratch (n_points,)."""
+    n_nodes, dim, n_points = x.shape
+    for i in range(n_nodes):
+        for q in range(n_points):
+            square[q] = SLIP_VELOCITY * SLIP_VELOCITY
+        for d in range(dim):
+            for q in range(n_points):
+                square[q] += v[i, d, q] * v[i, d, q]
+        for d in range(dim):
+            for q in range(n_points):
+                resist = p.drag[i] + p.friction[i] / np.sqrt(square[q])
+                force[i, d, q] = p.weight[i, d] - resist * v[i, d, q]
+    for s in range(p.springs.shape[0]):
+        i, j = p.springs[s, 0], p.springs[s, 1]
+        k, rest, c = p.stiffness[s], p.rest_lengths[s], p.damping[s]
+        for q in range(n_points):
+            square[q] = SHORTEST * SHORTEST
+            pull[q] = 0.0
+        for d in range(dim):
+            for q in range(n_points):
+                apart = x[j, d, q] - x[i, d, q]
+                square[q] += apart * apart
+                pull[q] += apart * (v[j, d, q] - v[i, d, q])
+        for q in range(n_points):
+            # Tension over length: (k (l - l0) + c dl/dt) / l
+            inverse = 1.0 / np.sqrt(square[q])
+            pull[q] = k - k * rest * inverse + c * pull[q] * inverse * inverse
+        for d in range(dim):
+            for q in range(n_points):
+                f = pull[q] * (x[j, d, q] - x[i, d, q])
+                force[i, d, q] += f
+                force[j, d, q] -= f
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # type: ignore[no-untyped-def]
+    """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
+
+    outside: force on each free coordinate, held during the steps [N], (n_points, n_free dim)
+    nodes: where all nodes stand, of which only the anchors are used [m], (n_nodes, dim)
+    """
+    n_points = states.shape[0]
+    n_nodes, dim = nodes.shape
+    n_half = free.shape[0] * dim
+    x = np.empty((n_nodes, dim, n_points))
+    v = np.zeros((n_nodes, dim, n_points))
+    force = np.empty((n_nodes, dim, n_points))
+    pull, square = np.empty(n_points), np.empty(n_points)
+    start = np.empty((2 * n_half, n_points))
+    total = np.empty((2 * n_half, n_points))
+    for i in range(n_nodes):
+        for d in range(dim):
+            for q in range(n_points):
+                x[i, d, q] = nodes[i, d]
+    for r in range(2 * n_half):
+        for q in range(n_points):
+            start[r, q] = states[q, r]
+    for _ in range(n_steps):
+        for r in range(n_half):
+            i, d = free[r // dim], r % dim
+            for q in range(n_points):
+                x[i, d, q] = start[r, q]
+                v[i, d, q] = start[n_half + r, q]
+                total[r, q] = 0.0
+                total[n_half + r, q] = 0.0
+        for stage in range(4):
+            spring_forces(x, v, p, pull, square, force)
+            share = dt / 6.0 if stage in (0, 3) else dt / 3.0
+            ahead = dt if stage == 2 else dt / 2.0
+            for r in range(n_half):
+                i, d = free[r // dim], r % dim
+                by = inverse_mass[i]
+                for q in range(n_points):
+                    velocity = v[i, d, q]
+                    acceleration = (force[i, d, q] + outside[q, r]) * by
+                    total[r, q] += share * velocity
+                    total[n_half + r, q] += share * acceleration
+                    x[i, d, q] = start[r, q] + ahead * velocity
+                    v[i, d, q] = start[n_half + r, q] + ahead * acceleration
+        for r in range(2 * n_half):
+            for q in range(n_points):
+                start[r, q] += total[r, q]
+    return np.ascontiguousarray(start.T)

@@ -1,0 +1,180 @@
+"""Mass-spring networks: what the tissue is made of, checked once when made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+class NetworkError(ValueError):
+    """A network that cannot be simulated; the message names the field, what was expected and what was found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MassSpringNetwork:
+    """Point masses joined by two-way springs with dashpots, in the plane or in space.
+
+    names: node names, unique, n_nodes of them
+    positions: where each node stands in the picture that was taken at rest [m], shape (n_nodes, dim), dim 2 or 3
+    masses: [kg], shape (n_nodes,), positive; an anchor's mass plays no part
+    fixed: True for an anchor, shape (n_nodes,)
+    drag: viscous friction against the ground [N s/m], shape (n_nodes,)
+    friction: Coulomb friction against the planes that hold the node [N], shape (n_nodes,)
+    springs: the two nodes of each spring, shape (n_springs, 2)
+    stiffness: [N/m], shape (n_springs,), positive
+    rest_lengths: [m], shape (n_springs,), positive
+    damping: dashpot along the spring [N s/m], shape (n_springs,)
+    gravity: acceleration [m/s²], shape (dim,)
+
+    Raises NetworkError for anything that cannot be simulated.
+    """
+
+    names: tuple[str, ...]
+    positions: Floats
+    masses: Floats
+    fixed: NDArray[np.bool_]
+    drag: Floats
+    friction: Floats
+    springs: NDArray[np.int64]
+    stiffness: Floats
+    rest_lengths: Floats
+    damping: Floats
+    gravity: Floats
+    free: NDArray[np.int64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        n_nodes, n_springs = len(self.names), len(self.springs)
+        dim = np.asarray(self.positions).shape[-1] if np.ndim(self.positions) == 2 else 0
+        if dim not in (2, 3):
+            raise NetworkError(
+                f"positions: expected shape (n_nodes, 2) or (n_nodes, 3), found {np.shape(self.positions)}"
+            )
+        shapes = {
+            "positions": (n_nodes, dim),
+            "masses": (n_nodes,),
+            "drag": (n_nodes,),
+            "friction": (n_nodes,),
+            "stiffness": (n_springs,),
+            "rest_lengths": (n_springs,),
+            "damping": (n_springs,),
+            "gravity": (dim,),
+        }
+        for key, shape in shapes.items():
+            object.__setattr__(self, key, _frozen(key, getattr(self, key), shape))
+        object.__setattr__(self, "fixed", np.array(self.fixed, dtype=bool))
+        object.__setattr__(self, "springs", np.array(self.springs, dtype=np.int64).reshape(-1, 2))
+        object.__setattr__(self, "free", np.flatnonzero(~self.fixed))
+        self._check_nodes()
+        self._check_springs()
+        for key in ("fixed", "springs", "free"):
+            getattr(self, key).setflags(write=False)
+
+    def _check_nodes(self) -> None:
+        seen: set[str] = set()
+        for name in self.names:
+            if name in seen:
+                raise NetworkError(f'node "{name}": expected unique names, found it twice')
+            seen.add(name)
+        if self.fixed.shape != (len(self.names),):
+            raise NetworkError(f"fixed: expected shape {(len(self.names),)}, found {self.fixed.shape}")
+        if not len(self.free):
+            raise NetworkError("fixed: expected at least one free node, found none")
+        attached = set(self.springs.ravel().tolist())
+        for i, name in enumerate(self.names):
+            if not self.fixed[i] and self.masses[i] <= 0:
+                raise NetworkError(f'node "{name}" mass: expected more than 0 kg, found {self.masses[i]:g}')
+            if not self.fixed[i] and i not in attached:
+                raise NetworkError(f'node "{name}": expected at least one spring, found none')
+            for key in ("drag", "friction"):
+                if getattr(self, key)[i] < 0:
+                    raise NetworkError(f'node "{name}" {key}: expected 0 or more, found {getattr(self, key)[i]:g}')
+
+    def _check_springs(self) -> None:
+        n_nodes = len(self.names)
+        for s, (i, j) in enumerate(self.springs):
+            if not (0 <= i < n_nodes and 0 <= j < n_nodes):
+                raise NetworkError(f"spring {s}: expected nodes 0 to {n_nodes - 1}, found {i} and {j}")
+            label = f"spring {self.names[i]}-{self.names[j]}"
+            if i == j:
+                raise NetworkError(f"{label}: expected two different nodes, found one")
+            for key in ("stiffness", "rest_lengths"):
+                if getattr(self, key)[s] <= 0:
+                    raise NetworkError(f"{label} {key}: expected more than 0, found {getattr(self, key)[s]:g}")
+            if self.damping[s] < 0:
+                raise NetworkError(f"{label} damping: expected 0 or more, found {self.damping[s]:g}")
+            if np.array_equal(self.positions[i], self.positions[j]):
+                raise NetworkError(
+                    f"{label}: expected its nodes at different places, found both at {self.positions[i]} m"
+                )
+
+    @property
+    def dim(self) -> int:
+        """Two in the plane, three in space."""
+        return int(self.positions.shape[1])
+
+    @property
+    def n_nodes(self) -> int:
+        """Nodes, anchors included."""
+        return len(self.names)
+
+    @property
+    def n_state(self) -> int:
+        """Length of a state: positions then velocities of the free nodes."""
+        return 2 * len(self.free) * self.dim
+
+    def index(self, name: str) -> int:
+        """Place of the node of that name among all nodes; NetworkError if there is none."""
+        if name not in self.names:
+            raise NetworkError(f'no node named "{name}"')
+        return self.names.index(name)
+
+    def coordinates(self, name: str) -> slice:
+        """Where the free node's position stands in a state vector; NetworkError for an anchor."""
+        place = np.flatnonzero(self.free == self.index(name))
+        if not len(place):
+            raise NetworkError(f'node "{name}": expected a free node, found an anchor')
+        start = int(place[0]) * self.dim
+        return slice(start, start + self.dim)
+
+
+def _frozen(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    array = np.array(value, dtype=np.float64)
+    if array.shape != shape:
+        raise NetworkError(f"{key}: expected shape {shape}, found {array.shape}")
+    if not np.isfinite(array).all():
+        raise NetworkError(f"{key}: expected finite numbers, found {array[~np.isfinite(array)][0]}")
+    array.setflags(write=False)
+    return array
+
+
+def pack(positions: ArrayLike, velocities: ArrayLike) -> Floats:
+    """State vectors [m, m/s], shape (..., 2 n dim), from positions and velocities of the free nodes, (..., n, dim).
+
+    Node-major: x0 y0 x1 y1 ... vx0 vy0 ...
+    """
+    x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
+    if x.shape != v.shape or x.ndim < 2:
+        raise ValueError(f"expected positions and velocities of one shape (..., n, dim), found {x.shape}, {v.shape}")
+    lead = x.shape[:-2]
+    return np.concatenate([x.reshape(*lead, -1), v.reshape(*lead, -1)], axis=-1)
+
+
+def unpack(states: ArrayLike, dim: int) -> tuple[Floats, Floats]:
+    """Positions [m] and velocities [m/s] of the free nodes, each (..., n, dim), from states (..., 2 n dim)."""
+    s = np.asarray(states, dtype=float)
+    n, rest = divmod(s.shape[-1], 2 * dim)
+    if rest:
+        raise ValueError(f"expected states of length 2 n {dim}, found {s.shape[-1]}")
+    shape = (*s.shape[:-1], n, dim)
+    return s[..., : n * dim].reshape(shape), s[..., n * dim :].reshape(shape)
+
+
+def all_positions(network: MassSpringNetwork, free_positions: Floats) -> Floats:
+    """Positions of all nodes [m], (n_nodes, dim): the free ones as given, (n_free, dim), anchors where they stand."""
+    positions = network.positions.copy()
+    positions[network.free] = free_positions
+    return positions

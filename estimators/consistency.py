@@ -1,0 +1,39 @@
+"""Is the covariance to be believed: squared errors against their chi-square bounds, coverage.
+
+Source: [barshalom2001], section 5.4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+Floats = NDArray[np.float64]
+
+
+def normalised_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
+    """Squared Mahalanobis length of each error: NEES of estimation errors, NIS of innovations; (n,).
+
+    errors (n, d), covs (n, d, d) in the same units. Raises numpy's LinAlgError where a covariance is singular.
+    """
+    e = np.asarray(errors, dtype=float)
+    solved = np.linalg.solve(np.asarray(covs, dtype=float), e[..., None])[..., 0]
+    return np.einsum("ni,ni->n", e, solved)
+
+
+def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
+    """Between which a chi-square variable of so many degrees of freedom lies with this probability, tails equal."""
+    tail = 0.5 * (1.0 - share)
+    return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
+
+
+def mean_bounds(degrees: int, n: int, share: float = 0.95) -> tuple[float, float]:
+    """Between which the mean of n independent chi-square variables lies with this probability."""
+    low, high = chi_square_bounds(degrees * n, share)
+    return low / n, high / n
+
+
+def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
+    """Part of the normalised squared errors inside the region that ought to hold this share of them."""
+    return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))

@@ -1,0 +1,60 @@
+"""What a filter says about the target, and what it was told about the marks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Status(StrEnum):
+    """How far an estimate may be relied upon."""
+
+    TRACKING = "TRACKING"
+    """Marks were taken in with this frame."""
+    COASTING = "COASTING"
+    """No mark was taken in: the model alone, for less than the time after which the target counts as lost."""
+    LOST = "LOST"
+    """No mark for longer than that."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkMeasurement:
+    """One mark seen: the node it sits on, its position [m], (dim,), and the covariance of that [m²], (dim, dim)."""
+
+    node: str
+    position: Floats
+    cov: Floats
+
+    def __post_init__(self) -> None:
+        dim = len(self.position)
+        if self.cov.shape != (dim, dim):
+            raise ValueError(f"mark {self.node} cov: expected shape {(dim, dim)}, found {self.cov.shape}")
+        if not (np.isfinite(self.position).all() and np.isfinite(self.cov).all()):
+            raise ValueError(f"mark {self.node}: expected finite numbers, found {self.position} and {self.cov}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetEstimate:
+    """Gaussian belief about the target at one exposure time.
+
+    time_s: exposure time of the frame [s]
+    mean, cov: position of the target [m], (dim,), and its covariance [m²], (dim, dim); cov is None where a method
+        gives none
+    status: see `Status`
+    marks_used: marks taken in with this frame
+    nis: normalised innovation squared of those marks, None where there were none or the method gives none
+    poked: probability that an outside force acts, None where the method does not tell
+    """
+
+    time_s: float
+    mean: Floats
+    cov: Floats | None
+    status: Status
+    marks_used: int
+    nis: float | None = None
+    poked: float | None = None
