@@ -3,6 +3,7 @@
 from dynamics.forces import kinetic_energy, node_forces, potential_energy
 from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, unpack
 from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
+from dynamics.plain import plain_derivative, plain_step
 from dynamics.rest import rest_shape
 from dynamics.stepping import Stepper, adaptive, derivative
 from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
@@ -21,6 +22,8 @@ __all__ = [
     "kinetic_energy",
     "node_forces",
     "pack",
+    "plain_derivative",
+    "plain_step",
     "potential_energy",
     "rest_shape",
     "stable_step",

@@ -7,6 +7,7 @@ neighbouring numbers and the compiler can take several states at a time. Nothing
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,7 @@ class Packed(NamedTuple):
     friction: Floats
 
 
+@lru_cache(maxsize=64)
 def packed(network: MassSpringNetwork) -> Packed:
     """The network's arrays in the order that the kernels take them; weight [N], shape (n_nodes, dim)."""
     weight = np.where(network.fixed[:, None], 0.0, network.masses[:, None] * network.gravity)
@@ -49,7 +51,7 @@ def packed(network: MassSpringNetwork) -> Packed:
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
 def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
-    """Write the force on each node [N] into `force`, (n_nodes, dim, n_points); `pull`, `square` are scratch (n_points,)."""
+    """Write the force on each node [N] into `force`, (n_nodes, dim, n_points); pull, square: scratch, (n_points,)."""
     n_nodes, dim, n_points = x.shape
     for i in range(n_nodes):
         for q in range(n_points):

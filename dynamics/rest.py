@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from dynamics.forces import node_forces, potential_energy
@@ -13,23 +14,25 @@ RESIDUAL = 1e-9
 """Largest force left on a node at rest, relative to weights and spring tensions."""
 
 
-def rest_shape(network: MassSpringNetwork) -> Floats:
+def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
 
+    force: held on the free nodes meanwhile [N], (n_free, dim), default none
     A mass-spring network has several rest shapes; the drawn one says which is meant. Raises NetworkError where
     the energy has no stable minimum to be found there.
     """
     shape = (len(network.free), network.dim)
+    held = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
 
     def everywhere(q: Floats) -> Floats:
         return all_positions(network, q.reshape(shape))
 
     def gradient(q: Floats) -> Floats:
         x = everywhere(q)
-        return -node_forces(network, x, np.zeros_like(x))[network.free].ravel()
+        return -node_forces(network, x, np.zeros_like(x))[network.free].ravel() - held
 
     found = minimize(
-        lambda q: potential_energy(network, everywhere(q)),
+        lambda q: potential_energy(network, everywhere(q)) - held @ q,
         network.positions[network.free].ravel(),
         jac=gradient,
         hess=lambda q: stiffness_matrix(network, everywhere(q)),

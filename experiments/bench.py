@@ -1,0 +1,117 @@
+"""How fast it is, against what: everything timed in one run on the same work.
+
+filter_step: one predict of 1/30 s in ten Runge-Kutta steps for 33 sigma points of 16 states, one update with three
+marks; ours, and stock filterpy with the same model in plain NumPy, one sigma point after the other.
+loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import filterpy.kalman as filterpy
+import numpy as np
+
+from dynamics import OUTER, Stepper, four_mass_phantom, pack, plain_step
+from estimators import UnscentedKalmanFilter, positive_points
+from experiments.line import FILTER, Line
+from experiments.scenario import read_scenario
+from experiments.simulate import film, scene_of, true_motion
+
+Report = dict[str, dict[str, float]]
+FRAME_S = 1.0 / 30.0
+SUB_STEPS = 10
+
+
+def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
+    """All benchmarks, by name; medians, in ms."""
+    report = {"filter_step": filter_step()}
+    advance(0.5)
+    report["loop_640x480"] = loop_640x480()
+    advance(1.0)
+    return report
+
+
+def median_ms(work: Callable[[], object], repeats: int) -> float:
+    """Median duration of a piece of work [ms], after one run that is not counted."""
+    work()
+    seconds = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - began)
+    return 1e3 * float(np.median(seconds))
+
+
+def filter_pair() -> tuple[Callable[[], UnscentedKalmanFilter], Callable[[], filterpy.UnscentedKalmanFilter]]:
+    """One step of ours and one of stock filterpy from the same belief on the same measurement, as two functions."""
+    network = four_mass_phantom()
+    rest = pack(network.positions[network.free], np.zeros((len(network.free), network.dim)))
+    n, half = network.n_state, network.n_state // 2
+    rows = [i for node in OUTER for i in range(network.n_state)[network.coordinates(node)]]
+    H = np.eye(n)[rows]
+    P = np.diag([1e-4] * half + [1e-2] * half)
+    Q, R = 1e-6 * np.eye(n), 0.00414**2 * np.eye(len(rows))
+    z = H @ rest + 0.005
+    stepper = Stepper(network, FRAME_S / SUB_STEPS)
+
+    def ours() -> UnscentedKalmanFilter:
+        ukf.x, ukf.P = rest, P
+        ukf.predict(FRAME_S)
+        ukf.update_linear(z, H, R)
+        return ukf
+
+    def stock() -> filterpy.UnscentedKalmanFilter:
+        theirs.x, theirs.P = rest.copy(), P.copy()
+        theirs.predict()
+        theirs.update(z)
+        return theirs
+
+    ukf = UnscentedKalmanFilter(n, stepper.advance)
+    ukf.Q = Q
+    theirs = filterpy.UnscentedKalmanFilter(
+        n,
+        len(rows),
+        FRAME_S,
+        hx=lambda x: x[rows],
+        fx=lambda x, dt: plain_step(network, x, dt, SUB_STEPS),
+        points=positive_points(n),
+    )
+    theirs.Q, theirs.R = Q, R
+    return ours, stock
+
+
+def filter_step() -> dict[str, float]:
+    """Our filter step against stock filterpy with a plain NumPy process model."""
+    ours, stock = filter_pair()
+    apart = np.abs(ours().x - stock().x).max()
+    if not apart < 1e-9:
+        raise RuntimeError(f"filter_step: expected the same work of both, found estimates {apart:.3g} m apart")
+    ours_ms, filterpy_ms = median_ms(ours, 300), median_ms(stock, 10)
+    return {"ours_ms": ours_ms, "filterpy_ms": filterpy_ms, "ratio": filterpy_ms / ours_ms}
+
+
+def loop_640x480(n_frames: int = 120) -> dict[str, float]:
+    """The loop of the paper at 640x480: the frame is in memory, the estimate is out."""
+    scenario = read_scenario("poked").model_copy(update={"duration_s": n_frames * FRAME_S})
+    rng = np.random.default_rng(scenario.seed)
+    scene = scene_of(scenario)
+    truth = true_motion(scene.network, scenario, rng)
+    images = list(film(scenario, scene, truth, rng))
+    line = Line(scene, baseline=False)
+    detect, filtered, total = [], [], []
+    for exposure_s, image in zip(truth.times_s, images, strict=True):
+        began = time.perf_counter()
+        step = line.see(float(exposure_s), image)
+        total.append(time.perf_counter() - began)
+        detect.append(step.detect_s)
+        filtered.append(step.method_s[FILTER])
+    warm = slice(n_frames // 10, None)
+    detect_ms, filter_ms, total_ms = (1e3 * float(np.median(s[warm])) for s in (detect, filtered, total))
+    return {
+        "detect_ms": detect_ms,
+        "filter_ms": filter_ms,
+        "total_ms": total_ms,
+        "rest_ms": total_ms - detect_ms - filter_ms,
+    }

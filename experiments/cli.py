@@ -1,0 +1,152 @@
+"""The command `softaim`. What a subcommand needs is imported when it runs, so that help is instant."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="softaim",
+    help="Where a hidden target in moving soft tissue is, and how sure of it one may be.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if missing.", show_default=False)]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
+SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[str, typer.Argument(help="quiet, poked, paper-camera, or a scenario file.")],
+    out: Out,
+    force: Force = False,
+) -> None:
+    """Move and film a scenario: write a recording with its truth."""
+    from experiments.scenario import read_scenario
+    from experiments.simulate import simulate as write_recording
+
+    read = read_scenario(scenario)
+    with progress() as stage:
+        write_recording(read, out, force=force, advance=stage("film"))
+    print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
+
+
+@app.command()
+def track(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: Out,
+    scene: SceneFile = None,
+    force: Force = False,
+) -> None:
+    """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
+    from experiments.outputs import output_folder
+    from experiments.plots import write_plots
+    from experiments.recording import open_recording
+    from experiments.track import summary, write_tables
+    from experiments.track import track as run
+
+    opened = open_recording(recording, scene)
+    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
+        done = run(opened, stage("track"))
+        write_tables(done, folder)
+        write_plots(done, folder)
+    from experiments.tell import track_table
+
+    print_table(track_table(summary(done)))
+    print(f"Tables and pictures in {out}")
+
+
+@app.command()
+def demo(out: Out = Path("demo"), force: Force = False) -> None:
+    """Simulate, film and track the paper's two scenarios, and compare with what the paper found."""
+    from experiments.demo import demo as run
+    from experiments.tell import demo_table
+
+    with progress() as stage:
+        figures = run(out, force=force, stage=stage)
+    print_table(demo_table(figures))
+    for scenario in figures:
+        print(f"Pictures: {out / scenario / 'path.png'}, error.png, sigma.png, consistency.png beside it")
+
+
+@app.command()
+def live(
+    source: Annotated[str, typer.Option("--source", help="Camera index, film, recording, or phantom.")],
+    scene: SceneFile = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
+    duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
+    force: Force = False,
+) -> None:
+    """Follow the target in frames as they come, newest first, until Ctrl-C."""
+    from experiments.live import live as run
+
+    run(source, scene, out, duration_s=duration, force=force)
+
+
+@app.command()
+def bench(
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+) -> None:
+    """Time the filter and the loop against their references, in one run."""
+    from experiments.bench import bench as run
+    from experiments.tell import bench_table
+
+    with progress() as stage:
+        report = run(stage("bench"))
+    if as_json:
+        print(json.dumps(report, indent=2))
+    else:
+        print_table(bench_table(report))
+
+
+@contextmanager
+def progress() -> Iterator[Callable[[str], Callable[[float], None]]]:
+    """A progress bar on standard error: stage(name) gives what is to be told the share done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description:<16}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=console, disable=not console.is_terminal) as bar:
+
+        def stage(name: str) -> Callable[[float], None]:
+            task = bar.add_task(name, total=1.0)
+            return lambda share: bar.update(task, completed=share)
+
+        yield stage
+
+
+def print_table(table: object) -> None:
+    """Print a rich table to standard output."""
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 110).print(table)
+
+
+def main() -> None:
+    """Run the command; bad input is one line on standard error and exit code 2."""
+    try:
+        app()
+    except Exception as fault:
+        if not is_bad_input(fault):
+            raise
+        print(f"softaim: {fault}", file=sys.stderr)
+        sys.exit(2)
+
+
+def is_bad_input(fault: Exception) -> bool:
+    """Whether what was given is at fault and not the program."""
+    from dynamics import NetworkError
+    from experiments.errors import InputError
+    from vision import HueError, SourceError
+
+    return isinstance(fault, InputError | NetworkError | SourceError | HueError)

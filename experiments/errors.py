@@ -1,0 +1,53 @@
+"""Bad input: one line that names the file, the key, what was expected and what was found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+LONGEST_SHOWN = 60
+"""Characters of a found value that a message repeats; a message is one line that fits a terminal."""
+
+
+class InputError(Exception):
+    """What a person gave cannot be used; the message is one line, `file: key: expected …, found …`."""
+
+    @classmethod
+    def at(cls, place: object, expected: str, found: str) -> InputError:
+        """The fault at a place, such as `scene.toml: target.node`."""
+        return cls(f"{place}: expected {expected}, found {found}")
+
+    @classmethod
+    def refused(cls, path: Path, expected: str, error: OSError) -> InputError:
+        """What the operating system would not do with a file."""
+        return cls.at(path, expected, (error.strerror or type(error).__name__).lower())
+
+
+def shown(value: object) -> str:
+    """A found value as a message repeats it: on one line, as the file would write it, cut when long."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, float):
+        text = str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    else:
+        text = json.dumps(value, ensure_ascii=False, default=str)
+    # json leaves some line separators as they are
+    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"
+
+
+def read_text(path: Path) -> str:
+    """The whole of a UTF-8 text file, without a byte order mark; InputError if there is none or it is not text."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError.at(path, "a file", "none") from None
+    except IsADirectoryError:
+        raise InputError.at(path, "a file", "a folder") from None
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be read", error) from error
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError.at(f"{path}: line {line}", "UTF-8 text", f"byte 0x{content[error.start]:02x}") from None

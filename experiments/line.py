@@ -1,0 +1,112 @@
+"""The line from a frame to the target: detect, identify, predict, update; the paper's method on the same marks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from estimators import MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
+from experiments.scene import Scene
+
+Floats = NDArray[np.float64]
+
+OPEN_LOOP, FILTER = "open-loop", "filter"
+
+HALF_AT_LEAST = 0.25
+"""A mark may show this part of its area at least, or it is not taken for one; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What one frame gave.
+
+    estimates: by method
+    marks: all marks identified in the frame, those for scoring only included
+    detect_s, method_s: seconds spent on finding marks, and by method
+    """
+
+    estimates: dict[str, TargetEstimate]
+    marks: tuple[MarkMeasurement, ...]
+    detect_s: float
+    method_s: dict[str, float]
+
+
+class Line:
+    """Runs the methods through the frames of one scene, in order of exposure.
+
+    State: the filter and the paper's open loop. With baseline=False the open loop is left out.
+    """
+
+    def __init__(self, scene: Scene, *, baseline: bool = True) -> None:
+        self.scene = scene
+        measured = scene.measured_nodes
+        self.filter = TissueFilter(scene.network, scene.target.node, measured)
+        self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
+        self._measured = frozenset(measured)
+        self._hues = {mark.hue_deg: vision.MarkHue(mark.hue_deg) for mark in scene.marks}
+        self._min_area_px = self._smallest_area() if scene.cameras else 0.0
+
+    def _smallest_area(self) -> float:
+        camera = self.scene.cameras[0]
+        areas = []
+        for mark in self.scene.marks:
+            position = self.scene.network.positions[self.scene.network.index(mark.node)]
+            across, down = 1e3 * mark.diameter_m / camera.mm_per_px(position)
+            areas.append(np.pi / 4.0 * across * down)
+        return HALF_AT_LEAST * min(areas)
+
+    def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
+        """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
+        began = time.perf_counter()
+        detections = vision.detect_marks(image, list(self._hues.values()), min_area_px=self._min_area_px)
+        detected = time.perf_counter()
+        self.filter.predict(exposure_s)
+        predicted = time.perf_counter()
+        marks = self._identified(detections)
+        identified = time.perf_counter()
+        detect_s = detected - began + identified - predicted
+        return self._estimated(exposure_s, marks, detect_s, predicted - detected)
+
+    def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
+        """Estimates at this exposure time [s] from marks that another tracker found."""
+        began = time.perf_counter()
+        self.filter.predict(exposure_s)
+        return self._estimated(exposure_s, tuple(marks), 0.0, time.perf_counter() - began)
+
+    def _identified(self, detections: Sequence[vision.Detection]) -> tuple[MarkMeasurement, ...]:
+        camera = self.scene.cameras[0]
+        if not detections:
+            return ()
+        beliefs = [self.filter.expected(mark.node) for mark in self.scene.marks]
+        places = np.array([mean for mean, _ in beliefs])
+        centers = camera.project(places)
+        covs = camera.cov_to_px(places, np.array([cov for _, cov in beliefs]))
+        expected = [
+            vision.Expected(mark.node, centers[k], covs[k], mark.hue_deg) for k, mark in enumerate(self.scene.marks)
+        ]
+        found = vision.identify(detections, expected)
+        if not found:
+            return ()
+        centers_px = np.array([f.detection.center_px for f in found])
+        covs_px = np.array([f.detection.cov_px2 for f in found])
+        covs_px = covs_px + camera.calibration_sd_px**2 * np.eye(2)
+        positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
+        return tuple(MarkMeasurement(f.name, positions[k], covs_m[k]) for k, f in enumerate(found))
+
+    def _estimated(
+        self, exposure_s: float, marks: tuple[MarkMeasurement, ...], detect_s: float, predict_s: float
+    ) -> Step:
+        measured = [mark for mark in marks if mark.node in self._measured]
+        began = time.perf_counter()
+        estimates = {FILTER: self.filter.update(measured)}
+        filtered = time.perf_counter()
+        method_s = {FILTER: predict_s + filtered - began}
+        if self.open_loop is not None:
+            estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, measured)
+            method_s[OPEN_LOOP] = time.perf_counter() - filtered
+        return Step(estimates, marks, detect_s, method_s)

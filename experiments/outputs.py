@@ -1,0 +1,151 @@
+"""What leaves the program: folders and files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from experiments.errors import InputError
+
+
+@contextmanager
+def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
+    """A fresh folder to write into, whose files stand under `path` after a clean exit; after any exception, none do.
+
+    force: write into a folder that is not empty; files of the names written are replaced, all others stay
+    inputs: what is read meanwhile; a `path` that is, holds or lies in one of them is refused even with force
+
+    Raises InputError, before any work is done, when `path` cannot be written.
+    """
+    final = Path(os.path.realpath(path))
+    for source in inputs:
+        _check_apart(path, final, source)
+    _check_free(path, final, force, work=None)
+    work: Path | None = None
+    try:
+        work = _fresh_folder(path, final)
+        yield work
+        _check_free(path, final, force, work)  # again: someone else may have written there during a long run
+        _hand_over(path, work, final)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise InputError.refused(path, "room to write", error) from error
+        raise
+    finally:
+        if work is not None:
+            shutil.rmtree(work, ignore_errors=True)
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file at once: under its name there is the old content or the new, never a part. Raises InputError."""
+    final = Path(os.path.realpath(path))  # through a link, as a plain write would go
+    if os.path.isdir(final):
+        raise InputError.at(path, "a file", "a folder")
+    if os.path.exists(final) and not os.path.isfile(final):
+        raise InputError.at(path, "a file", "a device")
+    part = _part_of(final, final.parent)
+    try:
+        try:
+            with part.open("xb") as file:
+                file.write(content.encode("utf-8") if isinstance(content, str) else content)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(final)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be written", error) from error
+
+
+def _part_of(final: Path, folder: Path) -> Path:
+    return folder / f".{final.name}.{secrets.token_hex(4)}.part"
+
+
+def _check_apart(path: Path, final: Path, source: Path) -> None:
+    read = Path(os.path.realpath(source))
+    if final == read or read in final.parents or final in read.parents:
+        raise InputError.at(path, f"a folder apart from {source}, which is read", "one in the other")
+
+
+def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None:
+    if not os.path.isdir(final):
+        if os.path.exists(final):
+            raise InputError.at(path, "a folder", "a file")
+        return
+    try:
+        taken = any(entry != work for entry in final.iterdir())
+    except OSError as error:
+        raise InputError.refused(path, "a folder that can be read", error) from error
+    if taken and not force:
+        raise InputError.at(path, "an empty or a new folder", "files in it; --force writes beside and over them")
+
+
+def _fresh_folder(path: Path, final: Path) -> Path:
+    """A new folder on the file system of `final`: beside it where that can be, else in it."""
+    places = [next((parent for parent in final.parents if os.path.exists(parent)), final)]
+    if os.path.isdir(final):
+        if not os.access(final, os.W_OK):
+            raise InputError.at(path, "a folder that can be written", "permission denied")
+        if final.stat().st_dev == places[0].stat().st_dev:
+            places.append(final)
+        else:  # a mounted volume: files cannot be moved into it at once
+            places = [final]
+    faults: list[OSError] = []
+    for place in places:
+        work = _part_of(final, place)
+        try:
+            work.mkdir()
+        except OSError as error:
+            faults.append(error)
+        else:
+            return work
+    raise InputError.refused(path, "a folder that can be written", faults[0])
+
+
+def _hand_over(path: Path, work: Path, final: Path) -> None:
+    try:
+        if final.is_dir():
+            _merge(path, work, final)
+        else:
+            final.parent.mkdir(parents=True, exist_ok=True)
+            work.rename(final)
+    except OSError as error:
+        raise InputError.refused(path, "a folder that can be written", error) from error
+
+
+def _merge(path: Path, work: Path, final: Path) -> None:
+    """Move all files of one folder into another, replacing those of the same name; all of them or none."""
+    files = sorted(file.relative_to(work) for file in work.rglob("*") if not file.is_dir())
+    for file in files:
+        if (final / file).is_dir():
+            raise InputError.at(path / file, "a file to replace", "a folder")
+        for parent in file.parents[:-1]:
+            if (final / parent).exists() and not (final / parent).is_dir():
+                raise InputError.at(path / parent, "a folder to write into", "a file")
+    kept = _part_of(work, work)
+    undo: list[tuple[Path, Path]] = []
+    made: list[Path] = []
+    try:
+        for file in files:
+            for parent in [*reversed(file.parents[:-1])]:
+                if not (final / parent).exists():
+                    (final / parent).mkdir()
+                    made.append(final / parent)
+            if (final / file).exists():
+                (kept / file).parent.mkdir(parents=True, exist_ok=True)
+                undo.append((kept / file, final / file))
+                (final / file).rename(kept / file)
+            undo.append((final / file, work / file))
+            (work / file).rename(final / file)
+    except BaseException:
+        for moved, back in reversed(undo):
+            if moved.exists():
+                moved.replace(back)
+        for folder in reversed(made):
+            folder.rmdir()
+        raise

@@ -1,0 +1,108 @@
+"""Scenario files: what `softaim simulate` builds, moves and films."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from experiments.errors import InputError
+from experiments.scene_file import Strict, read_toml
+
+Positive = Annotated[float, Field(gt=0)]
+Pair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+
+
+class Tremor(Strict):
+    """The table trembles: noise acceleration on every free node, white below half of 1 / interval_s."""
+
+    acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
+    interval_s: Positive = 1.0 / 60.0
+
+
+class Release(Strict):
+    """At the start one node is held aside by a steady force, and let go."""
+
+    node: str
+    force_n: Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class Pokes(Strict):
+    """A rod pushes one of the outer nodes now and then: half a sine wave in a random direction.
+
+    acceleration_m_s2: the highest push by the node's mass; each poke has between 0.3 and 1 of it
+    pause_s: mean of the exponential pause between two pokes
+    """
+
+    nodes: Annotated[list[str], Field(min_length=1)]
+    acceleration_m_s2: Positive
+    shortest_s: Positive
+    longest_s: Positive
+    pause_s: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Pokes:
+        if self.longest_s < self.shortest_s:
+            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
+        return self
+
+
+class Marks(Strict):
+    """One disc on each free node; the hidden one is drawn too, for scoring only."""
+
+    hue_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
+    diameter_mm: Positive = 30.0
+
+
+class Camera(Strict):
+    """A camera squarely before the plane."""
+
+    size_px: Annotated[list[Annotated[int, Field(ge=16, le=8192)]], Field(min_length=2, max_length=2)]
+    mm_per_px: Pair
+    centre_mm: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(default=[0.0, 190.0])
+    light: Literal["webcam", "paper"] = "webcam"
+    distractors: Annotated[int, Field(ge=0, le=50)] = 0
+    calibration_sd_px: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Video(Strict):
+    """How the film is stored."""
+
+    codec: Literal["MJPG", "FFV1"] = "MJPG"
+    quality: Annotated[int, Field(ge=1, le=100)] = 95
+
+
+class Scenario(Strict):
+    """A scenario file, version 1."""
+
+    version: Literal[1]
+    title: str
+    phantom: Literal["four-mass"]
+    seed: Annotated[int, Field(ge=0)]
+    duration_s: Positive
+    frame_interval_s: Positive
+    tremor: Tremor | None = None
+    release: Release | None = None
+    pokes: Pokes | None = None
+    marks: Marks = Marks()
+    camera: Camera
+    video: Video = Video()
+
+
+def shipped() -> list[str]:
+    """Names of the scenarios that come with the program."""
+    folder = resources.files("experiments") / "scenarios"
+    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def read_scenario(name: str) -> Scenario:
+    """The scenario of that name, or in that TOML file; raises InputError."""
+    if name in shipped():
+        with resources.as_file(resources.files("experiments") / "scenarios" / f"{name}.toml") as path:
+            return read_toml(path, Scenario)
+    path = Path(name)
+    if not path.is_file():
+        raise InputError(f"{name}: expected one of {', '.join(shipped())} or a scenario file, found neither")
+    return read_toml(path, Scenario)

@@ -1,0 +1,71 @@
+"""Results as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rich.table import Table
+
+from experiments.demo import PAPER_MM, Figures
+
+Row = Mapping[str, float | int | None]
+
+
+def track_table(figures: Mapping[str, Row]) -> Table:
+    """One row a method: error, coverage, NEES, speed."""
+    table = Table(title="Error of the hidden target")
+    for head in ("method", "mean ± SD [mm]", "RMSE [mm]", "in 95 % region", "mean NEES", "frames", "lost", "ms/frame"):
+        table.add_column(head, justify="left" if head == "method" else "right")
+    for method, row in figures.items():
+        table.add_row(
+            method,
+            _mean_sd(row),
+            _number(row["rmse_mm"], ".2f"),
+            _number(row["coverage95"], ".1%"),
+            _number(row["mean_nees"], ".2f"),
+            str(row["frames"]),
+            str(row["frames_lost"]),
+            _number(row["ms_per_frame"], ".2f"),
+        )
+    return table
+
+
+def demo_table(figures: Figures) -> Table:
+    """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
+    table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")
+    table.add_column("method")
+    for scenario in figures:
+        table.add_column(scenario, justify="right")
+    methods = list(next(iter(figures.values())))
+    table.add_row(
+        "as published (1.09 s a frame, marks to 4.14 mm)", *(f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
+    )
+    for method in methods:
+        label = f"{method} (the paper's method, on these frames)" if method == "open-loop" else method
+        table.add_row(label, *(_mean_sd(rows[method]) for rows in figures.values()))
+    table.add_row(
+        "filter: in its 95 % region", *(_number(rows["filter"]["coverage95"], ".1%") for rows in figures.values())
+    )
+    return table
+
+
+def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
+    """One row a figure."""
+    table = Table(title="Benchmarks (medians of one run)")
+    table.add_column("benchmark")
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, figures in report.items():
+        for key, value in figures.items():
+            table.add_row(name, key, f"{value:.3g}")
+    return table
+
+
+def _mean_sd(row: Row) -> str:
+    if row["mae_mm"] is None:
+        return "truth not known"
+    return f"{row['mae_mm']:.2f} ± {row['sd_mm']:.2f}"
+
+
+def _number(value: float | int | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
