@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
@@ -50,3 +53,17 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     if not left <= RESIDUAL * scale:
         raise NetworkError(f"rest shape: expected forces to balance, found {left:.3g} N left over")
     return everywhere(q)
+
+
+def shape_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Floats:
+    """Positions of all nodes where these free nodes are held and the others rest [m], (n_nodes, dim).
+
+    held: position of each held node [m], (dim,). Raises NetworkError as `rest_shape` does.
+    """
+    positions, fixed = network.positions.copy(), network.fixed.copy()
+    for node, position in held.items():
+        positions[network.index(node)] = position
+        fixed[network.index(node)] = True
+    if fixed.all():
+        return positions
+    return rest_shape(replace(network, positions=positions, fixed=fixed))

@@ -32,6 +32,12 @@ class InteractingMixture(filterpy.IMMEstimator):
         super().__init__(list(filters), mu, np.eye(len(filters)))
         self.rates = np.asarray(rates, dtype=float)
 
+    def restart(self, mean: Floats, cov: Floats) -> None:
+        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x); mode probabilities stay."""
+        for f in self.filters:
+            f.x, f.P = mean.copy(), cov.copy()
+        self._compute_state_estimate()
+
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
         self.M = expm(self.rates * dt)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, pack, rest_shape
+from dynamics import MassSpringNetwork, NetworkError, pack, rest_shape, shape_held
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.mixture import InteractingMixture
 from estimators.tissue_model import ForceMode, TissueModel, grown_covariance
@@ -27,6 +27,7 @@ class FilterSettings:
     calm_s, between_s, poked_s: how long each lasts on average [s]
     calm_share: part of the pokes after which there is calm
     settle_s: the filter starts as unsure as the tissue would be after unseen pokes of this duration [s]
+    startle_m_s: a blow may change a node's velocity by this at once; a mark is looked for that far off [m/s]
     lost_s: without any mark for longer than this the target counts as lost [s]
     mix_s: the modes are mixed at least this often [s]
     """
@@ -37,7 +38,8 @@ class FilterSettings:
     between_s: float = 1.5
     poked_s: float = 0.3
     calm_share: float = 0.05
-    settle_s: float = 5.0
+    settle_s: float = 1.0
+    startle_m_s: float = 1.0
     lost_s: float = 1.0
     mix_s: float = 1.0 / 30.0
 
@@ -87,19 +89,23 @@ class TissueFilter:
         self.seen_s: float | None = None
         self._target = network.coordinates(target)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
-        rest = rest_shape(network)
-        mean = np.zeros(self.model.dim_x)
-        mean[: network.n_state] = pack(rest[network.free], np.zeros_like(rest[network.free]))
-        A, density = self.model.linearised(rest, self.settings.poked)
-        cov = grown_covariance(A, density, self.settings.settle_s)
-        self._noises: dict[tuple[int, float], Floats] = {}
-        filters = [self._started(mode, mean, cov) for mode in self.settings.modes]
-        self.mixture = InteractingMixture(filters, stationary(self.settings.rates), self.settings.rates)
+        self._rest = rest_shape(network)
+        rates = self.settings.rates
+        filters = [UnscentedKalmanFilter(self.model.dim_x, self._process(mode)) for mode in self.settings.modes]
+        self.mixture = InteractingMixture(filters, stationary(rates), rates)
+        self._start_from(self._rest)
 
-    def _started(self, mode: ForceMode, mean: Floats, cov: Floats) -> UnscentedKalmanFilter:
-        f = UnscentedKalmanFilter(self.model.dim_x, lambda points, dt: self.model.propagate(points, dt, mode))
-        f.x, f.P = mean.copy(), cov.copy()
-        return f
+    def _process(self, mode: ForceMode) -> Callable[[Floats, float], Floats]:
+        return lambda points, dt: self.model.propagate(points, dt, mode)
+
+    def _start_from(self, shape: Floats) -> None:
+        """Believe the tissue to stand in this shape of all nodes [m], (n_nodes, dim), unsure as settle_s says."""
+        network = self.model.network
+        mean = np.zeros(self.model.dim_x)
+        mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
+        A, density = self.model.linearised(shape, self.settings.poked)
+        cov = grown_covariance(A, density, self.settings.settle_s)
+        self.mixture.restart(mean, cov)
 
     def predict(self, time_s: float) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back."""
@@ -120,19 +126,26 @@ class TissueFilter:
             self.mixture.predict(dt / n, step)
 
     def expected(self, node: str) -> tuple[Floats, Floats]:
-        """Where a free node may be seen [m], (dim,), and the covariance of that [m²], (dim, dim), were it poked now.
+        """Where to look for a free node [m], (dim,), and the covariance of that [m²], (dim, dim), were it struck now.
 
-        The belief of the poked mode, not of the mixture: a poke that begins is improbable before it is seen, and a
-        gate drawn by the mixture would shut out the very marks that show it.
+        The belief of the poked mode, not of the mixture, widened by a blow since the marks were last seen: a poke that
+        begins is improbable before it is seen, and a gate drawn by the mixture would shut out the very marks that
+        show it. Before the first marks it is anywhere in the network's reach.
         """
         place, poked = self._places[node], self.mixture.filters[-1]
-        return poked.x[place].copy(), poked.P[place, place].copy()
+        if self.seen_s is None or self.time_s is None:
+            reach = float(np.ptp(self._rest, axis=0).max())
+            return poked.x[place].copy(), reach**2 * np.eye(self.model.network.dim)
+        startled = self.settings.startle_m_s * (self.time_s - self.seen_s)
+        return poked.x[place].copy(), poked.P[place, place] + startled**2 * np.eye(self.model.network.dim)
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and say where the target is."""
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         nis = None
+        if marks and self.seen_s is None:
+            self._start_from(self._shape_seen(marks))
         if marks:
             rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
             dim = self.model.network.dim
@@ -155,6 +168,13 @@ class TissueFilter:
             nis=nis,
             poked=float(self.mixture.mu[-1]),
         )
+
+    def _shape_seen(self, marks: Sequence[MarkMeasurement]) -> Floats:
+        """The shape in which the tissue rests if held where the marks were seen; its own rest shape if there is none."""
+        try:
+            return shape_held(self.model.network, {mark.node: mark.position for mark in marks})
+        except NetworkError:
+            return self._rest
 
     def _status(self) -> Status:
         if self.seen_s is None:

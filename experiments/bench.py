@@ -94,7 +94,7 @@ def filter_step() -> dict[str, float]:
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:
     """The loop of the paper at 640x480: the frame is in memory, the estimate is out."""
-    scenario = read_scenario("poked").model_copy(update={"duration_s": n_frames * FRAME_S})
+    scenario = read_scenario("webcam").model_copy(update={"duration_s": n_frames * FRAME_S})
     rng = np.random.default_rng(scenario.seed)
     scene = scene_of(scenario)
     truth = true_motion(scene.network, scenario, rng)

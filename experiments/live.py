@@ -138,7 +138,7 @@ class RecordingCamera:
 def open_source(source: str, scene_path: Path | None) -> tuple[Scene, vision.LiveFrames]:
     """Scene and frames of what --source names: phantom, a recording, a film, a camera index. Raises InputError."""
     if source == "phantom":
-        phantom = PhantomCamera(read_scenario("poked"))
+        phantom = PhantomCamera(read_scenario("webcam"))
         return phantom.scene, vision.LiveFrames(lambda: phantom)
     path = Path(source)
     if path.is_dir():

@@ -72,11 +72,11 @@ def path_figure(done: Track) -> Figure:
     target = done.recording.scene.target.node
     whole.set_title(f"target {target} in the scene")
     close.set_title(f"close up, 2-sigma ellipses of {len(chosen)} frames")
-    close.set_aspect("equal", adjustable="datalim")
+    close.set_aspect("equal")
     both = np.vstack([means, truth[np.isfinite(truth).all(axis=1)]])
-    margin = 0.15 * max(1.0, float(np.ptp(both, axis=0).max()))
-    low, high = both.min(axis=0) - margin, both.max(axis=0) + margin
-    close.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    middle = 0.5 * (both.min(axis=0) + both.max(axis=0))
+    reach = 0.65 * max(1.0, float(np.ptp(both, axis=0).max()))
+    close.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
     close.legend(loc="best", framealpha=0.9)
     return figure
 
@@ -94,11 +94,23 @@ def _background(done: Track, ax: Axes) -> None:
         if squarely:
             (left, top), (right, bottom) = corners
             ax.imshow(image, extent=(left, right, bottom, top), origin="upper")
+            _around(done, ax, (left, right, bottom, top))
             return
     x = 1e3 * network.positions
     for i, j in network.springs:
         ax.plot(*x[[i, j], :2].T, color="0.75", lw=1)
     ax.plot(*x[:, :2].T, "o", color="0.5", ms=4)
+
+
+def _around(done: Track, ax: Axes, extent: tuple[float, float, float, float]) -> None:
+    """Show the part of a frame in which the network stands, half its size around it."""
+    x = 1e3 * done.recording.scene.network.positions[:, :2]
+    margin = 0.5 * float(np.ptp(x, axis=0).max())
+    (left, low), (right, high) = x.min(axis=0) - margin, x.max(axis=0) + margin
+    ax.set(
+        xlim=(max(left, extent[0]), min(right, extent[1])),
+        ylim=(max(low, extent[2]), min(high, extent[3])),
+    )
 
 
 def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ FRAMES, MARKS = "frames", "marks.csv"
 SAME_TIME_S = 1e-9
 """Times that differ by less are one time: no file is written finer than this."""
 
+AXES = ("x_mm", "y_mm", "z_mm")
 ONE_CAMERA = "one camera is read for now"
 
 
@@ -100,7 +100,7 @@ class Recording:
             raise InputError.at(self.folder, "a video or frames", f"{MARKS}, which has no frames to show")
         opened = FolderFrames if self.source.name == FRAMES else VideoFileFrames
         try:
-            return opened(self.source, self.exposures_s)
+            return opened(self.source, self.exposures_s.tolist())
         except SourceError as error:
             raise InputError(str(error)) from error
 
@@ -134,7 +134,7 @@ def open_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     )
     if marks is None:
         try:
-            _check_frames(recording, scene_path)
+            _check_frames(recording, source, scene_path)
         except SourceError as error:
             raise InputError(str(error)) from error
     return recording
@@ -156,23 +156,20 @@ def _source(folder: Path) -> Path:
     return source
 
 
-def _check_frames(recording: Recording, scene_path: Path) -> None:
+def _check_frames(recording: Recording, source: Path, scene_path: Path) -> None:
     """Raise InputError now for what would otherwise be found at the end of a long run.
 
     A film is counted by going through it, for what its header says is not always true: a fraction of the time that
     tracking it takes.
     """
-    source, n_rows = cast(Path, recording.source), len(recording.exposures_s)
-    name = source.name
+    name, n_rows = source.name, len(recording.exposures_s)
     if name == FRAMES:
-        n_frames = len(list(source.glob("*.png")))
-        if not n_frames:
-            raise InputError.at(source, "pictures 000000.png, 000001.png and so on", "none")
+        n_frames, what = len(list(source.glob("*.png"))), f"pictures {name}/*.png"
     else:
-        n_frames = count_frames(source)
+        n_frames, what = count_frames(source), f"frames of {name}"
     if n_frames != n_rows:
-        expected = f"a row for each of the {n_frames} frames of {name}"
-        raise InputError.at(recording.folder / "frames.csv", expected, f"{n_rows} rows")
+        rows = f"a row for each of the {n_frames} {what}"
+        raise InputError.at(recording.folder / "frames.csv", rows, f"{n_rows} rows")
     for k in range(n_frames) if name == FRAMES else ():
         if not (source / f"{k:06d}.png").is_file():
             raise InputError.at(source / f"{k:06d}.png", f"a picture for frame {k}", "none")
@@ -188,10 +185,7 @@ def _read_frames(path: Path) -> Floats:
     table = read_table(path, ["frame", "exposure_s"], refused={"camera": ONE_CAMERA})
     if not table.n_rows:
         raise InputError.at(path, "a row for each frame", "none")
-    wrong = np.flatnonzero(table.numbers["frame"] != np.arange(table.n_rows))
-    if len(wrong):
-        row = int(wrong[0])
-        raise InputError.at(table.place(row, "frame"), str(row), shown(float(table.numbers["frame"][row])))
+    table.check_each("frame", np.arange(table.n_rows, dtype=float))
     table.check_order("exposure_s", strictly=True)
     return table.numbers["exposure_s"]
 
@@ -228,13 +222,7 @@ def _read_truth(path: Path, scene: Scene) -> Truth:
     if not table.n_rows:
         raise InputError.at(path, "a row for each time and node", "none")
     nodes, times_s, positions = _node_indices(table, scene), table.numbers["time_s"], _positions(table, scene)
-    order = np.argsort(nodes, kind="stable")
-    late = order[1:][(np.diff(nodes[order]) == 0) & (np.diff(times_s[order]) <= 0)]
-    if len(late):
-        row = int(late.min())
-        before = order[np.flatnonzero(order == row)[0] - 1]
-        expected = f"more than {shown(float(times_s[before]))} (the row of this node before)"
-        raise InputError.at(table.place(row, "time_s"), expected, shown(float(times_s[row])))
+    table.check_order("time_s", strictly=True, groups=nodes)
     rows = {scene.network.names[i]: np.flatnonzero(nodes == i) for i in np.unique(nodes)}
     return Truth(
         times_s={name: times_s[own] for name, own in rows.items()},
@@ -254,7 +242,7 @@ def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str])
     refused = {"camera": ONE_CAMERA}
     if scene.network.dim == 2:
         refused["z_mm"] = "expected no such column for a flat scene, found it"
-    return read_table(path, [*numbers, *_axes(scene.network.dim)], texts, refused=refused)
+    return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, refused=refused)
 
 
 def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:
@@ -267,11 +255,7 @@ def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:
 
 
 def _positions(table: Table, scene: Scene) -> Floats:
-    return 1e-3 * np.stack([table.numbers[axis] for axis in _axes(scene.network.dim)], axis=1)
-
-
-def _axes(dim: int) -> list[str]:
-    return ["x_mm", "y_mm", "z_mm"][:dim]
+    return 1e-3 * np.stack([table.numbers[axis] for axis in AXES[: scene.network.dim]], axis=1)
 
 
 def write_frames_csv(path: Path, exposures_s: Floats) -> None:
@@ -289,7 +273,7 @@ def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str,
         raise ValueError(f"truth: expected finite positions at {len(times_s)} times, found {positions.shape} of them")
     write_table(
         path,
-        ["time_s", "node", *_axes(positions.shape[2])],
+        ["time_s", "node", *AXES[: positions.shape[2]]],
         ([f"{t:.9f}", node, *_mm(positions[k, i])] for k, t in enumerate(times_s) for i, node in enumerate(nodes)),
     )
 
@@ -297,15 +281,12 @@ def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str,
 def write_marks_csv(path: Path, times_s: Floats, marks: Sequence[Sequence[MarkRow]], *, dim: int) -> None:
     """Write marks.csv: the marks found at each of the times [s], (n,); raises InputError, ValueError."""
     _check_times(times_s)
-    write_table(
-        path,
-        ["time_s", "node", *_axes(dim), "sd_mm"],
-        (
-            [f"{t:.9f}", row.node, *_mm(row.position_m), f"{1e3 * row.sd_m:.9g}"]
-            for t, rows in zip(times_s, marks, strict=True)
-            for row in rows
-        ),
-    )
+    rows = [(t, row) for t, found in zip(times_s, marks, strict=True) for row in found]
+    for _, row in rows:
+        if len(row.position_m) != dim or not np.isfinite([*row.position_m, row.sd_m]).all() or row.sd_m <= 0:
+            raise ValueError(f"marks: expected {dim} finite coordinates and a deviation above 0, found {row}")
+    header = ["time_s", "node", *AXES[:dim], "sd_mm"]
+    write_table(path, header, ([f"{t:.9f}", r.node, *_mm(r.position_m), f"{1e3 * r.sd_m:.9g}"] for t, r in rows))
 
 
 def _mm(position_m: Floats) -> list[str]:

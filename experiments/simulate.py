@@ -174,7 +174,7 @@ def simulate(
         write_truth_csv(
             folder / "truth.csv", truth.times_s, {name: truth.positions[:, k] for k, name in enumerate(names)}
         )
-        rate = 1.0 / scenario.frame_interval_s
+        rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container knows no less; frames.csv has the times
         with vision.VideoWriter(
             folder / "video.avi",
             scene.cameras[0].size_px,

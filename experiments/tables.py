@@ -42,16 +42,30 @@ class Table:
             row = int(np.argmin(good))
             raise InputError.at(self.place(row, column), expected, shown(self._entry(row, column)))
 
-    def check_order(self, column: str, *, strictly: bool) -> None:
-        """Raise InputError for the first row whose number falls behind the row before, or repeats it if strictly."""
+    def check_each(self, column: str, expected: Floats) -> None:
+        """Raise InputError for the first row whose number is not the expected one, (n_rows,)."""
+        wrong = np.flatnonzero(self.numbers[column] != expected)
+        if len(wrong):
+            row = int(wrong[0])
+            found = shown(float(self.numbers[column][row]))
+            raise InputError.at(self.place(row, column), shown(float(expected[row])), found)
+
+    def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
+        """Raise InputError for the first row whose number falls behind the one before, or repeats it if strictly.
+
+        groups: with it, (n_rows,), the one before is the last of the same group
+        """
+        groups = np.zeros(self.n_rows, dtype=np.int64) if groups is None else groups
+        order = np.argsort(groups, kind="stable")
         values = self.numbers[column]
-        steps = np.diff(values)
-        late = np.flatnonzero(steps <= 0 if strictly else steps < 0)
+        steps = np.diff(values[order])
+        late = np.flatnonzero((np.diff(groups[order]) == 0) & (steps <= 0 if strictly else steps < 0))
         if len(late):
-            row = int(late[0]) + 1
-            before, found = shown(float(values[row - 1])), shown(float(values[row]))
-            expected = f"more than {before} (the row before)" if strictly else f"{before} (the row before) or more"
-            raise InputError.at(self.place(row, column), expected, found)
+            pair = late[np.argmin(order[late + 1])]
+            before, row = int(order[pair]), int(order[pair + 1])
+            least = f"{shown(float(values[before]))} ({'the row before' if before == row - 1 else f'row {before + 2}'})"
+            expected = f"more than {least}" if strictly else f"{least} or more"
+            raise InputError.at(self.place(row, column), expected, shown(float(values[row])))
 
     def _entry(self, row: int, column: str) -> str | float:
         return float(self.numbers[column][row]) if column in self.numbers else self.texts[column][row]
@@ -84,7 +98,10 @@ def read_table(
     while chunk := list(islice(rows, CHUNK_ROWS)):
         columns = dict(zip(header, zip(*chunk, strict=True), strict=True))
         for column in numbers:
-            parts[column].append(_numbers(f"{path}: row {{}}: {column}", columns[column], n_rows + 2))
+            values = _numbers(columns[column])
+            if values is None:
+                raise _first_fault(path, chunk, header, numbers, n_rows + 2)
+            parts[column].append(values)
         for column in texts:
             read_texts[column].extend(same.setdefault(entry, entry) for entry in columns[column])
         n_rows += len(chunk)
@@ -128,26 +145,30 @@ def _check_header(path: Path, header: list[str], columns: list[str], refused: Ma
             raise InputError.at(f"{path}: row 1", f"columns {', '.join(columns)}", f"column {shown(column)} too")
 
 
-def _numbers(place: str, entries: Sequence[str], first_row: int) -> Floats:
+def _numbers(entries: Sequence[str]) -> Floats | None:
+    """The entries as numbers, None if one of them is not a finite one."""
+    # Python reads 1_000 and digits of other scripts as numbers; a file that has them was not meant so
+    whole = "".join(entries)
+    if not whole.isascii() or "_" in whole:
+        return None
     try:
         values = np.array([float(entry) for entry in entries])
     except ValueError:
-        values = None
-    # Python reads 1_000 and digits of other scripts as numbers; a file that has them was not meant so
-    whole = "".join(entries)
-    if values is not None and np.isfinite(values).all() and whole.isascii() and "_" not in whole:
-        return values
-    for row, entry in enumerate(entries, first_row):
-        if not _is_number(entry):
-            raise InputError.at(place.format(row), "a finite number", shown(entry) if entry.strip() else "none")
-    raise AssertionError(f"{place}: every entry is a number, but not all of them together")
+        return None
+    return values if np.isfinite(values).all() else None
 
 
-def _is_number(entry: str) -> bool:
-    try:
-        return bool(np.isfinite(float(entry))) and entry.isascii() and "_" not in entry
-    except ValueError:
-        return False
+def _first_fault(
+    path: Path, rows: list[list[str]], header: list[str], numbers: Sequence[str], first_row: int
+) -> InputError:
+    places = [(header.index(column), column) for column in numbers]
+    row, column, entry = next(
+        (row, column, entries[place])
+        for row, entries in enumerate(rows, first_row)
+        for place, column in places
+        if _numbers([entries[place]]) is None
+    )
+    return InputError.at(f"{path}: row {row}: {column}", "a finite number", shown(entry) if entry.strip() else "none")
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
