@@ -27,10 +27,8 @@ def shown(value: object) -> str:
     """A found value as a message repeats it: on one line, as the file would write it, cut when long."""
     if isinstance(value, dict):
         return "a table"
-    if isinstance(value, float):
-        text = str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-    else:
-        text = json.dumps(value, ensure_ascii=False, default=str)
+    # a float by repr: json would write nan as NaN
+    text = repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
     # json leaves some line separators as they are
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"

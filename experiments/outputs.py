@@ -69,7 +69,8 @@ def _part_of(final: Path, folder: Path) -> Path:
 def _check_apart(path: Path, final: Path, source: Path) -> None:
     read = Path(os.path.realpath(source))
     if final == read or read in final.parents or final in read.parents:
-        raise InputError.at(path, f"a folder apart from {source}, which is read", "one in the other")
+        found = "the same" if final == read else "one in the other"
+        raise InputError.at(path, f"a folder apart from {source}, which is read", found)
 
 
 def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None:

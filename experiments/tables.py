@@ -40,15 +40,18 @@ class Table:
         """Raise InputError for the first row that is not good, (n_rows,)."""
         if not good.all():
             row = int(np.argmin(good))
-            raise InputError.at(self.place(row, column), expected, shown(self._entry(row, column)))
+            entry = (
+                _number_text(self.numbers[column][row]) if column in self.numbers else shown(self.texts[column][row])
+            )
+            raise InputError.at(self.place(row, column), expected, entry)
 
     def check_each(self, column: str, expected: Floats) -> None:
         """Raise InputError for the first row whose number is not the expected one, (n_rows,)."""
         wrong = np.flatnonzero(self.numbers[column] != expected)
         if len(wrong):
             row = int(wrong[0])
-            found = shown(float(self.numbers[column][row]))
-            raise InputError.at(self.place(row, column), shown(float(expected[row])), found)
+            found = _number_text(self.numbers[column][row])
+            raise InputError.at(self.place(row, column), _number_text(expected[row]), found)
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
         """Raise InputError for the first row whose number falls behind the one before, or repeats it if strictly.
@@ -63,12 +66,9 @@ class Table:
         if len(late):
             pair = late[np.argmin(order[late + 1])]
             before, row = int(order[pair]), int(order[pair + 1])
-            least = f"{shown(float(values[before]))} ({'the row before' if before == row - 1 else f'row {before + 2}'})"
+            least = f"{_number_text(values[before])} ({'the row before' if before == row - 1 else f'row {before + 2}'})"
             expected = f"more than {least}" if strictly else f"{least} or more"
-            raise InputError.at(self.place(row, column), expected, shown(float(values[row])))
-
-    def _entry(self, row: int, column: str) -> str | float:
-        return float(self.numbers[column][row]) if column in self.numbers else self.texts[column][row]
+            raise InputError.at(self.place(row, column), expected, _number_text(values[row]))
 
 
 def read_table(
@@ -156,6 +156,11 @@ def _numbers(entries: Sequence[str]) -> Floats | None:
     except ValueError:
         return None
     return values if np.isfinite(values).all() else None
+
+
+def _number_text(value: float) -> str:
+    """A number as a person would write it: 3 and not 3.0."""
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
 def _first_fault(
