@@ -27,7 +27,8 @@ class FilterSettings:
     calm_s, between_s, poked_s: how long each lasts on average [s]
     calm_share: part of the pokes after which there is calm
     settle_s: the filter starts as unsure as the tissue would be after unseen pokes of this duration [s]
-    startle_m_s: a blow may change a node's velocity by this at once; a mark is looked for that far off [m/s]
+    startle_m_s, startle_s: a blow may change a node's velocity by this at once [m/s] and carry it on for so long [s]
+        before the springs have it back; marks are looked for that far off
     lost_s: without any mark for longer than this the target counts as lost [s]
     mix_s: the modes are mixed at least this often [s]
     """
@@ -40,6 +41,7 @@ class FilterSettings:
     calm_share: float = 0.05
     settle_s: float = 1.0
     startle_m_s: float = 1.0
+    startle_s: float = 0.1
     lost_s: float = 1.0
     mix_s: float = 1.0 / 30.0
 
@@ -72,8 +74,8 @@ def stationary(rates: Floats) -> Floats:
 class TissueFilter:
     """Where the target is: a quiet and a poked unscented filter of the tissue, mixed by what the marks say.
 
-    State: mixture (the bank of filters), time_s (of the state, None before the first frame), seen_s (last time a
-    mark was taken in).
+    State: mixture (the bank of filters); time_s, of the state, None before the first frame; when a mark was last taken
+    in, any (seen_s) and each.
     """
 
     def __init__(
@@ -87,7 +89,9 @@ class TissueFilter:
         self.model = TissueModel(network, marked)
         self.time_s: float | None = None
         self.seen_s: float | None = None
+        self._marks_seen_s: dict[str, float] = {}
         self._target = network.coordinates(target)
+        self._marked = tuple(marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
         rates = self.settings.rates
@@ -126,18 +130,24 @@ class TissueFilter:
             self.mixture.predict(dt / n, step)
 
     def expected(self, node: str) -> tuple[Floats, Floats]:
-        """Where to look for a free node [m], (dim,), and the covariance of that [m²], (dim, dim), were it struck now.
+        """Where to look for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
 
-        The belief of the poked mode, not of the mixture, widened by a blow since the marks were last seen: a poke that
-        begins is improbable before it is seen, and a gate drawn by the mixture would shut out the very marks that
-        show it. Before the first marks it is anywhere in the network's reach.
+        The belief of the poked mode, not of the mixture: a poke that begins is improbable before it is seen, and a gate
+        drawn by the mixture would shut out the very marks that show it. Before the first marks a node may be anywhere
+        in the network's reach.
         """
         place, poked = self._places[node], self.mixture.filters[-1]
-        if self.seen_s is None or self.time_s is None:
+        if self.seen_s is None:
             reach = float(np.ptp(self._rest, axis=0).max())
             return poked.x[place].copy(), reach**2 * np.eye(self.model.network.dim)
-        startled = self.settings.startle_m_s * (self.time_s - self.seen_s)
-        return poked.x[place].copy(), poked.P[place, place] + startled**2 * np.eye(self.model.network.dim)
+        return poked.x[place].copy(), poked.P[place, place].copy()
+
+    def struck(self, node: str) -> tuple[Floats, Floats]:
+        """As `expected`, were the node struck just after its mark was last taken in."""
+        mean, cov = self.expected(node)
+        since_s = 0.0 if self.time_s is None else self.time_s - self._marks_seen_s.get(node, self.time_s)
+        startled = self.settings.startle_m_s * min(since_s, self.settings.startle_s)
+        return mean, cov + startled**2 * np.eye(len(mean))
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and say where the target is."""
@@ -146,6 +156,7 @@ class TissueFilter:
         nis = None
         if marks and self.seen_s is None:
             self._start_from(self._shape_seen(marks))
+            self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
         if marks:
             rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
             dim = self.model.network.dim
@@ -159,6 +170,7 @@ class TissueFilter:
             nis = float(y @ np.linalg.solve(S, y))
             self.mixture.update_linear(z, H, R)
             self.seen_s = self.time_s
+            self._marks_seen_s |= dict.fromkeys((mark.node for mark in marks), self.time_s)
         return TargetEstimate(
             time_s=self.time_s,
             mean=self.mixture.x[self._target].copy(),

@@ -108,10 +108,6 @@ def loop_640x480(n_frames: int = 120) -> dict[str, float]:
         detect.append(step.detect_s)
         filtered.append(step.method_s[FILTER])
     warm = slice(n_frames // 10, None)
-    detect_ms, filter_ms, total_ms = (1e3 * float(np.median(s[warm])) for s in (detect, filtered, total))
-    return {
-        "detect_ms": detect_ms,
-        "filter_ms": filter_ms,
-        "total_ms": total_ms,
-        "rest_ms": total_ms - detect_ms - filter_ms,
-    }
+    rest = [all_of_it - d - f for all_of_it, d, f in zip(total, detect, filtered, strict=True)]
+    parts = {"detect_ms": detect, "filter_ms": filtered, "rest_ms": rest, "total_ms": total}
+    return {key: 1e3 * float(np.median(seconds[warm])) for key, seconds in parts.items()}

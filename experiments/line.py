@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import vision
 from estimators import MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
-from experiments.scene import Scene
+from experiments.scene import Mark, Scene
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Step:
 class Line:
     """Runs the methods through the frames of one scene, in order of exposure.
 
-    State: the filter and the paper's open loop. With baseline=False the open loop is left out.
+    State: the filter, the paper's open loop (baseline=False leaves it out), the marks missed in the last frame.
     """
 
     def __init__(self, scene: Scene, *, baseline: bool = True) -> None:
@@ -48,6 +48,7 @@ class Line:
         self.filter = TissueFilter(scene.network, scene.target.node, measured)
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
+        self._missed: set[str] = set()
         self._hues = {mark.hue_deg: vision.MarkHue(mark.hue_deg) for mark in scene.marks}
         self._min_area_px = self._smallest_area() if scene.cameras else 0.0
 
@@ -79,24 +80,28 @@ class Line:
         return self._estimated(exposure_s, tuple(marks), 0.0, time.perf_counter() - began)
 
     def _identified(self, detections: Sequence[vision.Detection]) -> tuple[MarkMeasurement, ...]:
-        camera = self.scene.cameras[0]
-        if not detections:
-            return ()
-        beliefs = [self.filter.expected(mark.node) for mark in self.scene.marks]
-        places = np.array([mean for mean, _ in beliefs])
-        centers = camera.project(places)
-        covs = camera.cov_to_px(places, np.array([cov for _, cov in beliefs]))
-        expected = [
-            vision.Expected(mark.node, centers[k], covs[k], mark.hue_deg) for k, mark in enumerate(self.scene.marks)
-        ]
-        found = vision.identify(detections, expected)
+        """The marks among the detections, looked for where they are expected, and what is missing as if struck."""
+        found = vision.identify(detections, [self._looked_for(mark, self.filter.expected) for mark in self.scene.marks])
+        missing = [mark for mark in self.scene.marks if mark.node not in {f.name for f in found}]
+        left = [d for d in detections if not any(d is f.detection for f in found)]
+        # A blow is believed where nothing else could be the mark, or when a mark stays away.
+        if len(left) > len(missing):
+            missing = [mark for mark in missing if mark.node in self._missed]
+        found += vision.identify(left, [self._looked_for(mark, self.filter.struck) for mark in missing])
+        self._missed = {mark.node for mark in self.scene.marks} - {f.name for f in found}
         if not found:
             return ()
+        camera = self.scene.cameras[0]
         centers_px = np.array([f.detection.center_px for f in found])
-        covs_px = np.array([f.detection.cov_px2 for f in found])
-        covs_px = covs_px + camera.calibration_sd_px**2 * np.eye(2)
+        covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
         positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
         return tuple(MarkMeasurement(f.name, positions[k], covs_m[k]) for k, f in enumerate(found))
+
+    def _looked_for(self, mark: Mark, belief: Callable[[str], tuple[Floats, Floats]]) -> vision.Expected:
+        camera = self.scene.cameras[0]
+        mean, cov = belief(mark.node)
+        center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
+        return vision.Expected(mark.node, center_px, cov_px2, mark.hue_deg)
 
     def _estimated(
         self, exposure_s: float, marks: tuple[MarkMeasurement, ...], detect_s: float, predict_s: float
