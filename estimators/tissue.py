@@ -41,7 +41,7 @@ class FilterSettings:
     calm_share: float = 0.05
     settle_s: float = 1.0
     startle_m_s: float = 1.0
-    startle_s: float = 0.1
+    startle_s: float = 0.05
     lost_s: float = 1.0
     mix_s: float = 1.0 / 30.0
 
@@ -133,21 +133,23 @@ class TissueFilter:
         """Where to look for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
 
         The belief of the poked mode, not of the mixture: a poke that begins is improbable before it is seen, and a gate
-        drawn by the mixture would shut out the very marks that show it. Before the first marks a node may be anywhere
-        in the network's reach.
+        drawn by the mixture would shut out the very marks that show it.
         """
         place, poked = self._places[node], self.mixture.filters[-1]
-        if self.seen_s is None:
-            reach = float(np.ptp(self._rest, axis=0).max())
-            return poked.x[place].copy(), reach**2 * np.eye(self.model.network.dim)
         return poked.x[place].copy(), poked.P[place, place].copy()
 
     def struck(self, node: str) -> tuple[Floats, Floats]:
-        """As `expected`, were the node struck just after its mark was last taken in."""
+        """As `expected`, were the node struck just after its mark was last taken in.
+
+        Before the first marks a node may be anywhere in the network's reach.
+        """
         mean, cov = self.expected(node)
-        since_s = 0.0 if self.time_s is None else self.time_s - self._marks_seen_s.get(node, self.time_s)
-        startled = self.settings.startle_m_s * min(since_s, self.settings.startle_s)
-        return mean, cov + startled**2 * np.eye(len(mean))
+        if self.seen_s is None or self.time_s is None:
+            off = float(np.ptp(self._rest, axis=0).max())
+        else:
+            since_s = self.time_s - self._marks_seen_s.get(node, self.time_s)
+            off = self.settings.startle_m_s * min(since_s, self.settings.startle_s)
+        return mean, cov + off**2 * np.eye(len(mean))
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and say where the target is."""
@@ -182,7 +184,7 @@ class TissueFilter:
         )
 
     def _shape_seen(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """The shape in which the tissue rests if held where the marks were seen; its own rest shape if there is none."""
+        """The shape in which the tissue rests if held where marks were seen; its own rest shape if there is none."""
         try:
             return shape_held(self.model.network, {mark.node: mark.position for mark in marks})
         except NetworkError:

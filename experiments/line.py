@@ -21,6 +21,10 @@ HALF_AT_LEAST = 0.25
 """A mark may show this part of its area at least, or it is not taken for one; chosen."""
 
 
+BLOW_GATE = 9.21
+"""Squared Mahalanobis distance at which a mark looked for after a blow is given up: chi-square, 99 %; chosen."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
     """What one frame gave.
@@ -87,7 +91,7 @@ class Line:
         # A blow is believed where nothing else could be the mark, or when a mark stays away.
         if len(left) > len(missing):
             missing = [mark for mark in missing if mark.node in self._missed]
-        found += vision.identify(left, [self._looked_for(mark, self.filter.struck) for mark in missing])
+        found += vision.identify(left, [self._looked_for(mark, self.filter.struck) for mark in missing], gate=BLOW_GATE)
         self._missed = {mark.node for mark in self.scene.marks} - {f.name for f in found}
         if not found:
             return ()
