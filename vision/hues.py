@@ -1,0 +1,38 @@
+"""Colours by hue: the circle of hues, and the class of hues that a kind of mark shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+def hue_distance(a_deg: float, b_deg: float) -> float:
+    """The shorter way round between two hues [degrees], 0 to 180.
+
+    >>> hue_distance(355.0, 5.0)
+    10.0
+    """
+    return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
+
+
+@dataclass(frozen=True, slots=True)
+class MarkHue:
+    """What colours count as one kind of mark.
+
+    hue_deg: the hue, 0 red, 120 green, 240 blue
+    half_width_deg: how far off it a pixel's hue may be [degrees]
+    min_saturation, min_value: below these, 0 to 1, a pixel has no hue worth the name
+    """
+
+    hue_deg: float
+    half_width_deg: float = 18.0
+    min_saturation: float = 0.4
+    min_value: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.hue_deg < 360:
+            raise ValueError(f"mark hue hue_deg: expected 0 up to 360, found {self.hue_deg}")
+        if not 2 <= self.half_width_deg <= 90:
+            raise ValueError(f"mark hue half_width_deg: expected 2 to 90, found {self.half_width_deg}")
+        for key in ("min_saturation", "min_value"):
+            if not 0 < getattr(self, key) < 1:
+                raise ValueError(f"mark hue {key}: expected between 0 and 1, found {getattr(self, key)}")
