@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
-HALF_AT_LEAST = 0.25
-"""A mark may show this part of its area at least, or it is not taken for one; chosen."""
+HALF_AT_LEAST = 0.5
+"""Of its area a mark must show this part at least, or it is not taken for one; chosen."""
 
 
 BLOW_GATE = 9.21

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
@@ -25,6 +26,7 @@ Floats = NDArray[np.float64]
 TRUE, OURS, PAPERS = "black", "#1f6fb4", "#e07b16"
 N_ELLIPSES = 40
 N_BINS = 8
+LEAST_SHOWN = 1e-2
 
 
 def write_plots(done: Track, folder: Path) -> list[Path]:
@@ -68,7 +70,7 @@ def path_figure(done: Track) -> Figure:
         ax.plot(*truth.T, color=TRUE, lw=thick, ls=(0, (4, 2)), label="truth")
         ax.set(xlabel="x [mm]", ylabel="y [mm]")
     for k in chosen:
-        close.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc=OURS, alpha=0.25))
+        close.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=0.8, zorder=3))
     target = done.recording.scene.target.node
     whole.set_title(f"target {target} in the scene")
     close.set_title(f"close up, 2-sigma ellipses of {len(chosen)} frames")
@@ -169,6 +171,10 @@ def sigma_figure(done: Track) -> Figure:
     ax.fill_between(line, line / 1.5, line * 1.5, color="0.5", alpha=0.15, lw=0, label="within a factor 1.5")
     ax.plot(predicted, found, "o-", color=OURS, label=f"RMS of {len(groups)} equal bins")
     ax.set(xlim=(low, high), ylim=(low, high), xlabel="predicted sigma [mm, per axis]", ylabel="error [mm, per axis]")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     ax.set_aspect("equal")
     ax.set_title("error against predicted sigma")
     ax.legend(loc="upper left")
@@ -189,10 +195,10 @@ def consistency_figure(done: Track) -> Figure:
             continue
         low, high = np.array([chi_square_bounds(max(int(n), 1)) for n in freedom]).T
         inside = float(np.mean(values[known] <= chi2.ppf(0.95, np.maximum(freedom[known], 1))))
-        ax.semilogy(done.times_s[known], np.maximum(values[known], 1e-3), ".", color=OURS, ms=3)
+        ax.semilogy(done.times_s[known], np.maximum(values[known], LEAST_SHOWN), ".", color=OURS, ms=3)
         ax.fill_between(done.times_s, low, high, color=OURS, alpha=0.15, lw=0, step="mid")
         mean, right = values[known].mean(), freedom[known].mean()
-        ax.set_ylabel(key.upper())
+        ax.set(ylabel=key.upper(), ylim=(0.8 * LEAST_SHOWN, None))
         ax.set_title(
             f"{key.upper()}: mean {mean:.2f} where {right:.2g} is right; {100 * inside:.1f} % in the 95 % region"
         )

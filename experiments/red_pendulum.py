@@ -279,8 +279,8 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
     camera = seen.recording.scene.cameras[0]
     with seen.recording.open_frames() as frames:
         image = next(iter(frames)).image[..., ::-1]
-    figure = Figure(figsize=(14, 7), layout="constrained")
-    for ax, run, offset_s in zip(figure.subplots(ncols=len(runs)), runs, OFFSETS_S, strict=True):
+    figure = Figure(figsize=(12, 9), layout="constrained")
+    for ax, run, offset_s in zip(figure.subplots(2, 2).ravel(), runs, OFFSETS_S, strict=True):
         ax.imshow(image)
         hidden = withheld_frames(run.times_s, offset_s)
         places = camera.project(np.array([step.marks[0].position for step in seen.steps]))
@@ -288,12 +288,12 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
         covs = camera.cov_to_px(
             np.array([e.mean for e in run.estimates(FILTER)]), np.array([e.cov for e in run.estimates(FILTER)])
         )
-        for k in np.flatnonzero(hidden)[::3]:
-            ax.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=0.8))
+        for k in np.flatnonzero(hidden)[2::4]:
+            ax.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=1.0))
             ax.plot(*np.stack([means[k], places[k]]).T, color=OURS, lw=0.6)
         ax.plot(*means[hidden].T, ".", color=OURS, ms=4, label="filter, mark withheld")
         ax.plot(*places[hidden].T, ".", color=TRUE, ms=3, label="seen")
-        ax.set(xlim=(-0.5, image.shape[1] - 0.5), ylim=(640, 400), title=f"withheld 0.3 s from {offset_s:g} s on")
+        ax.set(xlim=(-0.5, image.shape[1] - 0.5), ylim=(620, 430), title=f"withheld 0.3 s from {offset_s:g} s on")
     figure.axes[0].legend(loc="lower left")
     return figure
 

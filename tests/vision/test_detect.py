@@ -252,14 +252,15 @@ def test_marks_of_one_hue_side_by_side_stay_two() -> None:
 
 
 def test_the_paper_camera_is_as_bad_as_the_paper_says() -> None:
-    seen = study(
-        paper_camera(), (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=120
-    )
+    lighting = paper_camera()
+    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=120)
     radial_mm = np.linalg.norm(seen.errors * np.array([4.24, 4.56]), axis=1)
-    assert 3.5 < radial_mm.mean() < 4.7
+    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 480 marks tell the mean to 0.1 mm
     assert seen.found >= 0.95
-    assert seen.false < 1.0
-    assert ((seen.variance_ratio > 0.5) & (seen.variance_ratio < 2.0)).all(), seen.variance_ratio
+    assert seen.false < 0.05
+    # The detector cannot see how far marks are drawn off their places; the scene says it as calibration_sd_px.
+    told = replace(seen, covs=seen.covs + lighting.wander_px**2 * np.eye(2))
+    assert ((told.variance_ratio > 1 / 1.5) & (told.variance_ratio < 1.5)).all(), told.variance_ratio
 
 
 def test_a_hue_that_takes_the_scene_is_an_error() -> None:
