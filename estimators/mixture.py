@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import filterpy.kalman as filterpy
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
+from estimators.exponential import small_expm
 from estimators.unscented import UnscentedKalmanFilter
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ class InteractingMixture(filterpy.IMMEstimator):
 
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
-        self.M = expm(self.rates * dt)
+        self.M = small_expm(self.rates * dt)
         self._compute_mixing_probabilities()
         xs = np.array([f.x for f in self.filters])
         Ps = np.array([f.P for f in self.filters])
@@ -74,5 +74,5 @@ def mixed(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]
     """Mean (n,) and covariance (n, n) of a Gaussian mixture: weights (k,), means (k, n), covs (k, n, n)."""
     mean = weights @ means
     away = means - mean
-    cov = np.tensordot(weights, covs, axes=1) + (weights[:, None] * away).T @ away
+    cov = np.einsum("k,kij->ij", weights, covs) + (weights[:, None] * away).T @ away
     return mean, 0.5 * (cov + cov.T)

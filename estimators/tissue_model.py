@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from dynamics import MassSpringNetwork, Stepper, state_matrix
+from estimators.exponential import small_expm
 
 Floats = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def grown_covariance(A: Floats, density: Floats, seconds: float) -> Floats:
         step, doublings = step / 2.0, doublings + 1
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -A, density, A.T
-    grown = expm(block * step)
+    grown = small_expm(block * step)
     F = grown[n:, n:].T
     Q = F @ grown[:n, n:]
     for _ in range(doublings):

@@ -120,7 +120,7 @@ def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellips
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
     across = 2.0 * sigmas * np.sqrt(values)
-    return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)  # type: ignore[arg-type]
+    return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)
 
 
 def error_figure(done: Track) -> Figure:
