@@ -1,0 +1,139 @@
+"""The forces are the textbook's, and minus the gradient of the energy."""
+
+import numpy as np
+import pytest
+
+from dynamics import kinetic_energy, node_forces, potential_energy
+
+
+def moved(network, seed=3, spread=0.08, speed=0.5):
+    """Positions away from the drawn ones [m] and velocities [m/s] of all nodes; anchors neither moved nor moving."""
+    rng = np.random.default_rng(seed)
+    x, v = network.positions.copy(), np.zeros_like(network.positions)
+    x[network.free] += spread * rng.normal(size=x[network.free].shape)
+    v[network.free] = speed * rng.normal(size=x[network.free].shape)
+    return x, v
+
+
+LOSSES = {"damping": 0.0, "drag": 0.0, "friction": 0.0, "gravity": 0.0}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("only", [None, "damping", "drag", "friction", "gravity", "springs"])
+def test_force_is_the_textbook_one(tangled, textbook_force, dim, only):
+    """Equation in `textbook_force`, loops over nodes and springs; each term alone too. 1e-12 of tens of N: rounding."""
+    off = {key: 0.0 for key in LOSSES if only is not None and key != only}
+    network = tangled(dim, **off)
+    for seed in range(5):
+        x, v = moved(network, seed)
+        np.testing.assert_allclose(node_forces(network, x, v), textbook_force(network, x, v), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_force_at_rest_is_minus_the_gradient_of_the_energy(tangled, slope, dim):
+    """F = -dV/dx [paper] (3), (5). Five-point rule: h⁴ V⁽⁵⁾/30, V⁽⁵⁾ about 24 k/l³ = 1e6: 5e-11 N at 2e-4 m."""
+    network = tangled(dim)
+    x, _ = moved(network)
+
+    def energy(free):
+        everywhere = x.copy()
+        everywhere[network.free] = free
+        return potential_energy(network, everywhere)
+
+    force = node_forces(network, x, np.zeros_like(x))[network.free]
+    assert np.abs(force).max() > 1.0
+    np.testing.assert_allclose(force.ravel(), -slope(energy, x[network.free], 2e-4), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_losses_take_the_power_that_rayleigh_writes(tangled, dim):
+    """Power of the loss forces on free nodes = -(sum c (dl/dt)² + sum drag v² + sum friction v²/sqrt(v² + slip²))."""
+    network = tangled(dim)
+    x, v = moved(network)
+    lossless = tangled(dim, damping=0.0, drag=0.0, friction=0.0)
+    power = np.vdot(node_forces(network, x, v) - node_forces(lossless, x, v), v)
+    i, j = network.springs.T
+    apart = x[j] - x[i]
+    rate = ((v[j] - v[i]) * apart).sum(axis=1) / np.linalg.norm(apart, axis=1)
+    square = (v * v).sum(axis=1)
+    expected = -(
+        network.damping @ rate**2
+        + network.drag @ square
+        + network.friction @ (square / np.hypot(np.sqrt(square), 5e-3))
+    )
+    assert expected < -0.1
+    assert power == pytest.approx(expected, rel=1e-12)  # rounding
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_springs_and_dashpots_keep_momentum_and_angular_momentum(tangled, dim):
+    """Newton's third law, strong form: forces sum to nothing and so do their moments. Rounding of tens of N."""
+    network = tangled(dim, drag=0.0, friction=0.0, gravity=0.0)
+    x, v = moved(network)
+    force = node_forces(network, x, v)
+    assert np.abs(force).max() > 1.0
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-13)
+    moment = np.einsum("ni,nj->ij", x, force)
+    np.testing.assert_allclose(moment - moment.T, 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("length", "inward"), [(0.3, 8.0), (0.15, -4.0), (0.2, 0.0)])
+def test_a_stretched_spring_pulls_together_and_a_shortened_one_pushes_apart(build, length, inward):
+    """Sign of [paper] (6) put right: k (l - l0) = 80 (0.3 - 0.2) = 8 N toward each other. Exact up to rounding."""
+    pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)])
+    force = node_forces(pair, [[0.0, 0.0], [length, 0.0]], np.zeros((2, 2)))
+    np.testing.assert_allclose(force, [[inward, 0.0], [-inward, 0.0]], atol=1e-13)
+
+
+def test_a_dashpot_resists_stretching_and_shortening(build):
+    """By c dl/dt, 0.5 N s/m at 2 m/s apart is 1 N toward each other, whatever the motion across."""
+    pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)], damping=0.5)
+    force = node_forces(pair, pair.positions, [[0.0, 3.0], [2.0, 3.0]])
+    np.testing.assert_allclose(force, [[1.0, 0.0], [-1.0, 0.0]], atol=1e-13)
+
+
+def test_gravity_pulls_down_and_an_anchor_weighs_nothing(build):
+    """By m g = 0.2 kg 9.81 m/s² along gravity; sign of [paper] (6) put right."""
+    hung = build([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], gravity=[0.0, -9.81])
+    force = node_forces(hung, hung.positions, np.zeros((2, 2)))
+    np.testing.assert_allclose(force, [[0.0, 0.0], [0.0, -1.962]], atol=1e-13)
+
+
+def test_a_spring_of_no_length_gives_no_force(build):
+    """Documented: shorter than 1 nm there is no direction; finite, zero, with any relative speed. Exact."""
+    pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)], damping=0.5)
+    force = node_forces(pair, np.full((2, 2), 0.1), [[0.0, 0.0], [1.0, -2.0]])
+    np.testing.assert_array_equal(force, np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("distance", [1e-6, 1e-3, 0.05])
+def test_a_spring_pulled_through_nothing_pushes_apart_on_the_other_side(build, side, distance):
+    """Force k (l0 - l) outward on either side; the length is softened by (1e-9 / l)² / 2 = 5e-7 of it at most."""
+    pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)])
+    force = node_forces(pair, [[0.0, 0.0], [side * distance, 0.0]], np.zeros((2, 2)))
+    outward = side * 80.0 * (0.2 - distance)
+    np.testing.assert_allclose(force, [[-outward, 0.0], [outward, 0.0]], rtol=1e-6)
+
+
+def test_the_energy_of_a_spring_is_continuous_through_nothing(build):
+    """V(0) = k l0²/2 = 1.6 J, and V(±d) leaves it by at most k l0 d = 16 N times d."""
+    pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)])
+    assert potential_energy(pair, np.zeros((2, 2))) == pytest.approx(1.6, rel=1e-14)
+    for distance in (1e-3, 1e-6, 1e-9):
+        here, there = (potential_energy(pair, [[0.0, 0.0], [s * distance, 0.0]]) for s in (-1.0, 1.0))
+        assert here == there
+        assert 0.0 < 1.6 - here <= 16.0 * distance
+
+
+def test_energies_of_one_hanging_mass(build):
+    """V = k (l - l0)²/2 + m g h and K = m v²/2 by hand: 0.4 - 0.5886 J and 2.5 J; an anchor has neither."""
+    hung = build([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], gravity=[0.0, -9.81])
+    assert potential_energy(hung, [[0.0, 0.0], [0.0, -0.3]]) == pytest.approx(0.4 - 0.5886, rel=1e-14)
+    assert kinetic_energy(hung, [[9.0, 9.0], [3.0, -4.0]]) == pytest.approx(2.5, rel=1e-14)
+
+
+@pytest.mark.parametrize(("x", "v"), [((4, 2), (5, 2)), ((5, 2), (5, 3)), ((5, 3), (5, 3)), ((2, 5), (2, 5))])
+def test_other_shapes_are_refused(tangled, x, v):
+    with pytest.raises(ValueError, match=r"shape \(5, 2\)"):
+        node_forces(tangled(2), np.zeros(x), np.zeros(v))

@@ -1,0 +1,108 @@
+"""The rest shape is where forces balance and the tissue stays."""
+
+import numpy as np
+import pytest
+
+from dynamics import (
+    NetworkError,
+    Stepper,
+    node_forces,
+    pack,
+    rest_shape,
+    shape_held,
+    state_matrix,
+    stiffness_matrix,
+)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_forces_balance_and_the_balance_is_stable(tangled, dim):
+    """Sum of forces on each free node is 0 up to rounding of tens of N; K has positive eigenvalues only."""
+    network = tangled(dim)
+    rest = rest_shape(network)
+    force = node_forces(network, rest, np.zeros_like(rest))
+    assert np.abs(force[network.fixed]).max() > 0.1
+    np.testing.assert_allclose(force[network.free], 0.0, atol=1e-12)
+    assert np.linalg.eigvalsh(stiffness_matrix(network, rest))[0] > 0
+    np.testing.assert_array_equal(rest[network.fixed], network.positions[network.fixed])
+
+
+@pytest.mark.parametrize(("mass", "k", "g"), [(0.2, 80.0, 9.81), (1.5, 30.0, 1.62)])
+def test_one_hanging_mass_sags_by_its_weight_over_its_stiffness(build, mass, k, g):
+    """Length l = l0 + m g / k. 1e-14 m: rounding."""
+    drawn = [[0.05, 0.0], [0.05, -0.2]]
+    hung = build(drawn, [(0, 1)], [0], masses=mass, stiffness=k, gravity=[0.0, -g])
+    np.testing.assert_allclose(rest_shape(hung)[1], [0.05, -(0.2 + mass * g / k)], rtol=0, atol=1e-14)
+
+
+def test_a_held_force_adds_to_the_weight(build):
+    """The spring points along weight and force together, l = l0 + |m g + f| / k: (3, -4) N gives 5/80 m. Rounding."""
+    hung = build([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], gravity=[0.0, -10.0])
+    np.testing.assert_allclose(
+        rest_shape(hung, [[3.0, -2.0]])[1], (0.2 + 5.0 / 80.0) * np.array([0.6, -0.8]), rtol=0, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_of_two_rest_shapes_the_drawn_one_is_meant(build, side):
+    """An arch of two springs of 0.25 m over 0.4 m stands at height sqrt(0.25² - 0.2²) = 0.15 m on either side."""
+    arch = build([[0.0, 0.0], [0.2, 0.1 * side], [0.4, 0.0]], [(0, 1), (1, 2)], [0, 2], rest_lengths=0.25)
+    np.testing.assert_allclose(rest_shape(arch)[1], [0.2, 0.15 * side], rtol=0, atol=1e-14)
+
+
+def test_what_rests_stays_at_rest(phantom):
+    """d(state)/dt = 0 there: ten seconds of steps move it by rounding only."""
+    rest = rest_shape(phantom)[phantom.free]
+    state = pack(rest, np.zeros_like(rest))[None]
+    np.testing.assert_allclose(Stepper(phantom).advance(state, 10.0), state, rtol=0, atol=1e-14)
+
+
+def test_motion_comes_to_rest_there(tangled):
+    """Slowest fading of the linearised motion is exp(Re lambda t); 40 of its times leave exp(-40) = 4e-18 of 5 cm."""
+    network = tangled(3)
+    rest = rest_shape(network)
+    slowest = -np.linalg.eigvals(state_matrix(network, rest)).real.max()
+    start = rest[network.free] + 0.05 * np.random.default_rng(2).normal(size=(3, 3))
+    end = Stepper(network).advance(pack(start, np.zeros((3, 3)))[None], 40.0 / slowest)
+    np.testing.assert_allclose(end[0], pack(rest[network.free], np.zeros((3, 3))), rtol=0, atol=1e-12)
+
+
+UNSTABLE = {
+    "a hinge without weight turns freely": ([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], {}),
+    "a falling pair": ([[0.0, 0.0], [0.2, 0.0]], [(0, 1)], [], {"gravity": [0.0, -9.81]}),
+    "a floating pair": ([[0.0, 0.0], [0.2, 0.0]], [(0, 1)], [], {}),
+    "an arch drawn flat": ([[0.0, 0.0], [0.2, 0.0], [0.4, 0.0]], [(0, 1), (1, 2)], [0, 2], {"rest_lengths": 0.25}),
+}
+
+
+@pytest.mark.parametrize("case", UNSTABLE)
+def test_no_stable_equilibrium_is_an_error(build, case):
+    positions, springs, anchors, changes = UNSTABLE[case]
+    with pytest.raises(NetworkError, match="rest shape: expected a stable equilibrium"):
+        rest_shape(build(positions, springs, anchors, **changes))
+
+
+def test_what_is_held_stays_and_the_others_balance(phantom):
+    """M1 and M3 held 20 mm off: forces on M2 and M4 vanish up to rounding, those on the held ones do not."""
+    held = {"M1": phantom.positions[0] + [0.02, 0.0], "M3": phantom.positions[2] + [0.0, 0.02]}
+    shape = shape_held(phantom, held)
+    force = node_forces(phantom, shape, np.zeros((7, 2)))
+    for node, position in held.items():
+        np.testing.assert_array_equal(shape[phantom.index(node)], position)
+        assert np.abs(force[phantom.index(node)]).max() > 0.1
+    for node in ("M2", "M4"):
+        np.testing.assert_allclose(force[phantom.index(node)], 0.0, atol=1e-12)
+    np.testing.assert_array_equal(shape[phantom.fixed], phantom.positions[phantom.fixed])
+
+
+def test_holding_nothing_is_the_rest_shape_and_holding_all_is_what_is_held(phantom):
+    np.testing.assert_allclose(shape_held(phantom, {}), phantom.positions, rtol=0, atol=1e-14)
+    held = {name: phantom.positions[phantom.index(name)] + 0.01 for name in ("M1", "M2", "M3", "M4")}
+    shape = shape_held(phantom, held)
+    np.testing.assert_array_equal(shape[phantom.free], phantom.positions[phantom.free] + 0.01)
+    np.testing.assert_array_equal(shape[phantom.fixed], phantom.positions[phantom.fixed])
+
+
+def test_holding_a_node_that_is_not_there_is_an_error(phantom):
+    with pytest.raises(NetworkError, match='no node named "M9"'):
+        shape_held(phantom, {"M9": [0.0, 0.0]})

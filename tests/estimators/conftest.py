@@ -1,0 +1,88 @@
+"""What the tests of the filters share: the phantom, and truths computed by SciPy's adaptive integrator."""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # at twenty states more threads only wait for each other
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, adaptive, four_mass_phantom, pack
+from estimators import MarkMeasurement
+
+STEP = 1.0 / 120.0
+"""Outside forces of a made-up truth are constant over this time [s]."""
+
+
+@pytest.fixture(scope="session")
+def phantom() -> MassSpringNetwork:
+    return four_mass_phantom()
+
+
+@pytest.fixture(scope="session")
+def rest_state(phantom):
+    """State of the phantom at rest, (n_state,)."""
+    free = phantom.positions[phantom.free]
+    return pack(free, np.zeros_like(free))
+
+
+def driven(network, state, forces):
+    """States at 0, STEP, 2 STEP, ... [s] under forces (n, n_free, dim) [N], each held for STEP, by DOP853.
+
+    Tolerances 1e-8 and 1e-10 m: a hundred thousand times finer than any mark of the tests is seen.
+    """
+    states = [np.asarray(state, dtype=float)]
+    for force in forces:
+        end = adaptive(network, states[-1], [0.0, STEP], force=lambda _t, held=force: held, rtol=1e-8, atol=1e-10)[-1]
+        states.append(end)
+    return np.array(states)
+
+
+def poke_forces(network, seconds, rng, tremor=0.05, poked=True):
+    """Forces on the free nodes [N], (n, n_free, dim), for each STEP.
+
+    tremor: white acceleration on each free node [m/s²/sqrt(Hz)]
+    poked: half-sine pokes of 3 to 10 m/s² lasting 0.1 to 0.4 s, on one of the outer masses, in any direction, after
+        pauses of 0.3 to 2 s
+    """
+    n, n_free, dim = round(seconds / STEP), len(network.free), network.dim
+    masses = network.masses[network.free, None]
+    forces = masses * tremor / np.sqrt(STEP) * rng.normal(size=(n, n_free, dim))
+    t = np.arange(n) * STEP + STEP / 2
+    start = rng.uniform(0.3, 2.0)
+    while poked and start < seconds:
+        lasting, angle = rng.uniform(0.1, 0.4), rng.uniform(0.0, 2.0 * np.pi)
+        node = network.free.tolist().index(network.index(str(rng.choice(OUTER))))
+        now = (t >= start) & (t < start + lasting)
+        push = rng.uniform(3.0, 10.0) * np.array([np.cos(angle), np.sin(angle)])
+        forces[now, node] += masses[node] * np.sin(np.pi * (t[now] - start) / lasting)[:, None] * push
+        start += lasting + rng.uniform(0.3, 2.0)
+    return forces
+
+
+def marks_of(network, state, sd=0.0, rng=None, nodes=OUTER):
+    """Marks of these nodes in that state, each coordinate off by noise of sd [m]; a noiseless one is given 1 mm."""
+    cov = (sd or 1e-3) ** 2 * np.eye(network.dim)
+    noise = {node: sd * rng.normal(size=network.dim) if sd else 0.0 for node in nodes}
+    return [MarkMeasurement(node, state[network.coordinates(node)] + noise[node], cov) for node in nodes]
+
+
+@pytest.fixture(name="driven", scope="session")
+def _driven():
+    return driven
+
+
+@pytest.fixture(name="poke_forces", scope="session")
+def _poke_forces():
+    return poke_forces
+
+
+@pytest.fixture(name="marks_of", scope="session")
+def _marks_of():
+    return marks_of
+
+
+@pytest.fixture(scope="session")
+def hidden(phantom):
+    """Where the hidden mass stands in a state."""
+    return phantom.coordinates(HIDDEN)

@@ -1,0 +1,63 @@
+"""Chi-square figures against printed tables, coverage against drawn samples."""
+
+import numpy as np
+import pytest
+
+from estimators import chi_square_bounds, coverage, mean_bounds, normalised_squared
+
+# Printed tables (Abramowitz and Stegun, 26.8): upper points of chi-square, five figures.
+TABLE = {1: (0.00098207, 5.02389), 2: (0.0506356, 7.37776), 6: (1.237344, 14.4494), 100: (74.2219, 129.561)}
+
+
+@pytest.mark.parametrize("degrees", TABLE)
+def test_bounds_are_the_tables(degrees):
+    """2.5 % and 97.5 % points of the table, to the figures printed."""
+    np.testing.assert_allclose(chi_square_bounds(degrees), TABLE[degrees], rtol=1e-5)
+
+
+def test_bounds_hold_the_share_that_is_asked_for():
+    """Two degrees are exponential: P(q < x) = 1 - exp(-x / 2), so the bounds are -2 log of the tails. Rounding."""
+    for share in (0.5, 0.9, 0.99):
+        tail = (1.0 - share) / 2.0
+        assert chi_square_bounds(2, share) == pytest.approx((-2 * np.log1p(-tail), -2 * np.log(tail)), rel=1e-12)
+
+
+def test_bounds_of_a_mean_are_those_of_the_sum():
+    """Sum of 50 variables of two degrees is one of 100: the table's 74.22 and 129.56, over 50."""
+    np.testing.assert_allclose(mean_bounds(2, 50), np.array(TABLE[100]) / 50.0, rtol=1e-5)
+
+
+def test_bounds_of_a_mean_hold_drawn_means():
+    """2000 means of 20 drawn squares: 95 % inside, to three deviations sqrt(0.95 0.05 / 2000) = 0.5 %."""
+    means = np.random.default_rng(0).chisquare(2, size=(2000, 20)).mean(axis=1)
+    low, high = mean_bounds(2, 20)
+    assert np.mean((means > low) & (means < high)) == pytest.approx(0.95, abs=0.015)
+
+
+@pytest.mark.parametrize(("degrees", "inside", "outside"), [(2, 5.991, 5.992), (1, 3.841, 3.842), (3, 7.814, 7.815)])
+def test_coverage_counts_up_to_the_tables_95_percent_point(degrees, inside, outside):
+    """Table: 3.8415, 5.9915, 7.8147 for one, two, three degrees."""
+    assert coverage([inside, outside, inside, inside], degrees) == 0.75
+
+
+def test_normalised_squared_is_the_quadratic_form():
+    """By hand: (3, 4) with variances 9 and 4 is 1 + 4; with covariance [[2, 1], [1, 2]] (1, 1) gives 2/3. Rounding."""
+    covs = [np.diag([9.0, 4.0]), np.array([[2.0, 1.0], [1.0, 2.0]])]
+    np.testing.assert_allclose(normalised_squared([[3.0, 4.0], [1.0, 1.0]], covs), [5.0, 2.0 / 3.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.95])
+def test_drawn_errors_are_covered_as_they_should(share):
+    """40,000 Gaussian errors of two correlated coordinates: share inside to three deviations, 0.75 % at most."""
+    cov = np.array([[2.0, 1.2], [1.2, 1.0]])
+    errors = np.random.default_rng(1).multivariate_normal(np.zeros(2), cov, size=40_000)
+    squared = normalised_squared(errors, np.broadcast_to(cov, (40_000, 2, 2)))
+    assert coverage(squared, 2, share) == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / 40_000))
+    # A filter that believes itself twice as sure covers 1 - exp(-x / 4) of it, by the law of two degrees.
+    bold = coverage(4.0 * squared, 2, share)
+    assert bold == pytest.approx(1.0 - (1.0 - share) ** 0.25, abs=0.0075)
+
+
+def test_a_singular_covariance_is_an_error():
+    with pytest.raises(np.linalg.LinAlgError):
+        normalised_squared([[1.0, 1.0]], [np.ones((2, 2))])

@@ -1,0 +1,196 @@
+"""Interacting multiple models against filterpy's, the textbook's, and what rates mean."""
+
+import filterpy.kalman
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import multivariate_normal
+
+from estimators import InteractingMixture, UnscentedKalmanFilter, mixed
+
+RATES = np.array([[-0.4, 0.3, 0.1], [2.0, -3.0, 1.0], [0.5, 1.5, -2.0]])
+MU = np.array([0.6, 0.3, 0.1])
+QS = [1e-4, 1e-2, 1.0]
+H, R = np.array([[1.0, 0.0]]), np.array([[0.05]])
+
+
+def transition(dt):
+    """A mass moving freely, (2, 2)."""
+    return np.array([[1.0, dt], [0.0, 1.0]])
+
+
+def noise(q, dt):
+    """White acceleration of that density, (2, 2)."""
+    return q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]) + 1e-9 * np.eye(2)
+
+
+def mixture(dt=0.1, mu=MU, rates=RATES):
+    """Three modes that differ in the density of the acceleration."""
+    filters = []
+    for k, q in enumerate(QS):
+        f = UnscentedKalmanFilter(2, lambda s, dt: s @ transition(dt).T)
+        f.x, f.P, f.Q = np.array([0.1 * k, 0.5]), np.diag([1.0, 0.5 + k]), noise(q, dt)
+        filters.append(f)
+    return InteractingMixture(filters, mu, rates)
+
+
+def measurements(n, rng):
+    """A mass that stands, is thrown, and stands again, seen with noise."""
+    path = np.interp(np.arange(n), [0, n // 3, 2 * n // 3, n], [0.0, 0.0, 8.0, 8.0])
+    return path[:, None] + np.sqrt(R[0, 0]) * rng.normal(size=(n, 1))
+
+
+def test_mixture_is_filterpys_at_one_frame_rate():
+    """Stock IMMEstimator over stock Kalman filters with M = exp(rates dt): 100 cycles, 1e-9 of metres: rounding."""
+    dt = 0.1
+    ours = mixture(dt)
+    stock_filters = []
+    for f in ours.filters:
+        kf = filterpy.kalman.KalmanFilter(dim_x=2, dim_z=1)
+        kf.x, kf.P, kf.F, kf.Q, kf.H, kf.R = f.x.copy(), f.P.copy(), transition(dt), f.Q.copy(), H, R
+        stock_filters.append(kf)
+    stock = filterpy.kalman.IMMEstimator(stock_filters, MU.copy(), expm(RATES * dt))
+    leading = set()
+    for z in measurements(100, np.random.default_rng(0)):
+        stock.predict()
+        ours.predict(dt)
+        np.testing.assert_allclose(ours.filters[1].x, stock.filters[1].x, rtol=0, atol=1e-9)
+        stock.update(z)
+        ours.update_linear(z, H, R)
+        np.testing.assert_allclose(ours.mu, stock.mu, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(ours.x, stock.x, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(ours.P, stock.P, rtol=0, atol=1e-9)
+        leading.add(int(ours.mu.argmax()))
+    assert {0, 2} <= leading  # the modes do change places
+
+
+def textbook_cycle(means, covs, mu, dt, z=None):
+    """One cycle of [barshalom2001] 11.6.6: mixing (11.6.6-7 to -9), filtering, mode probabilities (11.6.6-15)."""
+    p = expm(RATES * dt)
+    predicted = p.T @ mu
+    new_means, new_covs, likelihoods = [], [], []
+    for j in range(3):
+        w = p[:, j] * mu / predicted[j]
+        x = sum(w[i] * means[i] for i in range(3))
+        P = sum(w[i] * (covs[i] + np.outer(means[i] - x, means[i] - x)) for i in range(3))
+        F = transition(dt)
+        x, P = F @ x, F @ P @ F.T + noise(QS[j], dt)
+        if z is not None:
+            S = H @ P @ H.T + R
+            likelihoods.append(multivariate_normal(H @ x, S).pdf(z))
+            K = P @ H.T @ np.linalg.inv(S)
+            x, P = x + K @ (z - H @ x), (np.eye(2) - K @ H) @ P
+        new_means.append(x)
+        new_covs.append(P)
+    posterior = predicted if z is None else predicted * likelihoods / (predicted @ likelihoods)
+    return new_means, new_covs, posterior
+
+
+def test_mixture_is_the_textbook_one_with_frames_of_any_length_and_frames_unseen():
+    """Cycle of `textbook_cycle`; every third frame brings nothing, intervals change by a factor of ten. Rounding."""
+    rng, ours = np.random.default_rng(1), mixture()
+    means, covs, mu = [f.x for f in ours.filters], [f.P for f in ours.filters], MU
+    for k, z in enumerate(measurements(60, rng)):
+        dt = rng.uniform(0.02, 0.2)
+        for f, q in zip(ours.filters, QS, strict=True):
+            f.Q = noise(q, dt)
+        ours.predict(dt)
+        if k % 3:
+            ours.update_linear(z, H, R)
+        means, covs, mu = textbook_cycle(means, covs, mu, dt, z if k % 3 else None)
+        np.testing.assert_allclose(ours.mu, mu, rtol=0, atol=1e-10)
+        np.testing.assert_allclose([f.x for f in ours.filters], means, rtol=0, atol=1e-9)
+        np.testing.assert_allclose([f.P for f in ours.filters], covs, rtol=0, atol=1e-9)
+        x = sum(m * mean for m, mean in zip(mu, means, strict=True))
+        P = sum(m * (c + np.outer(a - x, a - x)) for m, a, c in zip(mu, means, covs, strict=True))
+        np.testing.assert_allclose(ours.x, x, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(ours.P, P, rtol=0, atol=1e-9)
+        np.testing.assert_array_equal(ours.P, ours.P.T)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 12, 48])
+def test_odds_without_data_do_not_depend_on_the_frame_rate(frames):
+    """Kolmogorov: mu(t) = mu exp(rates t), however 0.2 s are cut. Rounding."""
+    ours = mixture()
+    for _ in range(frames):
+        ours.predict(0.2 / frames)
+    np.testing.assert_allclose(ours.mu, MU @ expm(0.2 * RATES), rtol=0, atol=1e-13)
+
+
+def test_rates_of_nothing_leave_the_modes_alone():
+    """exp(0) = 1: no mixing, three filters side by side, odds kept. Rounding."""
+    ours = mixture(rates=np.zeros((3, 3)))
+    alone = [transition(0.1) @ f.x for f in ours.filters]
+    ours.predict(0.1)
+    np.testing.assert_allclose([f.x for f in ours.filters], alone, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(ours.mu, MU, rtol=0, atol=1e-15)
+
+
+def test_two_hopeless_modes_are_still_told_apart():
+    """Odds of Bayes: log mu_i / mu_j = log prior odds + log likelihood ratio, where likelihoods are 0 in doubles.
+
+    1e-9 of a log likelihood of thousands: rounding.
+    """
+    ours = mixture()
+    ours.predict(0.1)
+    prior, z = ours.mu.copy(), np.array([100.0])
+    logs = np.array([multivariate_normal(H @ f.x, H @ f.P @ H.T + R).logpdf(z) for f in ours.filters])
+    assert logs.max() < -745.0  # below the smallest double's logarithm
+    ours.update_linear(z, H, R)
+    odds = np.exp(logs - logs.max()) * prior
+    np.testing.assert_allclose(ours.mu, odds / odds.sum(), rtol=1e-9, atol=1e-300)
+    assert ours.mu.sum() == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("longest", "steps"), [(np.inf, 1), (0.1, 1), (0.05, 2), (0.03, 4), (0.1 / 3, 3), (0.1 / 95, 95)]
+)
+def test_modes_move_in_equal_steps_none_longer_than_allowed(longest, steps):
+    """ceil(dt / longest) steps of dt / n, not one more for a rounding error; mixed once, before them."""
+    taken = []
+
+    def fx(states, dt):
+        taken.append(dt)
+        return states @ transition(dt).T
+
+    ours = mixture()
+    for f in ours.filters:
+        f.fx = fx
+    ours.predict(0.1, longest)
+    np.testing.assert_allclose(taken, np.full(3 * steps, 0.1 / steps), rtol=1e-15)
+
+
+def test_moments_of_a_mixture_of_two():
+    """Mean m = w1 m1 + w2 m2, P = w1 P1 + w2 P2 + w1 w2 (m1 - m2)(m1 - m2)': total variance. Rounding."""
+    rng = np.random.default_rng(2)
+    means, roots = rng.normal(size=(2, 3)), rng.normal(size=(2, 3, 3))
+    covs = roots @ roots.transpose(0, 2, 1)
+    mean, cov = mixed(np.array([0.3, 0.7]), means, covs)
+    apart = means[0] - means[1]
+    np.testing.assert_allclose(mean, 0.3 * means[0] + 0.7 * means[1], rtol=0, atol=1e-15)
+    expected = 0.3 * covs[0] + 0.7 * covs[1] + 0.21 * np.outer(apart, apart)
+    np.testing.assert_allclose(cov, expected, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(cov, cov.T)
+
+
+def test_moments_of_equal_parts_are_theirs():
+    mean, cov = mixed(MU, np.tile([1.0, 2.0], (3, 1)), np.tile(np.diag([3.0, 4.0]), (3, 1, 1)))
+    np.testing.assert_allclose(mean, [1.0, 2.0], rtol=1e-15)
+    np.testing.assert_allclose(cov, np.diag([3.0, 4.0]), rtol=0, atol=1e-14)
+
+
+def test_a_restart_gives_every_mode_the_same_belief_and_keeps_the_odds():
+    """Mean and covariance of equal parts are theirs; modes share no array. Rounding."""
+    ours, mean, cov = mixture(), np.array([5.0, 6.0]), np.diag([7.0, 8.0])
+    ours.restart(mean, cov)
+    for f in ours.filters:
+        np.testing.assert_array_equal(f.x, [5.0, 6.0])
+        np.testing.assert_array_equal(f.P, np.diag([7.0, 8.0]))
+    ours.filters[0].x += 1.0
+    ours.filters[0].P += 1.0
+    np.testing.assert_array_equal(ours.filters[1].x, [5.0, 6.0])
+    np.testing.assert_array_equal(ours.filters[1].P, np.diag([7.0, 8.0]))
+    np.testing.assert_array_equal(mean, [5.0, 6.0])
+    np.testing.assert_allclose(ours.x, [5.0, 6.0], rtol=1e-15)
+    np.testing.assert_allclose(ours.P, np.diag([7.0, 8.0]), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(ours.mu, MU, rtol=1e-15)

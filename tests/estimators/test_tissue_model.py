@@ -1,0 +1,186 @@
+"""The process model: how pokes fade, what noise a step adds, how uncertainty grows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from dynamics import OUTER, MassSpringNetwork, adaptive
+from estimators import ForceMode, TissueModel, grown_covariance
+
+MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
+
+
+@pytest.fixture(scope="module")
+def model(phantom):
+    return TissueModel(phantom, OUTER)
+
+
+def integrated(A, density, t):
+    """Integral of e^{A s} D e^{A' s} over 0..t by adaptive quadrature, [vanloan1978] equation (1.1)'s right side."""
+    return quad_vec(lambda s: expm(A * s) @ density @ expm(A.T * s), 0.0, t, epsabs=0.0, epsrel=1e-12)[0]
+
+
+def test_state_is_the_networks_and_a_poke_for_each_marked_coordinate(model, phantom):
+    """Documented order: pokes follow the state, node-major, in the order in which the marked nodes were named."""
+    assert model.dim_x == 16 + 6
+    assert model.poked_rows.tolist() == [0, 1, 4, 5, 6, 7]
+    assert TissueModel(phantom, ("M4", "M1")).poked_rows.tolist() == [6, 7, 0, 1]
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1 / 240, 1 / 10])
+def test_a_poke_fades_exponentially(model, rest_state, dt):
+    """First-order Gauss-Markov: mean exp(-dt / tau) of what it was. Rounding."""
+    pokes = np.random.default_rng(0).normal(size=(5, 6))
+    moved = model.propagate(np.hstack([np.tile(rest_state, (5, 1)), pokes]), dt, MODE)
+    np.testing.assert_allclose(moved[:, 16:], np.exp(-dt / 0.2) * pokes, rtol=0, atol=1e-15)
+
+
+def test_a_fading_poke_moves_the_tissue_to_second_order(phantom, rest_state):
+    """Against DOP853 under F exp(-t / tau) on M3: its mean over a step errs by O(dt²), seen over 0.2 s of steps.
+
+    Without friction, whose bend over 5 mm/s makes an error of its own.
+
+    Halving the steps quarters the error; at 1/240 s it is under 10 micrometres of a push that moves centimetres.
+    """
+    smooth = replace(phantom, friction=np.zeros(7))
+    model, force = TissueModel(smooth, OUTER), np.zeros(8)
+    force[4:6] = [1.5, -1.0]
+    push = force.reshape(4, 2)
+    exact = adaptive(smooth, rest_state, [0.0, 0.2], force=lambda t: np.exp(-t / 0.2) * push, rtol=1e-11)[-1]
+    errors = []
+    for n in (48, 96, 192):
+        point = np.r_[rest_state, force[model.poked_rows]][None]
+        for _ in range(n):
+            point = model.propagate(point, 0.2 / n, MODE)
+        errors.append(np.abs(point[0, :8] - exact[:8]).max())
+    assert np.abs(exact - rest_state)[:8].max() > 0.02
+    assert errors[0] < 1e-5
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert orders.min() >= 1.9
+    assert orders.max() <= 2.1
+
+
+def free_motion(model, mode):
+    """A and density of free masses under white acceleration and fading pokes: dx = v, dv = F/m, dF = -F/tau."""
+    A, density = np.zeros((22, 22)), np.zeros((22, 22))
+    A[:8, 8:16] = np.eye(8)
+    density[8:16, 8:16] = mode.white**2 * np.eye(8)
+    for k, row in enumerate([0, 1, 4, 5, 6, 7]):
+        A[8 + row, 16 + k] = 1.0 / 0.2  # kg of the phantom's masses
+        A[16 + k, 16 + k] = -1.0 / mode.lasting_s
+        density[16 + k, 16 + k] = 2.0 * (mode.poke * 0.2) ** 2 / mode.lasting_s
+    return A, density
+
+
+@pytest.mark.parametrize("dt", [1 / 960, 1 / 240, 0.1])
+@pytest.mark.parametrize("mode", [MODE, ForceMode(0.05, 0.05, 0.05)])
+def test_noise_of_a_step_is_the_integral_of_free_motion(model, mode, dt):
+    """Q = integral of e^{A s} D e^{A' s}, by quadrature to 1e-12; 1e-10 of each entry's own scale sqrt(Q_ii Q_jj)."""
+    Q, expected = model.noise(dt, mode), integrated(*free_motion(model, mode), dt)
+    scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+    np.testing.assert_allclose(Q / scale, expected / scale, rtol=0, atol=1e-10)
+    np.testing.assert_array_equal(Q, Q.T)
+    assert np.linalg.eigvalsh(Q / scale)[0] > 0
+
+
+def test_noise_is_what_drawn_forces_do_to_one_mass(one_mass):
+    """20,000 masses under drawn white noise and a drawn Gauss-Markov poke, 200 steps of 0.5 ms, no spring.
+
+    Variances to four deviations, sqrt(2 / 20000) = 1 % each, and half a step in 200 of Euler's bias.
+    """
+    model = TissueModel(one_mass, ["M"])
+    n, steps, t = 20_000, 200, 0.1
+    rng, h = np.random.default_rng(1), t / steps
+    x, v, f = np.zeros(n), np.zeros(n), np.zeros(n)
+    fade, spread = np.exp(-h / MODE.lasting_s), 5.0 * 0.4 * np.sqrt(1.0 - np.exp(-2.0 * h / MODE.lasting_s))
+    for _ in range(steps):
+        before = v
+        v = v + h * f / 0.4 + MODE.white * np.sqrt(h) * rng.normal(size=n)
+        x = x + 0.5 * h * (before + v)
+        f = fade * f + spread * rng.normal(size=n)
+    rows = np.array([0, 2, 4])  # x, vx and the poke along x of a state x y vx vy Fx Fy
+    Q = model.noise(t, MODE)[np.ix_(rows, rows)]
+    scale = np.sqrt(np.outer(Q.diagonal(), Q.diagonal()))
+    np.testing.assert_allclose(np.cov([x, v, f]) / scale, Q / scale, rtol=0, atol=0.045)
+
+
+@pytest.fixture
+def one_mass():
+    """One mass M of 0.4 kg on one spring."""
+    return MassSpringNetwork(
+        names=("A", "M"),
+        positions=np.array([[0.0, 0.0], [0.0, -0.2]]),
+        masses=np.array([0.4, 0.4]),
+        fixed=np.array([True, False]),
+        drag=np.zeros(2),
+        friction=np.zeros(2),
+        springs=np.array([[0, 1]]),
+        stiffness=np.array([100.0]),
+        rest_lengths=np.array([0.2]),
+        damping=np.array([0.5]),
+        gravity=np.array([0.0, -9.81]),
+    )
+
+
+@pytest.mark.parametrize(("losses", "share"), [(False, 0.02), (True, 0.15)])
+def test_leaving_springs_and_losses_out_of_one_step_costs_little(model, phantom, losses, share):
+    """With springs in, variances move by (w dt)²/3 of w up to 66/s and less, 2 % at 1/240 s.
+
+    Drag, friction and dashpots together count to first order: d dt, d up to 28/s linearised at rest, 12 % at 1/240 s.
+    """
+    keep = phantom if losses else replace(phantom, drag=np.zeros(7), friction=np.zeros(7), damping=np.zeros(10))
+    A, density = TissueModel(keep, OUTER).linearised(phantom.positions, MODE)
+    found, free = grown_covariance(A, density, 1 / 240).diagonal(), model.noise(1 / 240, MODE).diagonal()
+    np.testing.assert_allclose(found, free, rtol=share)
+    np.testing.assert_allclose(found[16:], free[16:], rtol=1e-10)
+
+
+def test_linearised_motion_is_the_slope_of_the_model(model, phantom, rest_state):
+    """exp(A dt) against central differences of `propagate` at rest, by 1e-6 m, m/s and N. dt = 1 ms.
+
+    The poke's mean over the step stands for its course: (dt/tau)-fold, 1e-3 times its effect F dt²/2m = 2.5e-6.
+    """
+    A, _ = model.linearised(phantom.positions, MODE)
+    start, h, dt = np.r_[rest_state, np.zeros(6)], 1e-6, 1e-3
+    ahead, back = (model.propagate(start + sign * h * np.eye(22), dt, MODE) for sign in (1.0, -1.0))
+    np.testing.assert_allclose((ahead - back).T / (2 * h), expm(A * dt), rtol=0, atol=1e-6)
+
+
+def test_linearised_noise_is_that_of_a_short_step(model, phantom):
+    """Over 1e-6 s springs do nothing: `grown_covariance` of `linearised` is `noise` to 43/s times 1e-6 s."""
+    A, density = model.linearised(phantom.positions, MODE)
+    grown, noise = grown_covariance(A, density, 1e-6), model.noise(1e-6, MODE)
+    scale = np.sqrt(np.outer(noise.diagonal(), noise.diagonal()))
+    np.testing.assert_allclose(grown / scale, noise / scale, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("t", [1e-3, 1.0, 500.0])
+def test_covariance_of_free_motion_grows_by_its_closed_form(t):
+    """White acceleration of density q: q [[t³/3, t²/2], [t²/2, t]], with no damping at all. Rounding of doublings."""
+    A, density = np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, 0.7])
+    expected = 0.7 * np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]])
+    np.testing.assert_allclose(grown_covariance(A, density, t), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize("t", [0.01, 0.3])
+def test_covariance_grows_as_quadrature_says(model, phantom, t):
+    """Van Loan's blocks against the integral itself, relative to sqrt(P_ii P_jj). Quadrature 1e-12, expm's rounding."""
+    A, density = model.linearised(phantom.positions, MODE)
+    expected = integrated(A, density, t)
+    scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+    found = grown_covariance(A, density, t)
+    np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(found, found.T)
+
+
+def test_covariance_settles_where_lyapunov_says(model, phantom):
+    """A P + P A' + D = 0; slowest rate 5/s (the poke): 10 s leave exp(-100). Relative to sqrt(P_ii P_jj): rounding."""
+    A, density = model.linearised(phantom.positions, MODE)
+    expected = solve_continuous_lyapunov(A, -density)
+    scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+    np.testing.assert_allclose(grown_covariance(A, density, 10.0) / scale, expected / scale, rtol=0, atol=1e-10)
+    # The poke settles at its own deviation: 5 m/s² by 0.2 kg.
+    np.testing.assert_allclose(expected.diagonal()[16:], 1.0, rtol=1e-12)

@@ -1,0 +1,285 @@
+"""The unscented filter against filterpy's, the textbook Kalman filter and the joint Gaussian posterior."""
+
+import filterpy.kalman
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import multivariate_normal
+
+from dynamics import OUTER, Stepper, plain_step, state_matrix
+from estimators import CovarianceError, UnscentedKalmanFilter, mean_bounds, normalised_squared, positive_points
+
+MERWE = [(1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (0.5, 2.0, 1.0)]
+
+
+def started(f, x, P, Q):
+    f.x, f.P, f.Q = x.copy(), P.copy(), Q.copy()
+    return f
+
+
+def bearing(states):
+    """Squared distance of two masses from the floor's middle and their product: nonlinear, (n_points, 3)."""
+    s = np.atleast_2d(states)
+    return np.column_stack([s[:, 0] ** 2 + s[:, 1] ** 2, s[:, 4] ** 2 + s[:, 5] ** 2, s[:, 0] * s[:, 5]])
+
+
+def outer_marks(states):
+    """Positions of the outer masses M1, M3, M4, (n_points, 6)."""
+    return np.atleast_2d(states)[:, [0, 1, 4, 5, 6, 7]]
+
+
+@pytest.mark.parametrize(("alpha", "beta", "kappa"), MERWE)
+@pytest.mark.parametrize(("hx", "m", "sd"), [(outer_marks, 6, 4e-3), (bearing, 3, 1e-3)])
+def test_filter_is_filterpys_on_the_phantom(phantom, rest_state, alpha, beta, kappa, hx, m, sd):
+    """Same points, one by one in plain NumPy there and in compiled batches here; 40 cycles of 1/120 s.
+
+    1e-9 of metres, metres a second: rounding of two ways of solving with S, carried along. Every fifth cycle has no
+    measurement.
+    """
+    points = filterpy.kalman.MerweScaledSigmaPoints(16, alpha, beta, kappa)
+    stepper, dt, rng = Stepper(phantom), 1.0 / 120.0, np.random.default_rng(1)
+    P = np.diag(np.r_[np.full(8, 0.01**2), np.full(8, 0.1**2)])
+    Q = np.diag(np.r_[np.full(8, 1e-9), np.full(8, 1e-4)])
+    R = sd**2 * np.eye(m)
+    stock = filterpy.kalman.UnscentedKalmanFilter(
+        16, m, dt, lambda s: hx(s)[0], lambda s, dt: plain_step(phantom, s, dt, stepper.n_steps(dt)), points
+    )
+    started(stock, rest_state, P, Q)
+    ours = started(UnscentedKalmanFilter(16, stepper.advance, hx, points), rest_state, P, Q)
+    truth = rest_state + np.r_[0.01 * rng.normal(size=8), 0.1 * rng.normal(size=8)]
+    for k in range(40):
+        truth = stepper.advance(truth[None], dt)[0]
+        z = None if k % 5 == 4 else hx(truth)[0] + sd * rng.normal(size=m)
+        stock.predict()
+        ours.predict(dt)
+        np.testing.assert_allclose(ours.x, stock.x, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(ours.P, stock.P, rtol=0, atol=1e-9)
+        stock.update(z, R)
+        ours.update(z, R)
+        np.testing.assert_allclose(ours.x, stock.x, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(ours.P, stock.P, rtol=0, atol=1e-9)
+        if z is not None:
+            np.testing.assert_allclose(ours.S, stock.S, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(ours.K, stock.K, rtol=0, atol=1e-8)
+            assert ours.log_likelihood == pytest.approx(stock.log_likelihood, rel=0, abs=1e-6)
+            assert ours.mahalanobis == pytest.approx(stock.mahalanobis, rel=1e-7)
+
+
+def linear_phantom(phantom, rest_state, dt):
+    """Transition F of the phantom about its rest shape, its noise Q by acceleration steps, and the batched fx."""
+    F = expm(state_matrix(phantom, phantom.positions) * dt)
+    G = np.vstack([0.5 * dt**2 * np.eye(8), dt * np.eye(8)])
+    Q = 0.5**2 * G @ G.T + 1e-12 * np.eye(16)
+    return F, Q, lambda s, _dt: rest_state + (s - rest_state) @ F.T
+
+
+def any_marks(phantom, rng):
+    """Rows of any of the outer marks, none of them too, in any order."""
+    nodes = [node for node in rng.permutation(OUTER) if rng.random() < 0.6]
+    return [i for node in nodes for i in range(8)[phantom.coordinates(node)]]
+
+
+@pytest.mark.parametrize("path", ["update", "update_linear"])
+def test_filter_is_the_textbook_kalman_filter_on_the_linear_phantom(phantom, rest_state, path):
+    """Kalman (1960): x = F x, P = F P F' + Q; K = P H' S⁻¹, x + K y, (1 - K H) P. M2 is never seen; marks come and go.
+
+    200 frames of 1/30 s. 1e-10 of 1 m, and of 1e-4 m² relative to the largest covariance: rounding.
+    """
+    dt, sd, rng = 1.0 / 30.0, 1e-3, np.random.default_rng(2)
+    F, Q, fx = linear_phantom(phantom, rest_state, dt)
+    P = np.diag(np.r_[np.full(8, 0.02**2), np.full(8, 0.2**2)])
+    x, truth = np.zeros(16), np.linalg.cholesky(P) @ rng.normal(size=16)
+    ours = started(UnscentedKalmanFilter(16, fx), rest_state, P, Q)
+    sizes = set()
+    for _ in range(200):
+        truth = F @ truth + np.linalg.cholesky(Q) @ rng.normal(size=16)
+        x, P = F @ x, F @ P @ F.T + Q
+        ours.predict(dt)
+        rows = any_marks(phantom, rng)
+        sizes.add(len(rows))
+        H, R = np.eye(16)[rows], sd**2 * np.diag(rng.uniform(0.5, 2.0, len(rows)))
+        z = H @ truth + np.sqrt(R.diagonal()) * rng.normal(size=len(rows))
+        if rows:
+            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+            x, P = x + K @ (z - H @ x), (np.eye(16) - K @ H) @ P
+        if path == "update_linear":
+            ours.update_linear(z + H @ rest_state, H, R)
+        else:
+            ours.update(z + H @ rest_state if rows else None, R, lambda s, H=H: s @ H.T)
+        np.testing.assert_allclose(ours.x, x + rest_state, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(ours.P, P, rtol=0, atol=1e-10 * P.max())
+    assert sizes == {0, 2, 4, 6}
+
+
+def test_posterior_is_that_of_the_joint_gaussian():
+    """All states and measurements of six steps as one Gaussian, conditioned at once: mean and covariance of the last.
+
+    Three states, of which the third is never seen and the second only sometimes. 1e-10: rounding.
+    """
+    rng = np.random.default_rng(3)
+    F = np.array([[1.0, 0.3, 0.0], [0.0, 0.9, 0.4], [-0.1, 0.0, 0.8]])
+    Q, P0, x0 = np.diag([0.1, 0.2, 0.3]), np.diag([1.0, 2.0, 3.0]), np.array([1.0, -1.0, 0.5])
+    Hs = [np.eye(3)[rows] for rows in ([0], [0, 1], [], [1], [0], [0, 1])]
+    ours = started(UnscentedKalmanFilter(3, lambda s, _dt: s @ F.T), x0, P0, Q)
+    # w stacks x0 and the process noises: every state and measurement is a linear function of it.
+    steps, blocks = len(Hs), np.zeros((3, 3 * (len(Hs) + 1)))
+    blocks[:, :3] = np.eye(3)
+    seen, values, noise = [], [], []
+    for k, H in enumerate(Hs):
+        blocks = F @ blocks
+        blocks[:, 3 * k + 3 : 3 * k + 6] = np.eye(3)
+        z, R = rng.normal(size=len(H)), 0.5 * np.eye(len(H))
+        ours.predict(1.0)
+        if len(H):
+            ours.update_linear(z, H, R)
+        seen.append(H @ blocks)
+        values.append(z)
+        noise += [0.5] * len(H)
+    prior = np.kron(np.eye(steps + 1), Q)
+    prior[:3, :3] = P0
+    mean, A = np.r_[x0, np.zeros(3 * steps)], np.vstack(seen)
+    gain = blocks @ prior @ A.T @ np.linalg.inv(A @ prior @ A.T + np.diag(noise))
+    np.testing.assert_allclose(ours.x, blocks @ mean + gain @ (np.concatenate(values) - A @ mean), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(ours.P, blocks @ prior @ blocks.T - gain @ A @ prior @ blocks.T, rtol=0, atol=1e-10)
+
+
+def test_no_measurement_is_predict_only():
+    """None leaves x, P and the last innovation as they are, to the bit."""
+    f = started(UnscentedKalmanFilter(2, lambda s, _dt: s, lambda s: s), np.array([1.0, 2.0]), np.eye(2), np.eye(2))
+    f.predict(1.0)
+    f.update(np.array([1.5, 2.5]), np.eye(2))
+    before = [a.copy() for a in (f.x, f.P, f.y, f.S, f.K)] + [f.nis, f.log_likelihood]
+    f.update(None)
+    for was, found in zip(before, (f.x, f.P, f.y, f.S, f.K, f.nis, f.log_likelihood), strict=True):
+        np.testing.assert_array_equal(found, was)
+
+
+def test_mean_of_a_quadratic_model_is_exact():
+    """Third-degree points: E[a'x + x'B x] = a'm + m'B m + tr(B P), exactly. Rounding."""
+    rng = np.random.default_rng(4)
+    a, B, m = rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=3)
+    root = rng.normal(size=(3, 3))
+    P = root @ root.T + np.eye(3)
+
+    def fx(s, _dt):
+        return np.column_stack([s @ a + np.einsum("ni,ij,nj->n", s, B, s), s[:, 1], s[:, 2]])
+
+    f = started(UnscentedKalmanFilter(3, fx), m, P, np.eye(3))
+    f.predict(1.0)
+    assert f.x[0] == pytest.approx(a @ m + m @ B @ m + np.trace(B @ P), rel=1e-12)
+
+
+def nonlinear_case(seed, points):
+    """One random bend of 16 states, three cycles; returns the filter or raises CovarianceError."""
+    rng = np.random.default_rng(seed)
+    A, B, H = (rng.normal(size=(16, 16)) / 4 for _ in range(3))
+    f = UnscentedKalmanFilter(
+        16, lambda s, _dt: np.sin(s @ A.T) + (s @ B.T) ** 2 / 4, lambda s: (s @ H.T)[:, :6] ** 2, points
+    )
+    started(f, rng.normal(size=16), np.eye(16), 1e-3 * np.eye(16))
+    for _ in range(3):
+        f.predict(1.0)
+        yield f
+        f.update(rng.normal(size=6), 0.1 * np.eye(6))
+        yield f
+
+
+def failures(points):
+    """How many of 60 random nonlinear cases end in an indefinite covariance; every P on the way is checked."""
+    failed = 0
+    for seed in range(60):
+        try:
+            for f in nonlinear_case(seed, points):
+                np.testing.assert_array_equal(f.P, f.P.T)
+                failed += np.linalg.eigvalsh(f.P)[0] <= 0
+                if np.linalg.eigvalsh(f.P)[0] <= 0:
+                    break
+        except CovarianceError:
+            failed += 1
+    return failed
+
+
+def test_positive_weights_keep_the_covariance_definite_and_symmetric_to_the_bit():
+    """A sum of squares with positive weights is positive definite [arasaratnam2009]: none of 60 cases fails."""
+    assert failures(positive_points(16)) == 0
+    assert failures(filterpy.kalman.MerweScaledSigmaPoints(16, 1.0, 2.0, 0.0)) == 0
+
+
+def test_the_customary_kappa_does_not():
+    """At 16 states kappa = 3 - n weighs the centre by -13/3; measured beforehand: 23 to 60 of 60 cases fail."""
+    customary = filterpy.kalman.MerweScaledSigmaPoints(16, 1.0, 0.0, -13.0)
+    assert customary.Wc[0] == pytest.approx(-13.0 / 3.0)
+    assert failures(customary) >= 23
+
+
+def test_points_for_the_filter_all_weigh_the_same_but_the_centre():
+    """Cubature: weight 1 / 2n on 2n points at sqrt(n) standard deviations, none on the centre."""
+    points = positive_points(5)
+    np.testing.assert_allclose(points.Wm, np.r_[0.0, np.full(10, 0.1)], rtol=0, atol=1e-16)
+    np.testing.assert_allclose(points.Wc, np.r_[0.0, np.full(10, 0.1)], rtol=0, atol=1e-16)
+
+
+INDEFINITE = np.array([[1.0, 2.0], [2.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("P", "act", "message"),
+    [
+        (INDEFINITE, lambda f: f.predict(1.0), "state covariance"),
+        (INDEFINITE, lambda f: f.update(np.zeros(2), np.eye(2)), "state covariance"),
+        (np.eye(2), lambda f: f.update(np.zeros(2), -2.0 * np.eye(2)), "innovation covariance"),
+        (np.eye(2), lambda f: f.update_linear(np.zeros(2), np.eye(2), -2.0 * np.eye(2)), "innovation covariance"),
+        (INDEFINITE, lambda f: f.update_linear(np.zeros(2), np.eye(2), 0.1 * np.eye(2)), "innovation covariance"),
+    ],
+)
+def test_a_covariance_that_is_not_definite_is_an_error_and_changes_nothing(P, act, message):
+    """Style, rule 17: no hidden repair. What was believed before the error is believed after it."""
+    f = started(UnscentedKalmanFilter(2, lambda s, _dt: s, lambda s: s), np.array([1.0, 2.0]), P, np.eye(2))
+    with pytest.raises(CovarianceError, match=f"{message}: expected positive definite"):
+        act(f)
+    np.testing.assert_array_equal(f.x, [1.0, 2.0])
+    np.testing.assert_array_equal(f.P, P)
+
+
+@pytest.mark.parametrize("m", [1, 2, 3])
+@pytest.mark.parametrize("far", [1.0, 1e3])
+def test_log_likelihood_is_scipys(m, far):
+    """Density N(z; H x, H P H' + R) of the innovation. Rounding; far out the density itself is 0 and its log is not."""
+    rng = np.random.default_rng(m)
+    root = rng.normal(size=(3, 3))
+    P, H, R, x = root @ root.T + np.eye(3), rng.normal(size=(m, 3)), np.eye(m), rng.normal(size=3)
+    z = far * rng.normal(size=m)
+    expected = multivariate_normal(H @ x, H @ P @ H.T + R).logpdf(z)
+    for act in (lambda f: f.update_linear(z, H, R), lambda f: f.update(z, R, lambda s: s @ H.T)):
+        f = started(UnscentedKalmanFilter(3, lambda s, _dt: s), x, P, np.eye(3))
+        act(f)
+        assert f.log_likelihood == pytest.approx(expected, rel=1e-10)
+        assert f.nis == pytest.approx((z - H @ x) @ np.linalg.solve(H @ P @ H.T + R, z - H @ x), rel=1e-10)
+        assert f.mahalanobis**2 == pytest.approx(f.nis, rel=1e-14)
+        assert f.likelihood == pytest.approx(max(np.exp(expected), np.finfo(float).tiny), rel=1e-6)
+
+
+def test_errors_of_the_unseen_mass_and_innovations_are_as_large_as_the_filter_says(phantom, rest_state):
+    """Chi-square [barshalom2001] 5.4: over 200 runs mean NEES of M2 (2 degrees) and mean NIS (6) inside 99.9 % bounds.
+
+    Linear phantom, matched noise, marks of M1, M3, M4 seen to 4 mm; judged once a run, so that runs are independent.
+    """
+    dt, sd, n_runs = 1.0 / 30.0, 4e-3, 200
+    F, Q, fx = linear_phantom(phantom, rest_state, dt)
+    P0 = np.diag(np.r_[np.full(8, 0.02**2), np.full(8, 0.2**2)])
+    H, R, root = np.eye(16)[[0, 1, 4, 5, 6, 7]], sd**2 * np.eye(6), np.linalg.cholesky(Q)
+    rng, errors, covs, nis = np.random.default_rng(5), [], [], []
+    for _ in range(n_runs):
+        truth = np.sqrt(P0.diagonal()) * rng.normal(size=16)
+        f = started(UnscentedKalmanFilter(16, fx), rest_state, P0, Q)
+        for _ in range(20):
+            truth = F @ truth + root @ rng.normal(size=16)
+            f.predict(dt)
+            f.update_linear(H @ (truth + rest_state) + sd * rng.normal(size=6), H, R)
+        errors.append((f.x - rest_state - truth)[2:4])
+        covs.append(f.P[2:4, 2:4])
+        nis.append(f.nis)
+    low, high = mean_bounds(2, n_runs, 0.999)
+    assert low < normalised_squared(errors, covs).mean() < high
+    low, high = mean_bounds(6, n_runs, 0.999)
+    assert low < np.mean(nis) < high
