@@ -47,7 +47,7 @@ class MassSpringNetwork:
     free: NDArray[np.int64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        n_nodes, n_springs = len(self.names), len(self.springs)
+        n_nodes, n_springs = len(self.names), len(_pairs(self.springs))
         dim = np.asarray(self.positions).shape[-1] if np.ndim(self.positions) == 2 else 0
         if dim not in (2, 3):
             raise NetworkError(
@@ -66,7 +66,7 @@ class MassSpringNetwork:
         for key, shape in shapes.items():
             object.__setattr__(self, key, _frozen(key, getattr(self, key), shape))
         object.__setattr__(self, "fixed", np.array(self.fixed, dtype=bool))
-        object.__setattr__(self, "springs", np.array(self.springs, dtype=np.int64).reshape(-1, 2))
+        object.__setattr__(self, "springs", _pairs(self.springs))
         object.__setattr__(self, "free", np.flatnonzero(~self.fixed))
         self._check_nodes()
         self._check_springs()
@@ -149,6 +149,17 @@ def _frozen(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
         raise NetworkError(f"{key}: expected finite numbers, found {array[~np.isfinite(array)][0]}")
     array.setflags(write=False)
     return array
+
+
+def _pairs(springs: ArrayLike) -> NDArray[np.int64]:
+    pairs = np.array(springs)
+    if pairs.size == 0:
+        return np.empty((0, 2), dtype=np.int64)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or pairs.dtype.kind not in "iu":
+        raise NetworkError(
+            f"springs: expected whole numbers of shape (n_springs, 2), found {pairs.dtype} {pairs.shape}"
+        )
+    return pairs.astype(np.int64)
 
 
 def pack(positions: ArrayLike, velocities: ArrayLike) -> Floats:

@@ -45,11 +45,11 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
 
 
 def stable_step(network: MassSpringNetwork) -> float:
-    """Longest step for which Runge-Kutta stays stable in any shape of the network [s].
+    """Longest step for which Runge-Kutta stays stable while no spring is shorter than half its rest length [s].
 
-    A spring's tangent stiffness is at most k in every direction, so the weighted graph Laplacian bounds the
-    stiffness of all shapes, and the same with dashpots. With w² and d their largest eigenvalues by mass, every
-    eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
+    Until then a spring's tangent stiffness is at most k in size in every direction, so the weighted graph Laplacian
+    bounds the stiffness of all such shapes, and the same with dashpots. With w² and d their largest eigenvalues by
+    mass, every eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """
     scale = 1.0 / np.sqrt(network.masses[network.free])
     resist = (network.drag + network.friction / SLIP_VELOCITY)[network.free]

@@ -37,13 +37,15 @@ class OpenLoop:
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Go on to this exposure time [s], the marked masses moving to where they were seen."""
         seen = {self.network.index(mark.node): np.asarray(mark.position, dtype=float) for mark in marks}
-        if self.time_s is None:
+        if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        if not set(seen) <= self._free:
+            raise ValueError(f"marks: expected them on free nodes, found {[mark.node for mark in marks]}")
+        if self.time_s is None or time_s == self.time_s:
             for node, position in seen.items():
                 self.positions[node] = position
-        elif time_s > self.time_s:
+        else:
             self._follow(time_s - self.time_s, seen)
-        elif time_s < self.time_s:
-            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         self.time_s = time_s
         status = Status.TRACKING if marks else Status.COASTING
         return TargetEstimate(time_s, self.positions[self._target].copy(), None, status, len(marks))

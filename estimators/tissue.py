@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
-from dynamics import MassSpringNetwork, NetworkError, pack, rest_shape, shape_held
+from dynamics import MassSpringNetwork, NetworkError, pack, rest_shape, shape_held, stiffness_matrix
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.mixture import InteractingMixture
 from estimators.tissue_model import ForceMode, TissueModel, grown_covariance
@@ -35,7 +36,7 @@ class FilterSettings:
 
     quiet: ForceMode = ForceMode(white=0.05, poke=0.05, lasting_s=0.05)
     poked: ForceMode = ForceMode(white=0.05, poke=5.0, lasting_s=0.2)
-    calm_s: float = 30.0
+    calm_s: float = 100.0
     between_s: float = 1.5
     poked_s: float = 0.3
     calm_share: float = 0.05
@@ -112,7 +113,9 @@ class TissueFilter:
         self.mixture.restart(mean, cov)
 
     def predict(self, time_s: float) -> None:
-        """Move the state to this exposure time [s]; raises ValueError where time goes back."""
+        """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite."""
+        if not np.isfinite(time_s):
+            raise ValueError(f"time_s: expected a finite time, found {time_s}")
         if self.time_s is not None:
             dt = time_s - self.time_s
             if dt < 0:
@@ -152,25 +155,23 @@ class TissueFilter:
         return mean, cov + off**2 * np.eye(len(mean))
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Take in the marks that were seen at the state's time, any number of them, and say where the target is."""
+        """Take in the marks that were seen at the state's time, any number of them, and say where the target is.
+
+        Raises ValueError for a mark that is not on a free node or has another dimension.
+        """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         nis = None
-        if marks and self.seen_s is None:
-            self._start_from(self._shape_seen(marks))
-            self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
         if marks:
-            rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
-            dim = self.model.network.dim
+            z, rows, R = self._stacked(marks)
             H = np.zeros((len(rows), self.model.dim_x))
             H[range(len(rows)), rows] = 1.0
-            R = np.zeros((len(rows), len(rows)))
-            for k, mark in enumerate(marks):
-                R[k * dim : (k + 1) * dim, k * dim : (k + 1) * dim] = mark.cov
-            z = np.concatenate([mark.position for mark in marks])
             y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
             nis = float(y @ np.linalg.solve(S, y))
-            self.mixture.update_linear(z, H, R)
+            if self.seen_s is None:
+                self._start(marks, rows, R)
+            else:
+                self.mixture.update_linear(z, H, R)
             self.seen_s = self.time_s
             self._marks_seen_s |= dict.fromkeys((mark.node for mark in marks), self.time_s)
         return TargetEstimate(
@@ -183,12 +184,43 @@ class TissueFilter:
             poked=float(self.mixture.mu[-1]),
         )
 
-    def _shape_seen(self, marks: Sequence[MarkMeasurement]) -> Floats:
-        """The shape in which the tissue rests if held where marks were seen; its own rest shape if there is none."""
+    def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
+        """Positions of the marks, their rows of the state, and their covariance: (m,), m, (m, m)."""
+        dim = self.model.network.dim
+        for mark in marks:
+            if mark.node not in self._places:
+                raise ValueError(
+                    f"mark {mark.node}: expected one on a free node of the network, found none of that name"
+                )
+            if len(mark.position) != dim:
+                raise ValueError(f"mark {mark.node} position: expected shape {(dim,)}, found {mark.position.shape}")
+        z = np.concatenate([mark.position for mark in marks])
+        rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
+        return z, rows, block_diag(*(mark.cov for mark in marks))
+
+    def _start(self, marks: Sequence[MarkMeasurement], rows: list[int], R: Floats) -> None:
+        """Believe the tissue to rest as the first marks hold it.
+
+        Far from its rest shape a Kalman update would go along straight lines where the tissue turns. The shape in which
+        it rests with the marked nodes held at z is a nonlinear estimate with the gain G = d(shape)/dz; its error is
+        (I - G H) times that of the start, less G times that of the marks, and so is its covariance (Joseph's form).
+        """
+        network = self.model.network
         try:
-            return shape_held(self.model.network, {mark.node: mark.position for mark in marks})
-        except NetworkError:
-            return self._rest
+            shape = shape_held(network, {mark.node: mark.position for mark in marks})
+        except NetworkError:  # no rest in that shape: the marks are taken in as any others
+            shape = self._rest
+        self._start_from(shape)
+        K = stiffness_matrix(network, shape)
+        others = [i for i in range(len(K)) if i not in set(rows)]
+        G = np.zeros((self.model.dim_x, len(rows)))
+        G[rows, range(len(rows))] = 1.0
+        G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
+        keep = np.eye(self.model.dim_x)
+        keep[:, rows] -= G
+        P = keep @ self.mixture.P @ keep.T + G @ R @ G.T
+        self.mixture.restart(self.mixture.x, 0.5 * (P + P.T))
+        self._marks_seen_s = dict.fromkeys(self._marked, self.time_s or 0.0)
 
     def _status(self) -> Status:
         if self.seen_s is None:

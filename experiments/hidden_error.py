@@ -25,6 +25,7 @@ from experiments.simulate import scene_of, true_motion
 Floats = NDArray[np.float64]
 MARK_SD_M = 0.00414
 N_RUNS = 20
+SEEDS = range(100, 100 + N_RUNS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +76,7 @@ def study(scenario_name: str, seeds: range, runner: Callable[..., Run] = run) ->
 def main() -> None:
     """Print the figures of both scenarios."""
     for scenario in ("quiet", "poked"):
-        figures = study(scenario, range(100, 100 + N_RUNS))
+        figures = study(scenario, SEEDS)
         sys.stdout.write(f"{scenario:8}" + "  ".join(f"{k} {v:.3g}" for k, v in figures.items()) + "\n")
 
 

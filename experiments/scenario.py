@@ -19,7 +19,7 @@ class Tremor(Strict):
     """The table trembles: noise acceleration on every free node, white below half of 1 / interval_s."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
-    interval_s: Positive = 1.0 / 60.0
+    interval_s: Positive = 1.0 / 120.0
 
 
 class Release(Strict):

@@ -56,9 +56,6 @@ def test_a_network_that_cannot_be_simulated_is_refused_by_field_expected_and_fou
         assert fragment in str(error.value)
 
 
-@pytest.mark.xfail(
-    reason="MassSpringNetwork.springs: reshape(-1, 2) and int64 take other shapes and fractions in silence"
-)
 @pytest.mark.parametrize(
     "changes",
     [

@@ -132,7 +132,6 @@ def test_time_does_not_go_back(phantom):
     assert loop.time_s == 1.0
 
 
-@pytest.mark.xfail(reason="OpenLoop.update drops marks of a time it has reached, but counts them and says TRACKING")
 def test_marks_of_the_same_time_are_taken_in_too(phantom, rest_state):
     """What it counts as used and calls TRACKING must have been used: M1 seen 5 mm off in a second call for a time."""
     loop = OpenLoop(phantom, "M2")

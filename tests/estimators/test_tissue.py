@@ -236,9 +236,6 @@ def test_it_starts_from_the_shape_in_which_the_first_marks_hold_the_tissue(phant
     np.testing.assert_allclose(found[8:], 0.0, atol=1e-12)
 
 
-@pytest.mark.xfail(
-    reason="TissueFilter.update takes the first marks twice: as the prior's mean and as a measurement of it"
-)
 def test_the_first_estimates_can_be_believed_as_the_later_ones(phantom, rest_state, marks_of, hidden):
     """Mean NEES of the target over 100 independent starts at rest, frame by frame: below the 99.9 % bound, 2.72.
 
