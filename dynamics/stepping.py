@@ -86,7 +86,7 @@ def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
         spring_forces(x, v, p, pull, square, force)
         changed = np.empty(2 * half)
         changed[:half] = state[half:]
-        changed[half:] = ((force[free, :, 0] + outside) * by_mass).ravel()
+        changed[half:] = ((force[free, :, 0] + np.asarray(outside)) * by_mass).ravel()
         return changed
 
     return rate

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import vision
 from dynamics import adaptive, pack, unpack
-from estimators import TargetEstimate
+from estimators import MarkMeasurement, TargetEstimate
 from experiments.errors import InputError
 from experiments.estimate_rows import header, row
 from experiments.line import FILTER, Line
@@ -163,6 +163,7 @@ class Session:
     """One live run. State: the line, rows of estimates.csv written so far, frames and statuses counted."""
 
     def __init__(self, scene: Scene, rows: Path, show: Callable[[str], None]) -> None:
+        _warm_up(scene)
         self.line = Line(scene, baseline=False)
         self.n_frames = 0
         self.statuses: Counter[str] = Counter()
@@ -192,6 +193,19 @@ class Session:
     def close(self) -> None:
         """End the table."""
         self._file.close()
+
+
+def _warm_up(scene: Scene) -> None:
+    """Load what is compiled and cached before the first frame has to wait for it."""
+    line, camera = Line(scene, baseline=False), scene.cameras[0]
+    positions = scene.network.positions[[scene.network.index(node) for node in scene.measured_nodes]]
+    plain = np.eye(scene.network.dim)
+    marks = [MarkMeasurement(node, x, 1e-6 * plain) for node, x in zip(scene.measured_nodes, positions, strict=True)]
+    for k in range(2):
+        line.take(k / 30.0, marks)
+    discs = [vision.Disc(center, (8.0, 8.0), scene.marks[0].hue_deg) for center in camera.project(positions)]
+    image = vision.draw_frame(camera.size_px, discs, vision.Lighting(), np.random.default_rng(0))
+    line.see(3 / 30.0, image)
 
 
 def told(estimate: TargetEstimate, fps: float | None, latency_ms: float) -> str:
