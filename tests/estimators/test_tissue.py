@@ -331,16 +331,16 @@ def test_what_is_unseen_does_not_depend_on_the_frame_rate(phantom, frame, rest_s
 
 
 def test_odds_of_the_modes():
-    """Rates: rows sum to zero, 1/30 and 1/1.5 a second into a poke, 1/0.3 out of it, 5 % of that into calm."""
+    """Rates: rows sum to zero, 1/100 and 1/1.5 a second into a poke, 1/0.3 out of it, 5 % of that into calm."""
     rates = FilterSettings().rates
     np.testing.assert_allclose(rates.sum(axis=1), 0.0, atol=1e-15)
-    expected = [[-1 / 30, 0, 1 / 30], [0, -1 / 1.5, 1 / 1.5], [0.05 / 0.3, 0.95 / 0.3, -1 / 0.3]]
+    expected = [[-1 / 100, 0, 1 / 100], [0, -1 / 1.5, 1 / 1.5], [0.05 / 0.3, 0.95 / 0.3, -1 / 0.3]]
     np.testing.assert_allclose(rates, expected, rtol=1e-14)
 
 
 def test_it_starts_with_the_long_run_odds(phantom):
-    """Balance mu rates = 0: a cycle has 0.05 30 s of calm, 0.95 1.5 s between and 0.3 s poked. Rounding."""
-    cycle = np.array([0.05 * 30.0, 0.95 * 1.5, 0.3])
+    """Balance mu rates = 0: a cycle has 0.05 100 s of calm, 0.95 1.5 s between and 0.3 s poked. Rounding."""
+    cycle = np.array([0.05 * 100.0, 0.95 * 1.5, 0.3])
     np.testing.assert_allclose(TissueFilter(phantom, HIDDEN, OUTER).mixture.mu, cycle / cycle.sum(), rtol=1e-12)
 
 

@@ -99,7 +99,7 @@ def test_a_byte_order_mark_and_windows_line_ends_are_let_be(path: Path):
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:
-    return st.floats(low, high, allow_nan=False)
+    return st.floats(low, high, allow_nan=False, allow_subnormal=False)
 
 
 @st.composite
