@@ -67,7 +67,8 @@ def path_figure(done: Track) -> Figure:
     for ax, thick in ((whole, 0.8), (close, 1.2)):
         ax.plot(*papers.T, color=PAPERS, lw=thick * 0.8, alpha=0.7, label="paper's open loop")
         ax.plot(*means.T, color=OURS, lw=thick, label="filter")
-        ax.plot(*truth.T, color=TRUE, lw=thick, ls=(0, (4, 2)), label="truth")
+        if np.isfinite(truth).any():
+            ax.plot(*truth.T, color=TRUE, lw=thick, ls=(0, (4, 2)), label="truth")
         ax.set(xlabel="x [mm]", ylabel="y [mm]")
     for k in chosen:
         close.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=0.8, zorder=3))
