@@ -132,6 +132,24 @@ class TissueFilter:
         for _ in range(n):
             self.mixture.predict(dt / n, step)
 
+    def predict_at(self, time_s: float) -> TargetEstimate:
+        """What is believed now of the target at a later time [s], when the needle arrives, say; the filter stays.
+
+        Raises ValueError before the first frame, and for a time that is past or not finite.
+        """
+        if self.time_s is None or not self.time_s <= time_s < np.inf:
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        mixture = self.mixture
+        kept = [(f.x, f.P) for f in mixture.filters], mixture.mu, mixture.x, mixture.P
+        try:
+            if time_s > self.time_s:
+                self._advance(time_s - self.time_s)
+            return self._estimate(time_s, self._status(), 0, None)
+        finally:
+            beliefs, mixture.mu, mixture.x, mixture.P = kept
+            for f, (x, P) in zip(mixture.filters, beliefs, strict=True):
+                f.x, f.P = x, P
+
     def expected(self, node: str) -> tuple[Floats, Floats]:
         """Where to look for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
 
@@ -174,12 +192,15 @@ class TissueFilter:
                 self.mixture.update_linear(z, H, R)
             self.seen_s = self.time_s
             self._marks_seen_s |= dict.fromkeys((mark.node for mark in marks), self.time_s)
+        return self._estimate(self.time_s, self._status(), len(marks), nis)
+
+    def _estimate(self, time_s: float, status: Status, marks_used: int, nis: float | None) -> TargetEstimate:
         return TargetEstimate(
-            time_s=self.time_s,
+            time_s=time_s,
             mean=self.mixture.x[self._target].copy(),
             cov=self.mixture.P[self._target, self._target].copy(),
-            status=self._status(),
-            marks_used=len(marks),
+            status=status,
+            marks_used=marks_used,
             nis=nis,
             poked=float(self.mixture.mu[-1]),
         )
