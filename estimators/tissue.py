@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -30,6 +31,7 @@ class FilterSettings:
     settle_s: the filter starts as unsure as the tissue would be after unseen pokes of this duration [s]
     startle_m_s, startle_s: a blow may change a node's velocity by this at once [m/s] and carry it on for so long [s]
         before the springs have it back; marks are looked for that far off
+    gate: squared Mahalanobis distance beyond which a mark is refused once: chi-square, 2 degrees, one in 100,000
     lost_s: without any mark for longer than this the target counts as lost [s]
     mix_s: the modes are mixed at least this often [s]
     """
@@ -43,6 +45,7 @@ class FilterSettings:
     settle_s: float = 1.0
     startle_m_s: float = 1.0
     startle_s: float = 0.05
+    gate: float = 23.03
     lost_s: float = 1.0
     mix_s: float = 1.0 / 30.0
 
@@ -76,7 +79,7 @@ class TissueFilter:
     """Where the target is: a quiet and a poked unscented filter of the tissue, mixed by what the marks say.
 
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; when a mark was last taken
-    in, any (seen_s) and each.
+    in, any (seen_s) and each; how often each node's mark was refused (refused), and which in the last frame.
     """
 
     def __init__(
@@ -90,6 +93,8 @@ class TissueFilter:
         self.model = TissueModel(network, marked)
         self.time_s: float | None = None
         self.seen_s: float | None = None
+        self.refused: Counter[str] = Counter()
+        self._off: set[str] = set()
         self._marks_seen_s: dict[str, float] = {}
         self._target = network.coordinates(target)
         self._marked = tuple(marked)
@@ -179,20 +184,49 @@ class TissueFilter:
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
+        self._check(marks)
+        taken = marks if self.seen_s is None else self._believable(marks)
         nis = None
-        if marks:
-            z, rows, R = self._stacked(marks)
+        if taken:
+            z, rows, R = self._stacked(taken)
             H = np.zeros((len(rows), self.model.dim_x))
             H[range(len(rows)), rows] = 1.0
             y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
             nis = float(y @ np.linalg.solve(S, y))
             if self.seen_s is None:
-                self._start(marks, rows, R)
+                self._start(taken, rows, R)
             else:
                 self.mixture.update_linear(z, H, R)
             self.seen_s = self.time_s
-            self._marks_seen_s |= dict.fromkeys((mark.node for mark in marks), self.time_s)
-        return self._estimate(self.time_s, self._status(), len(marks), nis)
+            self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
+        return self._estimate(self.time_s, self._status(), len(taken), nis)
+
+    def _believable(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
+        """The marks that are where a blow could have brought them, or that were off in the frame before, too.
+
+        An outlier comes alone; what stays away is the tissue. Each refusal is counted in `refused`.
+        """
+        off = {mark.node for mark in marks if self._distance(mark) > self.settings.gate}
+        refused = off - self._off
+        self._off = refused
+        self.refused.update(refused)
+        return [mark for mark in marks if mark.node not in refused]
+
+    def _distance(self, mark: MarkMeasurement) -> float:
+        """Squared Mahalanobis distance of a mark from where the node may be, had it been struck."""
+        mean, cov = self.struck(mark.node)
+        y = mark.position - mean
+        return float(y @ np.linalg.solve(cov + mark.cov, y))
+
+    def _check(self, marks: Sequence[MarkMeasurement]) -> None:
+        dim = self.model.network.dim
+        for mark in marks:
+            if mark.node not in self._places:
+                raise ValueError(
+                    f"mark {mark.node}: expected one on a free node of the network, found none of that name"
+                )
+            if len(mark.position) != dim:
+                raise ValueError(f"mark {mark.node} position: expected shape {(dim,)}, found {mark.position.shape}")
 
     def _estimate(self, time_s: float, status: Status, marks_used: int, nis: float | None) -> TargetEstimate:
         return TargetEstimate(
