@@ -1,0 +1,234 @@
+"""The commands as a user calls them, from a scenario or another program's recording to tables and pictures."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import chi2
+
+from experiments import cli
+from experiments.bench import filter_pair
+from experiments.hidden_error import run
+from experiments.line import FILTER, OPEN_LOOP
+
+SCENARIO = """
+version = 1
+title = "short"
+phantom = "four-mass"
+seed = 4
+duration_s = 2.0
+frame_interval_s = 0.03333333333333333
+[tremor]
+acceleration_m_s2_sqrt_hz = 0.05
+[release]
+node = "M3"
+force_n = [2.0, 0.5]
+[camera]
+size_px = [640, 480]
+mm_per_px = [1.25, 1.25]
+distractors = 3
+"""
+COLUMNS = [
+    *("time_s", "status", "x_mm", "y_mm", "xx", "xy", "yy"),
+    *("nis", "marks_used", "poked", "err_mm", "nees"),
+]
+KEYS = {"mae_mm", "sd_mm", "rmse_mm", "coverage95", "mean_nees", "frames", "frames_lost", "ms_per_frame"}
+
+
+def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """The exit code of `softaim` with these words."""
+    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
+    try:
+        cli.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings")
+    (folder / "short.toml").write_text(SCENARIO)
+    with pytest.MonkeyPatch.context() as patch:
+        assert softaim(patch, "simulate", folder / "short.toml", "--out", folder / "rec") == 0
+    return folder / "rec"
+
+
+def test_a_track_says_what_its_tables_say(recording, tmp_path, monkeypatch):
+    """summary.json recomputed from estimates.csv and truth.csv; 9 digits in the table."""
+    assert softaim(monkeypatch, "track", recording, "--out", tmp_path / "out") == 0
+    rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
+    assert list(rows.columns) == COLUMNS
+    assert (rows["marks_used"] == 3).all()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert set(summary) == {OPEN_LOOP, FILTER}
+    assert all(set(figures) == KEYS for figures in summary.values())
+    truth = pd.read_csv(recording / "truth.csv").query("node == 'M2'")
+    off = rows[["x_mm", "y_mm"]].to_numpy() - truth[["x_mm", "y_mm"]].to_numpy()
+    covs = rows[["xx", "xy", "xy", "yy"]].to_numpy().reshape(-1, 2, 2)
+    nees = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covs), off)
+    ours = summary[FILTER]
+    assert ours["mae_mm"] == pytest.approx(np.hypot(*off.T).mean(), rel=1e-6)
+    assert ours["mean_nees"] == pytest.approx(nees.mean(), rel=1e-6)
+    assert ours["coverage95"] == pytest.approx((nees <= chi2.ppf(0.95, 2)).mean())
+    assert ours["frames"] == len(truth) == 60
+    assert ours["mae_mm"] < 0.5 * summary[OPEN_LOOP]["mae_mm"]  # the open loop starts from rest, the truth does not
+    for name in ("path.png", "error.png", "sigma.png", "consistency.png"):
+        picture = cv2.imread(str(tmp_path / "out" / name))
+        assert picture is not None
+        assert picture.std() > 10.0, name
+
+
+def test_the_same_seed_gives_the_same_recording(recording, tmp_path, monkeypatch):
+    (tmp_path / "again.toml").write_text(SCENARIO)
+    (tmp_path / "other.toml").write_text(SCENARIO.replace("seed = 4", "seed = 5"))
+    for name in ("again", "other"):
+        assert softaim(monkeypatch, "simulate", tmp_path / f"{name}.toml", "--out", tmp_path / name) == 0
+    for name in ("truth.csv", "video.avi"):
+        assert (tmp_path / "again" / name).read_bytes() == (recording / name).read_bytes()
+        assert (tmp_path / "other" / name).read_bytes() != (recording / name).read_bytes()
+
+
+def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch):
+    """marks.csv written by hand, frames.csv saying that an estimate is due when nothing was seen."""
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    (folder / "scene.toml").write_text((recording / "scene.toml").read_text())
+    truth = pd.read_csv(recording / "truth.csv")
+    seen = truth[truth["node"].isin(["M1", "M3", "M4"]) & ~truth["time_s"].between(0.9, 1.2)]
+    seen.assign(sd_mm=1.0).to_csv(folder / "marks.csv", index=False)
+    times = truth["time_s"].unique()
+    pd.DataFrame({"frame": range(len(times)), "exposure_s": times}).to_csv(folder / "frames.csv", index=False)
+    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "out") == 0
+    rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
+    unseen = rows["time_s"].between(0.9, 1.2)
+    assert set(rows["status"][unseen]) == {"COASTING"}
+    assert set(rows["status"][~unseen]) == {"TRACKING"}
+    assert rows.loc[unseen, ["nis", "err_mm", "nees"]].isna().all(axis=None)
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["mae_mm"] is None
+    assert not (tmp_path / "out" / "error.png").exists()
+
+
+def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp_path, monkeypatch):
+    """Frames drawn by OpenCV alone at the truth's places; without truth.csv M2's own mark tells the error."""
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    (folder / "scene.toml").write_text((recording / "scene.toml").read_text())
+    (folder / "frames.csv").write_text((recording / "frames.csv").read_text())
+    film = cv2.VideoWriter(str(folder / "video.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 30.0, (640, 480))
+    for _, nodes in pd.read_csv(recording / "truth.csv").groupby("time_s"):
+        image = np.full((480, 640, 3), 215, np.uint8)
+        for x_mm, y_mm in nodes[["x_mm", "y_mm"]].to_numpy():
+            u, v = 319.5 + x_mm / 1.25, 239.5 - (y_mm - 190.0) / 1.25
+            cv2.circle(image, (round(u * 16), round(v * 16)), 12 * 16, (40, 40, 200), -1, cv2.LINE_AA, 4)
+        film.write(image)
+    film.release()
+    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "out") == 0
+    theirs = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
+    assert theirs["frames_lost"] == 0
+    assert theirs["mae_mm"] < 1.0  # marks found to a fifth of a pixel, tremor that moves M2 by 0.2 mm
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "told"),
+    [
+        ("scene.toml", "stiffness_N_m", "stifness_N_m", "expected one of"),
+        ("scene.toml", 'node = "M1"', 'node = "M9"', 'no node named "M9"'),
+        ("scene.toml", "[target]", "[aim]", "expected"),
+        ("frames.csv", "2,0.066666667", "2,0.033333333", "exposure_s"),
+        ("frames.csv", "59,", "60,", "frame"),
+        ("video.avi", None, "no film", "expected a video"),
+    ],
+)
+def test_bad_recordings_are_one_line_and_nothing_is_written(
+    recording, tmp_path, monkeypatch, capfd, file, old, new, told
+):
+    folder = tmp_path / "bad"
+    folder.mkdir()
+    for source in recording.iterdir():
+        (folder / source.name).write_bytes(source.read_bytes())
+    text = new if old is None else (folder / file).read_text().replace(old, new, 1)
+    (folder / file).write_text(text)
+    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "out") == 2
+    fault = capfd.readouterr().err
+    assert fault.startswith("softaim: ")
+    assert fault.count("\n") == 1
+    assert told in fault
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, monkeypatch, capfd):
+    (tmp_path / "notes.txt").write_text("mine")
+    assert softaim(monkeypatch, "track", recording, "--out", tmp_path) == 2
+    assert "--force" in capfd.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert softaim(monkeypatch, "track", recording, "--out", tmp_path, "--force") == 0
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert (tmp_path / "estimates.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "no-such-scenario"],
+        ["track", "no-such-recording"],
+        ["live", "--source", "no-such-film"],
+        ["live", "--source", "99", "--scene", "no-such-scene.toml"],
+    ],
+)
+def test_what_is_not_there_is_one_line(tmp_path, monkeypatch, capfd, words):
+    monkeypatch.chdir(tmp_path)
+    assert softaim(monkeypatch, *words, "--out", "out") == 2
+    fault = capfd.readouterr().err
+    assert fault.startswith("softaim: ")
+    assert fault.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_loads_nothing_that_is_slow():
+    """`softaim --help` within half a second: none of these is loaded."""
+    code = (
+        "import sys; sys.argv = ['softaim', '--help']\n"
+        "from experiments import cli\n"
+        "try: cli.main()\n"
+        "except SystemExit: pass\n"
+        "slow = {'numba', 'cv2', 'matplotlib', 'pandas', 'scipy', 'numpy'} & set(sys.modules)\n"
+        "assert not slow, slow"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "simulate" in done.stdout
+
+
+def test_live_follows_the_phantom_in_real_time(tmp_path, monkeypatch, capfd):
+    assert softaim(monkeypatch, "live", "--source", "phantom", "--duration", 2, "--out", tmp_path / "out") == 0
+    told = capfd.readouterr().out
+    rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
+    assert f"{len(rows)} frames" in told
+    assert "latency median" in told
+    assert (np.diff(rows["time_s"]) > 0).all()
+    # Two seconds at 30 frames/s, on a machine that may be busy
+    assert 20 <= len(rows) <= 70
+    assert np.hypot(rows["x_mm"], rows["y_mm"] - 188.1).max() < 100.0
+
+
+def test_both_filter_steps_do_the_same_work():
+    """Ours and stock filterpy after one step of the benchmark: 1e-9 in mean and covariance."""
+    ours, stock = (step() for step in filter_pair())
+    np.testing.assert_allclose(ours.x, stock.x, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ours.P, stock.P, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("scenario", "most"), [("quiet", 0.2), ("poked", 0.3)])
+def test_hidden_error_against_the_open_loop(scenario, most):
+    """A quick form of experiments/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 6 s."""
+    runs = [run(scenario, seed, duration_s=6.0) for seed in (100, 101)]
+    ours, papers = (np.mean([r.errors[m].mean() for r in runs]) for m in (FILTER, OPEN_LOOP))
+    assert ours < most * papers
+    inside = np.mean([(r.nees < chi2.ppf(0.95, 2)).mean() for r in runs])
+    assert 0.90 <= inside <= 0.999
