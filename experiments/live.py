@@ -241,7 +241,7 @@ def live(
             pass  # Ctrl-C is how a live run ends
         except vision.SourceError as error:
             if not session.n_frames:
-                raise
+                raise InputError(f"--source {source}: {error}") from error
             fault = error  # what was estimated until then is kept
         finally:
             session.close()
