@@ -193,10 +193,11 @@ class TissueFilter:
             H[range(len(rows)), rows] = 1.0
             y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
             nis = float(y @ np.linalg.solve(S, y))
-            if self.seen_s is None:
-                self._start(taken, rows, R)
-            else:
+            started = self.seen_s is None and self._started(taken, rows, R)
+            if not started:
                 self.mixture.update_linear(z, H, R)
+            if self.seen_s is None:
+                self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
             self.seen_s = self.time_s
             self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         return self._estimate(self.time_s, self._status(), len(taken), nis)
@@ -241,20 +242,12 @@ class TissueFilter:
 
     def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
         """Positions of the marks, their rows of the state, and their covariance: (m,), m, (m, m)."""
-        dim = self.model.network.dim
-        for mark in marks:
-            if mark.node not in self._places:
-                raise ValueError(
-                    f"mark {mark.node}: expected one on a free node of the network, found none of that name"
-                )
-            if len(mark.position) != dim:
-                raise ValueError(f"mark {mark.node} position: expected shape {(dim,)}, found {mark.position.shape}")
         z = np.concatenate([mark.position for mark in marks])
         rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
         return z, rows, block_diag(*(mark.cov for mark in marks))
 
-    def _start(self, marks: Sequence[MarkMeasurement], rows: list[int], R: Floats) -> None:
-        """Believe the tissue to rest as the first marks hold it.
+    def _started(self, marks: Sequence[MarkMeasurement], rows: list[int], R: Floats) -> bool:
+        """Believe the tissue to rest as the first marks hold it; False, and nothing is done, where it has no such rest.
 
         Far from its rest shape a Kalman update would go along straight lines where the tissue turns. The shape in which
         it rests with the marked nodes held at z is a nonlinear estimate with the gain G = d(shape)/dz; its error is
@@ -263,8 +256,8 @@ class TissueFilter:
         network = self.model.network
         try:
             shape = shape_held(network, {mark.node: mark.position for mark in marks})
-        except NetworkError:  # no rest in that shape: the marks are taken in as any others
-            shape = self._rest
+        except NetworkError:
+            return False
         self._start_from(shape)
         K = stiffness_matrix(network, shape)
         others = [i for i in range(len(K)) if i not in set(rows)]
@@ -275,7 +268,7 @@ class TissueFilter:
         keep[:, rows] -= G
         P = keep @ self.mixture.P @ keep.T + G @ R @ G.T
         self.mixture.restart(self.mixture.x, 0.5 * (P + P.T))
-        self._marks_seen_s = dict.fromkeys(self._marked, self.time_s or 0.0)
+        return True
 
     def _status(self) -> Status:
         if self.seen_s is None:

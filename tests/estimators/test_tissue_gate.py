@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynamics import HIDDEN, OUTER
+from dynamics import HIDDEN, OUTER, NetworkError
 from estimators import MarkMeasurement, Status, TissueFilter
 
 FRAME_S = 4 / 120.0
@@ -61,3 +61,22 @@ def test_what_stays_away_is_believed_in_the_next_frame(phantom):
     assert statuses == [Status.TRACKING, Status.TRACKING, Status.COASTING, Status.TRACKING]
     assert tissue.refused == dict.fromkeys(OUTER, 1)
     np.testing.assert_allclose(tissue.expected("M3")[0], at["M3"] + [0.0, 0.25], atol=5 * SD)
+
+
+def test_first_marks_in_a_shape_without_rest_are_taken_in_as_any_others(phantom, monkeypatch):
+    """Mean x + K (z - H x) with K = P H' S^-1 from the start at rest, by the textbook; 1e-10."""
+
+    def no_rest(*_args):
+        raise NetworkError("rest shape: expected a stable equilibrium near the drawn shape, found none")
+
+    monkeypatch.setattr("estimators.tissue.shape_held", no_rest)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    x, P = tissue.mixture.x.copy(), tissue.mixture.P.copy()
+    H = np.zeros((2, len(x)))
+    H[:, phantom.coordinates("M3")] = np.eye(2)
+    z = phantom.positions[phantom.index("M3")] + [0.02, 0.01]
+    tissue.predict(0.0)
+    tissue.update([MarkMeasurement("M3", z, SD**2 * np.eye(2))])
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + SD**2 * np.eye(2))
+    np.testing.assert_allclose(tissue.mixture.x, x + K @ (z - H @ x), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(tissue.mixture.P, P - K @ H @ P, rtol=0, atol=1e-10)

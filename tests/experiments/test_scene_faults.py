@@ -8,51 +8,7 @@ from dynamics import four_mass_phantom
 from experiments.errors import InputError
 from experiments.scene import Mark, Scene, SceneError, Target, read_scene
 
-GOOD = """\
-version = 1
-[network]
-gravity_m_s2 = [0.0, -9.81]
-[[network.node]]
-name = "M1"
-position_mm = [-200, 200.0]
-mass_kg = 0.2
-drag_N_s_m = 0.3
-[[network.node]]
-name = "M2"
-position_mm = [0.0, 200.0]
-mass_kg = 0.25
-friction_N = 0.02
-[[network.node]]
-name = "In1"
-position_mm = [0.0, 0.0]
-fixed = true
-[[network.spring]]
-between = ["M1", "M2"]
-stiffness_N_m = 80.0
-rest_length_mm = 190.0
-damping_N_s_m = 0.6
-[[network.spring]]
-between = ["M2", "In1"]
-stiffness_N_m = 90.0
-rest_length_mm = 210.0
-[[mark]]
-node = "M1"
-hue_deg = 120.0
-diameter_mm = 30.0
-[[mark]]
-node = "M2"
-hue_deg = 0.0
-diameter_mm = 20.0
-measured = false
-[target]
-node = "M2"
-radius_mm = 5.0
-[[camera]]
-name = "front"
-size_px = [640, 480]
-plane_to_px = [[0.8, 0.0, 319.5], [0.0, -0.8, 391.5], [0.0, 0.0, 1.0]]
-calibration_sd_px = 0.2
-"""
+GOOD = (Path(__file__).parent / "good_scene.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture
