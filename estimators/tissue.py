@@ -132,8 +132,9 @@ class TissueFilter:
     def _advance(self, dt: float) -> None:
         n = max(1, int(np.ceil(dt / self.settings.mix_s - 1e-9)))
         step = dt / n / self.model.stepper.n_steps(dt / n)
+        noises = {mode: self.model.noise(step, mode) for mode in set(self.settings.modes)}
         for f, mode in zip(self.mixture.filters, self.settings.modes, strict=True):
-            f.Q = self.model.noise(step, mode)
+            f.Q = noises[mode]
         for _ in range(n):
             self.mixture.predict(dt / n, step)
 

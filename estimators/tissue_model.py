@@ -69,10 +69,12 @@ class TissueModel:
         Q[q, q], Q[v, v] = white * dt**3 / 3.0, white * dt
         Q[q, v] = Q[v, q] = white * dt**2 / 2.0
         poke = _poke_noise(dt, mode)
-        for k, row in enumerate(self.poked_rows):
-            three = np.array([row, half + row, n + k])
-            scale = np.array([1.0, 1.0, self.mass[row]])
-            Q[np.ix_(three, three)] += scale[:, None] * poke * scale
+        rows, mass = self.poked_rows, self.mass[self.poked_rows]
+        places = (rows, half + rows, n + np.arange(len(rows)))
+        scales = (np.ones(len(rows)), np.ones(len(rows)), mass)  # acceleration to force in the third only
+        for a in range(3):
+            for b in range(3):
+                Q[places[a], places[b]] += scales[a] * poke[a, b] * scales[b]
         return Q
 
     def linearised(self, rest: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
