@@ -33,6 +33,8 @@ from experiments.simulate import draw, poke_force, scene_of, tremor_force
 Floats = NDArray[np.float64]
 SMOOTHING = 0.1
 """Share of the newest frame in the running frames per second and latency shown; chosen."""
+LAST_CAMERA = 99
+"""Greatest camera index: OpenCV takes the hundreds for the number of a programming interface."""
 
 
 class Capture(Protocol):
@@ -143,20 +145,27 @@ def open_source(source: str, scene_path: Path | None) -> tuple[Scene, vision.Liv
     path = Path(source)
     if path.is_dir():
         camera = RecordingCamera(path)
-        scene = camera.scene if scene_path is None else read_scene(scene_path)
+        scene = camera.scene if scene_path is None else _filmed_scene(scene_path)
         return scene, vision.LiveFrames(lambda: camera)
     if scene_path is None:
         raise InputError(f"--source {source}: expected --scene scene.toml beside a camera or a film, found none")
-    scene = read_scene(scene_path)
-    if not scene.cameras:
-        raise InputError(f"{scene_path}: camera: expected one, found none")
+    scene = _filmed_scene(scene_path)
     if source.isdecimal():
+        if int(source) > LAST_CAMERA:
+            raise InputError(f"--source {source}: expected a camera index from 0 to {LAST_CAMERA}, found more")
         return scene, vision.LiveFrames(lambda: cv2.VideoCapture(int(source)))
     if not path.is_file():
         raise InputError(
             f"--source {source}: expected phantom, a camera index, a film or a recording, found none of them"
         )
     return scene, vision.LiveFrames(lambda: cv2.VideoCapture(str(path)), paced=True)
+
+
+def _filmed_scene(path: Path) -> Scene:
+    scene = read_scene(path)
+    if not scene.cameras:
+        raise InputError(f"{path}: camera: expected one, found none")
+    return scene
 
 
 class Session:
@@ -176,7 +185,13 @@ class Session:
         self._last_s: float | None = None
 
     def take(self, frame: vision.Frame) -> None:
-        """Estimate, write and show one frame."""
+        """Estimate, write and show one frame; InputError where it is not of the size that the scene's camera gives."""
+        height, width = frame.image.shape[:2]
+        size_px = self.line.scene.cameras[0].size_px
+        if size_px != (width, height):
+            raise InputError(
+                f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
+            )
         estimate = self.line.see(frame.exposure_s, frame.image).estimates[FILTER]
         self._csv.writerow(row(estimate))
         self._file.flush()
@@ -239,7 +254,7 @@ def live(
                     break
         except KeyboardInterrupt:
             pass  # Ctrl-C is how a live run ends
-        except vision.SourceError as error:
+        except (vision.SourceError, InputError) as error:
             if not session.n_frames:
                 raise InputError(f"--source {source}: {error}") from error
             fault = error  # what was estimated until then is kept

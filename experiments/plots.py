@@ -140,7 +140,8 @@ def error_figure(done: Track) -> Figure:
         ax.plot(times, papers[:, a], color=PAPERS, lw=0.6, alpha=0.8, label="paper's open loop")
         ax.plot(times, errors[:, a], color=OURS, lw=0.9, label="filter")
         ax.axhline(0.0, color=TRUE, lw=0.5)
-        ax.set(ylabel=f"{AXES[a]} error [mm]", xlim=(times[0], times[-1]))
+        ax.set_ylabel(f"{AXES[a]} error [mm]")
+        _span(ax, times)
         top = 1.2 * max(np.nanmax(3 * sigma[len(sigma) // 50 :]), np.nanquantile(np.abs(papers[:, a]), 0.99))
         ax.set_ylim(-top, top)
     axes[0, 0].legend(loc="upper right", ncols=3, framealpha=0.9)
@@ -203,5 +204,12 @@ def consistency_figure(done: Track) -> Figure:
         ax.set_title(
             f"{key.upper()}: mean {mean:.2f} where {right:.2g} is right; {100 * inside:.1f} % in the 95 % region"
         )
-    axes[1, 0].set(xlabel="time [s]", xlim=(done.times_s[0], done.times_s[-1]))
+    axes[1, 0].set_xlabel("time [s]")
+    _span(axes[1, 0], done.times_s)
     return figure
+
+
+def _span(ax: Axes, times_s: Floats) -> None:
+    """Show from the first time to the last; one alone spans nothing and is left to matplotlib."""
+    if len(times_s) > 1:
+        ax.set_xlim(times_s[0], times_s[-1])

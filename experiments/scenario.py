@@ -12,7 +12,9 @@ from experiments.errors import InputError
 from experiments.scene_file import Strict, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
-Pair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+Scale = Annotated[float, Field(ge=0.01, le=1000)]
+MOST_STEPS = 1_000_000
+"""Frames of a film, knots of a tremor, pokes: more than so many are a slip of the pen; chosen."""
 
 
 class Tremor(Strict):
@@ -59,8 +61,8 @@ class Marks(Strict):
 class Camera(Strict):
     """A camera squarely before the plane."""
 
-    size_px: Annotated[list[Annotated[int, Field(ge=16, le=8192)]], Field(min_length=2, max_length=2)]
-    mm_per_px: Pair
+    size_px: Annotated[list[Annotated[int, Field(ge=64, le=8192)]], Field(min_length=2, max_length=2)]
+    mm_per_px: Annotated[list[Scale], Field(min_length=2, max_length=2)]
     centre_mm: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(default=[0.0, 190.0])
     light: Literal["webcam", "paper"] = "webcam"
     distractors: Annotated[int, Field(ge=0, le=50)] = 0
@@ -89,6 +91,20 @@ class Scenario(Strict):
     marks: Marks = Marks()
     camera: Camera
     video: Video = Video()
+
+    @model_validator(mode="after")
+    def _lasting(self) -> Scenario:
+        if not self.duration_s > self.frame_interval_s:
+            raise ValueError(f"duration_s: expected more than frame_interval_s, found {self.duration_s}")
+        intervals = {"frame_interval_s": self.frame_interval_s}
+        if self.tremor is not None:
+            intervals["tremor.interval_s"] = self.tremor.interval_s
+        if self.pokes is not None:
+            intervals["pokes.pause_s"] = self.pokes.pause_s
+        for key, interval_s in intervals.items():
+            if self.duration_s / interval_s > MOST_STEPS:
+                raise ValueError(f"{key}: expected at most {MOST_STEPS} of them in duration_s, found {interval_s}")
+        return self
 
 
 def shipped() -> list[str]:

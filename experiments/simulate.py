@@ -114,22 +114,28 @@ def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.G
     held = np.zeros_like(rest)
     if scenario.release is not None:
         held[_row(network, scenario.release.node)] = scenario.release.force_n
-    start = rest_shape(network, held)[network.free]
+    try:
+        start = rest_shape(network, held)[network.free]
+    except NetworkError as fault:
+        raise InputError(f"scenario: release: {fault}") from None
     forces: list[Force] = []
     if scenario.tremor is not None:
         forces.append(tremor_force(network, scenario.tremor, scenario.duration_s, rng))
     if scenario.pokes is not None:
         forces.append(poke_force(network, scenario.pokes, scenario.duration_s, rng))
     nothing = np.zeros_like(rest)
-    states = adaptive(
-        network,
-        pack(start, nothing),
-        times,
-        force=lambda t: sum((force(t) for force in forces), nothing),
-        rtol=1e-6,
-        atol=1e-8,
-        max_step_s=scenario.tremor.interval_s if scenario.tremor else 1.0 / 60.0,
-    )
+    try:
+        states = adaptive(
+            network,
+            pack(start, nothing),
+            times,
+            force=lambda t: sum((force(t) for force in forces), nothing),
+            rtol=1e-6,
+            atol=1e-8,
+            max_step_s=scenario.tremor.interval_s if scenario.tremor else 1.0 / 60.0,
+        )
+    except RuntimeError as fault:
+        raise InputError(f"scenario: expected forces that the motion can follow, found {fault}") from None
     return Truth(times, unpack(states, network.dim)[0])
 
 
