@@ -134,3 +134,41 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
             for q in range(n_points):
                 start[r, q] += total[r, q]
     return np.ascontiguousarray(start.T)
+
+
+@njit(cache=True, nogil=True)
+def write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
+    """Write what a change of the log of each constant adds to the force on the free coordinates [N] into `out`.
+
+    x, v: of all nodes, (n_nodes, dim); kinds, indices: of the constants as in `dynamics.parameters`; out: (n, n_free dim).
+    """
+    dim = x.shape[1]
+    out[:] = 0.0
+    for k in range(kinds.shape[0]):
+        kind, s = kinds[k], indices[k]
+        if kind < 3:
+            i, j = p.springs[s, 0], p.springs[s, 1]
+            square, along = 0.0, 0.0
+            for d in range(dim):
+                apart = x[j, d] - x[i, d]
+                square += apart * apart
+                along += apart * (v[j, d] - v[i, d])
+            length = np.sqrt(square)
+            tension = p.stiffness[s] * (length - p.rest_lengths[s])
+            if kind == 1:
+                tension = -p.stiffness[s] * p.rest_lengths[s]
+            elif kind == 2:
+                tension = p.damping[s] * along / length
+            for a in range(free.shape[0]):
+                sign = 1.0 if free[a] == i else (-1.0 if free[a] == j else 0.0)
+                for d in range(dim):
+                    out[k, a * dim + d] += sign * tension * (x[j, d] - x[i, d]) / length
+        else:
+            square = SLIP_VELOCITY * SLIP_VELOCITY
+            for d in range(dim):
+                square += v[s, d] * v[s, d]
+            resist = p.drag[s] if kind == 3 else p.friction[s] / np.sqrt(square)
+            for a in range(free.shape[0]):
+                if free[a] == s:
+                    for d in range(dim):
+                        out[k, a * dim + d] = -resist * v[s, d]

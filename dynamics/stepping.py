@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -35,10 +35,13 @@ class Stepper:
         """How many equal steps an interval of dt seconds takes."""
         return max(1, int(np.ceil(dt / self.max_step_s - 1e-9)))
 
-    def advance(self, states: Floats, dt: float, forces: Floats | None = None) -> Floats:
+    def advance(
+        self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()
+    ) -> Floats:
         """States dt seconds later, (n_points, n_state), under outside forces held meanwhile.
 
         states: (n_points, n_state); forces on the free coordinates [N], (n_points, n_state / 2), default none.
+        driven: free nodes that go on at their velocity whatever pulls at them
         Raises ValueError for other shapes or a dt below zero.
         """
         n_points = len(states)
@@ -54,6 +57,10 @@ class Stepper:
         if not dt >= 0:
             raise ValueError(f"dt: expected 0 s or more, found {dt}")
         n = self.n_steps(dt)
+        inverse_mass = self._inverse_mass
+        if len(driven):
+            inverse_mass = inverse_mass.copy()
+            inverse_mass[np.asarray(driven)] = 0.0
         return runge_kutta(
             np.ascontiguousarray(states),
             np.ascontiguousarray(outside),
@@ -61,7 +68,7 @@ class Stepper:
             n,
             self.network.positions,
             self.network.free,
-            self._inverse_mass,
+            inverse_mass,
             self._packed,
         )
 

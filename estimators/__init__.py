@@ -4,13 +4,15 @@ from estimators.consistency import chi_square_bounds, coverage, mean_bounds, nor
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.mixture import InteractingMixture, mixed
 from estimators.open_loop import OpenLoop
-from estimators.tissue import FilterSettings, TissueFilter
-from estimators.tissue_model import ForceMode, TissueModel, grown_covariance
+from estimators.settings import FilterSettings
+from estimators.tissue import TissueFilter
+from estimators.tissue_model import FixBias, ForceMode, TissueModel, grown_covariance
 from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [
     "CovarianceError",
     "FilterSettings",
+    "FixBias",
     "ForceMode",
     "InteractingMixture",
     "MarkMeasurement",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -14,12 +15,16 @@ Floats = NDArray[np.float64]
 class Status(StrEnum):
     """How far an estimate may be relied upon."""
 
+    INITIALISING = "INITIALISING"
+    """No marks yet, or the first ones: where the tissue is, but not yet how it moves."""
     TRACKING = "TRACKING"
     """Marks were taken in with this frame."""
     COASTING = "COASTING"
     """No mark was taken in: the model alone, for less than the time after which the target counts as lost."""
     LOST = "LOST"
     """No mark for longer than that."""
+    DIVERGED = "DIVERGED"
+    """The marks contradicted the belief: it was given up, and the new one has not stood the test yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +54,10 @@ class TargetEstimate:
     marks_used: marks taken in with this frame
     nis: normalised innovation squared of those marks, None where there were none or the method gives none
     poked: probability that an outside force acts, None where the method does not tell
+    model_only: whether the marks told next to nothing of it and the model alone speaks
+    gain: part of the open loop's variance of the target that the filter takes away, at most 1; below 0 where the
+        filter, which knows of pokes and wrong constants, is less sure than the open loop has reason to be
+    carried: by node, how much larger the target's variance would be had that mark been left out of this frame
     """
 
     time_s: float
@@ -58,3 +67,6 @@ class TargetEstimate:
     marks_used: int
     nis: float | None = None
     poked: float | None = None
+    model_only: bool = False
+    gain: float | None = None
+    carried: Mapping[str, float] = field(default_factory=dict)

@@ -73,10 +73,94 @@ def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
-    """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
+def symmetric_points_each(xs, Ps, scales):  # type: ignore[no-untyped-def]
+    """`symmetric_points` of each of several beliefs: (k, 2n + 1, n), and which P were positive definite, (k,)."""
+    k, n = xs.shape
+    points = np.empty((k, 2 * n + 1, n))
+    definite = np.empty(k, dtype=np.bool_)
+    for j in range(k):
+        points[j], definite[j] = symmetric_points(xs[j], Ps[j], scales[j])
+    return points, definite
+
+
+@njit(cache=True, nogil=True)
+def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
+    """`moments` of each of several sets of points, each with its weights (k, n_points) and noise: (k, n), (k, n, n)."""
+    k, _, n = points.shape
+    xs, Ps = np.empty((k, n)), np.empty((k, n, n))
+    for j in range(k):
+        xs[j], Ps[j] = moments(points[j], Wm[j], Wc[j], Qs[j])
+    return xs, Ps
+
+
+@njit(cache=True, nogil=True)
+def regressions(points, moved):  # type: ignore[no-untyped-def]
+    """What a set of symmetric points says of the transition matrix F, for each of several: (k, n, n).
+
+    F L = (moved along each column - moved against it) / 2, L lower triangular: solved by substitution, column by column.
+    """
+    k, n_points, n = points.shape
+    F = np.empty((k, n, n))
+    for j in range(k):
+        for row in range(n):
+            for c in range(n - 1, -1, -1):
+                entry = 0.5 * (moved[j, 1 + c, row] - moved[j, 1 + n + c, row])
+                for i in range(c + 1, n):
+                    entry -= F[j, row, i] * (points[j, 1 + c, i] - points[j, 0, i])
+                F[j, row, c] = entry / (points[j, 1 + c, c] - points[j, 0, c])
+    return F
+
+
+@njit(cache=True, nogil=True)
+def mixed_each(weights, xs, Ps, Ss):  # type: ignore[no-untyped-def]
+    """Moments of mixtures of k Gaussians: weights (k, m) give means (m, n), covariances (m, n, n), columns (m, n, r).
+
+    The columns are the part of the error that known directions make; what they differ by goes into the covariance.
+    """
+    k, m = weights.shape
+    n, r = xs.shape[1], Ss.shape[2]
+    means, covs, columns = np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, r))
+    for j in range(m):
+        for i in range(k):
+            for a in range(n):
+                means[j, a] += weights[i, j] * xs[i, a]
+                for c in range(r):
+                    columns[j, a, c] += weights[i, j] * Ss[i, a, c]
+        for i in range(k):
+            w = weights[i, j]
+            for a in range(n):
+                da = w * (xs[i, a] - means[j, a])
+                for b in range(a + 1):
+                    entry = w * Ps[i, a, b] + da * (xs[i, b] - means[j, b])
+                    for c in range(r):
+                        entry += w * (Ss[i, a, c] - columns[j, a, c]) * (Ss[i, b, c] - columns[j, b, c])
+                    covs[j, a, b] += entry
+        for a in range(n):
+            for b in range(a):
+                covs[j, b, a] = covs[j, a, b]
+    return means, covs, columns
+
+
+@njit(cache=True, nogil=True)
+def with_columns(P, C):  # type: ignore[no-untyped-def]
+    """P + C C', (n, n)."""
+    n, r = C.shape
+    total = P.copy()
+    for a in range(n):
+        for b in range(n):
+            for c in range(r):
+                total[a, b] += C[a, c] * C[b, c]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def joseph_update(x, P, z, H, R, total):  # type: ignore[no-untyped-def]
+    """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite.
+
+    total: the covariance that the gain and S are to be those of; P itself, or P and what is considered beside it.
+    """
     y = z - H @ x
-    PH = P @ H.T
+    PH = total @ H.T
     S = H @ PH + R
     S = 0.5 * (S + S.T)
     C, definite = chol_lower(S)

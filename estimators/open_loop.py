@@ -6,9 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
-from dynamics import MassSpringNetwork, node_forces, rest_shape
+from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 
 Floats = NDArray[np.float64]
@@ -20,18 +19,18 @@ class OpenLoop:
     Between two frames a measured mass moves in a straight line at constant speed, which is chosen: the paper does not
     say, and of what can be done without looking ahead this serves the method best. A marked mass that was not seen is
     integrated like the hidden ones, from where it was last, as the paper provides ("additional second-order
-    integration ... in case of losing of data"). The integrator is SciPy's adaptive Runge-Kutta of order 4(5).
+    integration ... in case of losing of data"). The integrator is the classical Runge-Kutta one.
 
     State: positions and velocities of all nodes [m, m/s], (n_nodes, dim), at time_s.
     """
 
-    def __init__(self, network: MassSpringNetwork, target: str, *, rtol: float = 1e-4, atol: float = 1e-6) -> None:
+    def __init__(self, network: MassSpringNetwork, target: str) -> None:
         self.network = network
         self.positions = rest_shape(network)
         self.velocities = np.zeros_like(self.positions)
         self.time_s: float | None = None
         self._target = network.index(target)
-        self._tolerances = {"rtol": rtol, "atol": atol}
+        self._stepper = Stepper(network)
         self._free = set(network.free.tolist())
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
@@ -51,26 +50,13 @@ class OpenLoop:
         return TargetEstimate(time_s, self.positions[self._target].copy(), None, status, len(marks))
 
     def _follow(self, dt: float, seen: dict[int, Floats]) -> None:
-        driven = np.array(sorted(seen), dtype=int)
-        moving = np.array(sorted(self._free - set(seen)), dtype=int)
-        start = self.positions.copy()
+        driven = sorted(seen)
         velocities = self.velocities.copy()
         for node in driven:
-            velocities[node] = (seen[node] - start[node]) / dt
-        shape = (2, len(moving), self.network.dim)
-        masses = self.network.masses[moving, None]
-
-        def motion(t: float, state: Floats) -> Floats:
-            x, v = start.copy(), velocities.copy()
-            x[driven] += t * velocities[driven]
-            x[moving], v[moving] = state.reshape(shape)
-            acceleration = node_forces(self.network, x, v)[moving] / masses
-            return np.concatenate([v[moving].ravel(), acceleration.ravel()])
-
-        if len(moving):
-            state = np.concatenate([start[moving].ravel(), velocities[moving].ravel()])
-            solved = solve_ivp(motion, (0.0, dt), state, method="RK45", **self._tolerances)
-            self.positions[moving], velocities[moving] = solved.y[:, -1].reshape(shape)
+            velocities[node] = (seen[node] - self.positions[node]) / dt
+        free = self.network.free
+        state = pack(self.positions[free], velocities[free])
+        moved = self._stepper.advance(state[None], dt, driven=driven)[0]
+        self.positions[free], self.velocities[free] = unpack(moved, self.network.dim)
         for node in driven:
-            self.positions[node] = seen[node]
-        self.velocities = velocities
+            self.positions[node] = seen[node]  # without the last rounding

@@ -3,83 +3,49 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from dynamics import MassSpringNetwork, NetworkError, pack, rest_shape, shape_held, stiffness_matrix
+from dynamics import MassSpringNetwork, NetworkError, Uncertainty, pack, rest_shape, shape_held, stiffness_matrix
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.mixture import InteractingMixture
+from estimators.health import Health, after_frame
+from estimators.mixture import InteractingMixture, Move
+from estimators.settings import FilterSettings, stationary
 from estimators.tissue_model import ForceMode, TissueModel, grown_covariance
 from estimators.unscented import UnscentedKalmanFilter
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class FilterSettings:
-    """What the filter assumes about forces it cannot see; every figure chosen, see `docs/decisions.md`.
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """All that a filter knows at one time, for going back to it."""
 
-    Three modes: calm, where nobody pokes; between, where somebody does but not now; poked. The first two believe the
-    same of the force and differ in how soon a poke may come, so that the filter learns whether pokes are about.
-
-    calm_s, between_s, poked_s: how long each lasts on average [s]
-    calm_share: part of the pokes after which there is calm
-    settle_s: the filter starts as unsure as the tissue would be after unseen pokes of this duration [s]
-    startle_m_s, startle_s: a blow may change a node's velocity by this at once [m/s] and carry it on for so long [s]
-        before the springs have it back; marks are looked for that far off
-    gate: squared Mahalanobis distance beyond which a mark is refused once: chi-square, 2 degrees, one in 100,000
-    lost_s: without any mark for longer than this the target counts as lost [s]
-    mix_s: the modes are mixed at least this often [s]
-    """
-
-    quiet: ForceMode = ForceMode(white=0.05, poke=0.05, lasting_s=0.05)
-    poked: ForceMode = ForceMode(white=0.05, poke=5.0, lasting_s=0.2)
-    calm_s: float = 100.0
-    between_s: float = 1.5
-    poked_s: float = 0.3
-    calm_share: float = 0.05
-    settle_s: float = 1.0
-    startle_m_s: float = 1.0
-    startle_s: float = 0.05
-    gate: float = 23.03
-    lost_s: float = 1.0
-    mix_s: float = 1.0 / 30.0
-
-    @property
-    def modes(self) -> tuple[ForceMode, ...]:
-        """What calm, between and poked believe of the force."""
-        return (self.quiet, self.quiet, self.poked)
-
-    @property
-    def rates(self) -> Floats:
-        """How often each mode turns into each other [1/s], (3, 3), rows summing to zero."""
-        end = 1.0 / self.poked_s
-        rates = np.array(
-            [
-                [0.0, 0.0, 1.0 / self.calm_s],
-                [0.0, 0.0, 1.0 / self.between_s],
-                [self.calm_share * end, (1.0 - self.calm_share) * end, 0.0],
-            ]
-        )
-        return rates - np.diag(rates.sum(axis=1))
-
-
-def stationary(rates: Floats) -> Floats:
-    """Long-run probability of each mode, (n,), of a chain with these rates [1/s], (n, n)."""
-    n = len(rates)
-    balance = np.vstack([rates.T, np.ones(n)])
-    return np.linalg.lstsq(balance, np.r_[np.zeros(n), 1.0], rcond=None)[0]
+    time_s: float | None
+    beliefs: tuple[tuple[Floats, Floats], ...]
+    columns: Floats
+    mu: Floats
+    mean: Floats
+    cov: Floats
+    health: Health
+    marks_seen_s: dict[str, float]
+    off_s: dict[str, float]
+    repairs: Counter[str]
+    refused: Counter[str]
 
 
 class TissueFilter:
-    """Where the target is: a quiet and a poked unscented filter of the tissue, mixed by what the marks say.
+    """Where the target is: unscented filters of the tissue, calm, between pokes and poked, mixed by what the marks say.
 
-    State: mixture (the bank of filters); time_s, of the state, None before the first frame; when a mark was last taken
-    in, any (seen_s) and each; how often each node's mark was refused (refused), and which in the last frame.
+    target: where its position stands in the state
+    State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
+    last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
+    what was mended (repairs): sigma points `narrowed`, covariances made `definite`, `restarted` after a divergence or a
+    loss.
     """
 
     def __init__(
@@ -88,25 +54,41 @@ class TissueFilter:
         target: str,
         marked: Sequence[str],
         settings: FilterSettings | None = None,
+        *,
+        uncertainty: Uncertainty | None = None,
     ) -> None:
         self.settings = FilterSettings() if settings is None else settings
-        self.model = TissueModel(network, marked)
+        self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias)
         self.time_s: float | None = None
-        self.seen_s: float | None = None
+        self.health = Health()
         self.refused: Counter[str] = Counter()
-        self._off: set[str] = set()
+        self._off_s: dict[str, float] = {}
         self._marks_seen_s: dict[str, float] = {}
-        self._target = network.coordinates(target)
+        self.target = network.coordinates(target)
         self._marked = tuple(marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
-        rates = self.settings.rates
-        filters = [UnscentedKalmanFilter(self.model.dim_x, self._process(mode)) for mode in self.settings.modes]
-        self.mixture = InteractingMixture(filters, stationary(rates), rates)
+        rates, modes = self.settings.rates, self.settings.modes
+        filters = [UnscentedKalmanFilter(self.model.dim_x, lambda _points, _dt: _points) for _ in modes]
+        move = Move(
+            points=lambda points, dt: self.model.propagate_each(points, dt, modes),
+            columns=lambda means, columns, dt: self.model.carried(means, columns, dt, modes),
+            turned=self.model.turned,
+        )
+        self.mixture = InteractingMixture(filters, stationary(rates), rates, move)
+        self._alone_m2 = 0.0
         self._start_from(self._rest)
+        self._alone_m2 = float(np.trace(self.mixture.P[self.target, self.target]))
 
-    def _process(self, mode: ForceMode) -> Callable[[Floats, float], Floats]:
-        return lambda points, dt: self.model.propagate(points, dt, mode)
+    @property
+    def repairs(self) -> Counter[str]:
+        """How often what was mended."""
+        return self.mixture.repairs
+
+    @property
+    def seen_s(self) -> float | None:
+        """When a mark was last taken in [s], None before the first."""
+        return None if self.health.since_s is None else self.health.seen_s
 
     def _start_from(self, shape: Floats) -> None:
         """Believe the tissue to stand in this shape of all nodes [m], (n_nodes, dim), unsure as settle_s says."""
@@ -115,7 +97,36 @@ class TissueFilter:
         mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
         A, density = self.model.linearised(shape, self.settings.poked)
         cov = grown_covariance(A, density, self.settings.settle_s)
-        self.mixture.restart(mean, cov)
+        if self.settings.fix_bias is not None:
+            cov[self.model.bias_rows, self.model.bias_rows] = self.settings.fix_bias.sd_m**2 * np.eye(network.dim)
+        self.mixture.restart(mean, cov, self.model.resting_columns(shape))
+
+    def snapshot(self) -> Snapshot:
+        """All that the filter knows now, for `restore`."""
+        mixture = self.mixture
+        return Snapshot(
+            self.time_s,
+            tuple((f.x, f.P) for f in mixture.filters),
+            mixture.columns,
+            mixture.mu,
+            mixture.x,
+            mixture.P,
+            self.health,
+            self._marks_seen_s.copy(),
+            self._off_s.copy(),
+            self.repairs.copy(),
+            self.refused.copy(),
+        )
+
+    def restore(self, then: Snapshot) -> None:
+        """Know again what was known then, and nothing since."""
+        mixture = self.mixture
+        for f, (x, P) in zip(mixture.filters, then.beliefs, strict=True):
+            f.x, f.P = x, P
+        mixture.columns, mixture.mu, mixture.x, mixture.P = then.columns, then.mu, then.mean, then.cov
+        self.time_s, self.health = then.time_s, then.health
+        self._marks_seen_s, self._off_s = then.marks_seen_s.copy(), then.off_s.copy()
+        mixture.repairs, self.refused = then.repairs.copy(), then.refused.copy()
 
     def predict(self, time_s: float) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite."""
@@ -132,8 +143,10 @@ class TissueFilter:
     def _advance(self, dt: float) -> None:
         n = max(1, int(np.ceil(dt / self.settings.mix_s - 1e-9)))
         step = dt / n / self.model.stepper.n_steps(dt / n)
-        noises = {mode: self.model.noise(step, mode) for mode in set(self.settings.modes)}
+        noises: dict[ForceMode, Floats] = {}
         for f, mode in zip(self.mixture.filters, self.settings.modes, strict=True):
+            if mode not in noises:
+                noises[mode] = self.model.noise(step, mode)
             f.Q = noises[mode]
         for _ in range(n):
             self.mixture.predict(dt / n, step)
@@ -145,16 +158,13 @@ class TissueFilter:
         """
         if self.time_s is None or not self.time_s <= time_s < np.inf:
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
-        mixture = self.mixture
-        kept = [(f.x, f.P) for f in mixture.filters], mixture.mu, mixture.x, mixture.P
+        now = self.snapshot()
         try:
             if time_s > self.time_s:
                 self._advance(time_s - self.time_s)
-            return self._estimate(time_s, self._status(), 0, None)
+            return self._estimate(time_s, 0, None)
         finally:
-            beliefs, mixture.mu, mixture.x, mixture.P = kept
-            for f, (x, P) in zip(mixture.filters, beliefs, strict=True):
-                f.x, f.P = x, P
+            self.restore(now)
 
     def expected(self, node: str) -> tuple[Floats, Floats]:
         """Where to look for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
@@ -163,7 +173,8 @@ class TissueFilter:
         drawn by the mixture would shut out the very marks that show it.
         """
         place, poked = self._places[node], self.mixture.filters[-1]
-        return poked.x[place].copy(), poked.P[place, place].copy()
+        columns = self.mixture.columns[-1][place]
+        return poked.x[place].copy(), poked.P[place, place] + columns @ columns.T
 
     def struck(self, node: str) -> tuple[Floats, Floats]:
         """As `expected`, were the node struck just after its mark was last taken in.
@@ -186,33 +197,71 @@ class TissueFilter:
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         self._check(marks)
-        taken = marks if self.seen_s is None else self._believable(marks)
-        nis = None
-        if taken:
-            z, rows, R = self._stacked(taken)
-            H = np.zeros((len(rows), self.model.dim_x))
-            H[range(len(rows)), rows] = 1.0
-            y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
-            nis = float(y @ np.linalg.solve(S, y))
-            started = self.seen_s is None and self._started(taken, rows, R)
-            if not started:
-                self.mixture.update_linear(z, H, R)
-            if self.seen_s is None:
-                self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
-            self.seen_s = self.time_s
-            self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
-        return self._estimate(self.time_s, self._status(), len(taken), nis)
+        anew = self.health.since_s is None or self.time_s - self.health.seen_s > self.settings.lost_s
+        taken = list(marks) if anew else self._believable(marks)
+        if not taken:
+            self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
+            return self._estimate(self.time_s, 0, None)
+        z, rows, R = self._stacked(taken)
+        H = np.zeros((len(rows), self.model.dim_x))
+        H[range(len(rows)), rows] = 1.0
+        y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
+        nis = float(y @ np.linalg.solve(S, y))
+        if anew:
+            self.repairs["restarted"] += self.health.since_s is not None
+            self._start_at(taken)
+            self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
+            self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)
+            return self._estimate(self.time_s, len(taken), nis)
+        before = self.mixture.P
+        self.mixture.update_linear(z, H, R)
+        least = min(f.nis for f in self.mixture.filters)
+        self.health = after_frame(self.health, self.time_s, least, len(z), self.settings)
+        if self.health.status is Status.DIVERGED and not self.health.innovations:
+            self.repairs["restarted"] += 1
+            self._start_at(taken)
+        self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
+        return self._estimate(self.time_s, len(taken), nis, self._carried(before, taken, rows, R))
+
+    def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
+        """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
+
+        What fixes are off by together is estimated beside it where the settings have a fix_bias. A fix beyond the gate
+        is refused once; the next one that is off, too, is believed. Raises ValueError for another dimension.
+        """
+        dim = self.model.network.dim
+        if self.time_s is None:
+            raise ValueError("fix: expected predict(time_s) before, found no time")
+        if np.shape(position) != (dim,) or np.shape(cov) != (dim, dim):
+            raise ValueError(f"fix: expected shapes {(dim,)} and {(dim, dim)}, found {np.shape(position)}, {np.shape(cov)}")
+        H = np.zeros((dim, self.model.dim_x))
+        H[range(dim), range(self.target.start, self.target.stop)] = 1.0
+        if self.settings.fix_bias is not None:
+            H[range(dim), range(self.model.bias_rows.start, self.model.bias_rows.stop)] = 1.0
+        y = np.asarray(position) - H @ self.mixture.x
+        nis = float(y @ np.linalg.solve(H @ self.mixture.P @ H.T + cov, y))
+        if nis > self.settings.gate and "fix" not in self._off_s:
+            self._off_s["fix"] = self.time_s
+            self.refused["fix"] += 1
+        else:
+            self._off_s.pop("fix", None)
+            self.mixture.update_linear(np.asarray(position, dtype=float), H, np.asarray(cov, dtype=float))
+        return self._estimate(self.time_s, 0, nis)
 
     def _believable(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
-        """The marks that are where a blow could have brought them, or that were off in the frame before, too.
+        """The marks that are where a blow could have brought them, or that have been off for longer than stubborn_s.
 
-        An outlier comes alone; what stays away is the tissue. Each refusal is counted in `refused`.
+        Outliers pass; what stays away is the tissue. Each refusal is counted in `refused`.
         """
-        off = {mark.node for mark in marks if self._distance(mark) > self.settings.gate}
-        refused = off - self._off
-        self._off = refused
-        self.refused.update(refused)
-        return [mark for mark in marks if mark.node not in refused]
+        taken = []
+        for mark in marks:
+            if self._distance(mark) <= self.settings.gate:
+                self._off_s.pop(mark.node, None)
+            elif self.time_s - self._off_s.setdefault(mark.node, self.time_s) <= self.settings.stubborn_s:
+                self.refused[mark.node] += 1
+                continue
+            taken.append(mark)
+        return taken
 
     def _distance(self, mark: MarkMeasurement) -> float:
         """Squared Mahalanobis distance of a mark from where the node may be, had it been struck."""
@@ -230,16 +279,39 @@ class TissueFilter:
             if len(mark.position) != dim:
                 raise ValueError(f"mark {mark.node} position: expected shape {(dim,)}, found {mark.position.shape}")
 
-    def _estimate(self, time_s: float, status: Status, marks_used: int, nis: float | None) -> TargetEstimate:
+    def _estimate(
+        self, time_s: float, marks_used: int, nis: float | None, carried: dict[str, float] | None = None
+    ) -> TargetEstimate:
+        cov = self.mixture.P[self.target, self.target].copy()
         return TargetEstimate(
             time_s=time_s,
-            mean=self.mixture.x[self._target].copy(),
-            cov=self.mixture.P[self._target, self._target].copy(),
-            status=status,
+            mean=self.mixture.x[self.target].copy(),
+            cov=cov,
+            status=self.health.status,
             marks_used=marks_used,
             nis=nis,
             poked=float(self.mixture.mu[-1]),
+            carried={} if carried is None else carried,
         )
+
+    def _carried(self, P: Floats, marks: Sequence[MarkMeasurement], rows: list[int], R: Floats) -> dict[str, float]:
+        """By node, by how much the target's variance would be larger had that mark been left out of this frame.
+
+        P before the frame, (dim_x, dim_x); the mixture's, as if it were one Gaussian.
+        """
+        cross, S = P[self.target, rows], P[np.ix_(rows, rows)] + R
+        prior = float(np.trace(P[self.target, self.target]))
+
+        def left(kept: list[int]) -> float:
+            B = cross[:, kept]
+            return prior - float(np.sum(B * np.linalg.solve(S[np.ix_(kept, kept)], B.T).T))
+
+        everything, dim = list(range(len(rows))), self.model.network.dim
+        full = left(everything)
+        return {
+            mark.node: left(everything[: k * dim] + everything[(k + 1) * dim :]) / full - 1.0
+            for k, mark in enumerate(marks)
+        }
 
     def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
         """Positions of the marks, their rows of the state, and their covariance: (m,), m, (m, m)."""
@@ -247,18 +319,23 @@ class TissueFilter:
         rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
         return z, rows, block_diag(*(mark.cov for mark in marks))
 
-    def _started(self, marks: Sequence[MarkMeasurement], rows: list[int], R: Floats) -> bool:
-        """Believe the tissue to rest as the first marks hold it; False, and nothing is done, where it has no such rest.
+    def _start_at(self, marks: Sequence[MarkMeasurement]) -> None:
+        """Believe the tissue to rest as these marks hold it; where it has no such rest, to rest, and take them in.
 
         Far from its rest shape a Kalman update would go along straight lines where the tissue turns. The shape in which
         it rests with the marked nodes held at z is a nonlinear estimate with the gain G = d(shape)/dz; its error is
         (I - G H) times that of the start, less G times that of the marks, and so is its covariance (Joseph's form).
         """
         network = self.model.network
+        z, rows, R = self._stacked(marks)
         try:
             shape = shape_held(network, {mark.node: mark.position for mark in marks})
         except NetworkError:
-            return False
+            self._start_from(self._rest)
+            H = np.zeros((len(rows), self.model.dim_x))
+            H[range(len(rows)), rows] = 1.0
+            self.mixture.update_linear(z, H, R)
+            return
         self._start_from(shape)
         K = stiffness_matrix(network, shape)
         others = [i for i in range(len(K)) if i not in set(rows)]
@@ -267,14 +344,5 @@ class TissueFilter:
         G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
         keep = np.eye(self.model.dim_x)
         keep[:, rows] -= G
-        P = keep @ self.mixture.P @ keep.T + G @ R @ G.T
-        self.mixture.restart(self.mixture.x, 0.5 * (P + P.T))
-        return True
-
-    def _status(self) -> Status:
-        if self.seen_s is None:
-            return Status.LOST
-        unseen = (self.time_s or 0.0) - self.seen_s
-        if unseen == 0.0:
-            return Status.TRACKING
-        return Status.COASTING if unseen <= self.settings.lost_s else Status.LOST
+        P = keep @ self.mixture.filters[0].P @ keep.T + G @ R @ G.T
+        self.mixture.restart(self.mixture.x, 0.5 * (P + P.T), self.model.resting_columns(shape, rows))

@@ -1,7 +1,7 @@
 """The tissue as a process model: its equations of motion, with an unknown poke on each marked node.
 
 The state of the filter is the network's (positions, then velocities of the free nodes) followed by the poke on each
-marked coordinate [N], node-major.
+marked coordinate [N], node-major, and, where fixes are expected, by their bias [m], (dim,).
 """
 
 from __future__ import annotations
@@ -12,10 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, Stepper, state_matrix
+from dynamics import (
+    MassSpringNetwork,
+    ParameterForces,
+    Stepper,
+    Uncertainty,
+    reversed_springs,
+    state_matrix,
+    stiffness_matrix,
+)
 from estimators.exponential import small_expm
 
 Floats = NDArray[np.float64]
+
+LONGEST_STEP = 1.0 / 120.0
+"""Between two additions of noise [s]; chosen: `docs/decisions.md` has the error that it makes."""
+
+LEGENDRE = np.polynomial.legendre.leggauss(12)
+"""Nodes and weights on (-1, 1): rounding is all that is left up to steps of twice the correlation time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,29 +46,102 @@ class ForceMode:
     lasting_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class FixBias:
+    """What fixes of the target are off by together: sd [m] an axis, slowly varying over lasting_s [s]."""
+
+    sd_m: float
+    lasting_s: float = 60.0
+
+
 class TissueModel:
     """Process model of a network whose marked nodes are poked by unknown forces.
 
-    dim_x: the network's state and one poke for each coordinate of a marked node
+    uncertainty: directions in which the network's constants are not known; each makes a column of the error
+    bias: of fixes of the target, if there are to be any
+    dim_x: the network's state, one poke for each coordinate of a marked node, and the bias
     """
 
-    def __init__(self, network: MassSpringNetwork, marked: Sequence[str]) -> None:
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        marked: Sequence[str],
+        *,
+        uncertainty: Uncertainty | None = None,
+        bias: FixBias | None = None,
+    ) -> None:
         self.network = network
-        self.stepper = Stepper(network)
+        self.stepper = Stepper(network, LONGEST_STEP)
+        self.bias = bias
         places = [network.coordinates(node) for node in marked]
         self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
-        self.dim_x = network.n_state + len(self.poked_rows)
+        n_fixed = network.n_state + len(self.poked_rows)
+        self.dim_x = n_fixed + (0 if bias is None else network.dim)
+        self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.mass = np.repeat(network.masses[network.free], network.dim)
+        self.uncertainty = uncertainty
+        self.n_columns = 0 if uncertainty is None else len(uncertainty.directions)
+        self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
         """Sigma points (n_points, dim_x) dt seconds later, each under its own poke, which fades meanwhile."""
-        n = self.network.n_state
-        fade = np.exp(-dt / mode.lasting_s)
-        mean_share = (1.0 - fade) * mode.lasting_s / dt  # of the poke at the start, over the step
-        forces = np.zeros((len(points), n // 2))
-        forces[:, self.poked_rows] = mean_share * points[:, n:]
-        moved = self.stepper.advance(points[:, :n], dt, forces)
-        return np.concatenate([moved, fade * points[:, n:]], axis=1)
+        return self.propagate_each(points[None], dt, (mode,))[0]
+
+    def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
+        """Sigma points of each mode, (n_modes, n_points, dim_x), dt seconds later."""
+        return self._moved(points, dt, modes, 0.0)
+
+    def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | float) -> Floats:
+        n, half = self.network.n_state, self.network.n_state // 2
+        lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
+        fade = np.exp(-dt / lasting)
+        forces = np.zeros((*points.shape[:2], half))
+        # of the poke at the start, the mean share over the step
+        forces[:, :, self.poked_rows] = ((1.0 - fade) * lasting / dt) * points[:, :, self.pokes]
+        forces += outside
+        moved = np.empty_like(points)
+        states = points[:, :, :n].reshape(-1, n)
+        moved[:, :, :n] = self.stepper.advance(states, dt, forces.reshape(-1, half)).reshape(*points.shape[:2], n)
+        moved[:, :, self.pokes] = fade * points[:, :, self.pokes]
+        if self.bias is not None:
+            moved[:, :, self.bias_rows] = np.exp(-dt / self.bias.lasting_s) * points[:, :, self.bias_rows]
+        return moved
+
+    def carried(self, means: Floats, columns: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
+        """What constants off by one standard deviation along each direction make of the error, dt seconds later.
+
+        means (n_modes, dim_x), columns (n_modes, dim_x, n_columns). A constant that is off is a force beside the
+        model's; the shift is taken as it is, not as a derivative.
+        """
+        if self._forces is None or self.uncertainty is None:
+            return columns
+        points = means[:, None, :] + np.concatenate([np.zeros_like(columns[:, :, :1]), columns], axis=2).swapaxes(1, 2)
+        outside = np.zeros((*points.shape[:2], self.network.n_state // 2))
+        for k, mean in enumerate(means):
+            outside[k, 1:] = self.uncertainty.directions @ self._forces(mean[: self.network.n_state])
+        moved = self._moved(points, dt, modes, outside)
+        return (moved[:, 1:] - moved[:, :1]).swapaxes(1, 2)
+
+    def turned(self, points: Floats) -> NDArray[np.bool_]:
+        """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against their mean's, (n_sets,)."""
+        return reversed_springs(self.network, points)
+
+    def resting_columns(self, shape: Floats, held: Sequence[int] = ()) -> Floats:
+        """What constants off along each direction make of a rest shape, (dim_x, n_columns).
+
+        shape of all nodes [m], (n_nodes, dim); held: rows of the state whose places are known.
+        """
+        columns = np.zeros((self.dim_x, self.n_columns))
+        if self._forces is None or self.uncertainty is None:
+            return columns
+        half = self.network.n_state // 2
+        state = np.zeros(self.network.n_state)
+        state[:half] = shape[self.network.free].ravel()
+        others = np.setdiff1d(np.arange(half), np.asarray(held, dtype=int))
+        forces = self.uncertainty.directions @ self._forces(state)
+        K = stiffness_matrix(self.network, shape)
+        columns[others] = np.linalg.solve(K[np.ix_(others, others)], forces[:, others].T)
+        return columns
 
     def noise(self, dt: float, mode: ForceMode) -> Floats:
         """Covariance that a step of dt [s] adds, (dim_x, dim_x), by the exact discretisation of each free coordinate.
@@ -75,6 +162,9 @@ class TissueModel:
         for a in range(3):
             for b in range(3):
                 Q[places[a], places[b]] += scales[a] * poke[a, b] * scales[b]
+        if self.bias is not None:
+            slow = -np.expm1(-2.0 * dt / self.bias.lasting_s) * self.bias.sd_m**2
+            Q[self.bias_rows, self.bias_rows] = slow * np.eye(self.network.dim)
         return Q
 
     def linearised(self, rest: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
@@ -88,6 +178,10 @@ class TissueModel:
             A[half + row, n + k] = 1.0 / self.mass[row]
             A[n + k, n + k] = -1.0 / mode.lasting_s
             density[n + k, n + k] = 2.0 * (mode.poke * self.mass[row]) ** 2 / mode.lasting_s
+        if self.bias is not None:
+            for row in range(self.bias_rows.start, self.bias_rows.stop):
+                A[row, row] = -1.0 / self.bias.lasting_s
+                density[row, row] = 2.0 * self.bias.sd_m**2 / self.bias.lasting_s
         return A, density
 
 
@@ -111,6 +205,13 @@ def grown_covariance(A: Floats, density: Floats, seconds: float) -> Floats:
 
 
 def _poke_noise(dt: float, mode: ForceMode) -> Floats:
-    A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0 / mode.lasting_s]])
-    density = np.diag([0.0, 0.0, 2.0 * mode.poke**2 / mode.lasting_s])
-    return grown_covariance(A, density, dt)
+    """Covariance of place, velocity and poke by mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
+
+    The integral of g g' over the age s of the noise, g what noise of that age has become: Gauss-Legendre.
+    """
+    tau = mode.lasting_s
+    s = 0.5 * dt * (LEGENDRE[0] + 1.0)
+    gone = -np.expm1(-s / tau)
+    g = np.array([tau * (s - tau * gone), tau * gone, 1.0 - gone])
+    return (0.5 * dt * LEGENDRE[1] * (2.0 * mode.poke**2 / tau) * g) @ g.T
+
