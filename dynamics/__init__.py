@@ -13,6 +13,7 @@ from dynamics.parameters import (
     parameter_named,
     parameters,
     scaled,
+    value,
 )
 from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
 from dynamics.plain import plain_derivative, plain_step
@@ -55,4 +56,5 @@ __all__ = [
     "state_matrix",
     "stiffness_matrix",
     "unpack",
+    "value",
 ]

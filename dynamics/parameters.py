@@ -87,6 +87,11 @@ def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
     raise NetworkError(f'no positive constant named "{text}"')
 
 
+def value(network: MassSpringNetwork, parameter: Parameter) -> float:
+    """What it is, in SI."""
+    return float(getattr(network, FIELDS[parameter.kind])[parameter.index])
+
+
 def scaled(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
     """The network with each of these constants times exp(change), (n_parameters,), all else as it was."""
     values = {kind: getattr(network, FIELDS[kind]).copy() for kind in KINDS}

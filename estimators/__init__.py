@@ -2,31 +2,46 @@
 
 from estimators.consistency import chi_square_bounds, coverage, mean_bounds, normalised_squared
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.health import Health
+from estimators.identification import IdentificationError, Identified, identify, principal
 from estimators.mixture import InteractingMixture, mixed
 from estimators.open_loop import OpenLoop
+from estimators.replay import Replay
 from estimators.settings import FilterSettings
+from estimators.smoother import FixedLag, fixed_interval
 from estimators.tissue import TissueFilter
 from estimators.tissue_model import FixBias, ForceMode, TissueModel, grown_covariance
+from estimators.tuning import Tuned, tune
 from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [
     "CovarianceError",
     "FilterSettings",
     "FixBias",
+    "FixedLag",
     "ForceMode",
+    "Health",
+    "IdentificationError",
+    "Identified",
     "InteractingMixture",
     "MarkMeasurement",
     "OpenLoop",
+    "Replay",
     "Status",
     "TargetEstimate",
     "TissueFilter",
     "TissueModel",
+    "Tuned",
     "UnscentedKalmanFilter",
     "chi_square_bounds",
     "coverage",
+    "fixed_interval",
     "grown_covariance",
+    "identify",
     "mean_bounds",
     "mixed",
     "normalised_squared",
     "positive_points",
+    "principal",
+    "tune",
 ]

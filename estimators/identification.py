@@ -25,8 +25,11 @@ PRIOR_SD: Mapping[str, float] = dict(zip(KINDS, (0.3, 0.05, 0.5, 0.5, 0.5), stri
 """How well constants are known before, by kind: relative standard deviations; chosen."""
 
 MOST_PASSES = 12
-CONVERGED = 0.02
+CONVERGED = 0.1
 """The search ends when no constant moves by more than this part of its standard error."""
+
+SLACK = 1.0
+"""A step is halved where the log posterior falls by more; less is what the modes' mixing makes of it; chosen."""
 
 KEPT = 0.995
 """Part of the target's variance by unknown constants that the directions kept must carry; chosen."""
@@ -121,7 +124,7 @@ def identify(
             tried = theta + step * move
             model_tried, sum_tried = at(tried)
             passes += 1
-            if sum_tried.log_likelihood - 0.5 * tried @ tried >= score - 1e-3 or passes >= MOST_PASSES:
+            if sum_tried.log_likelihood - 0.5 * tried @ tried >= score - SLACK or passes >= MOST_PASSES:
                 break
             step *= 0.5
         theta, model, found, step = tried, model_tried, sum_tried, 1.0
@@ -142,9 +145,7 @@ def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:
         used = tissue.update(marks).marks_used
         if not (started and used):
             continue
-        logs = np.array([f.log_likelihood for f in mixture.filters])
-        # mu is the posterior: mu_j = prior_j L_j / sum, so that the sum is any prior_j L_j / mu_j
-        log_likelihood += float(logs.max() + np.log(mixture.evidence))
+        log_likelihood += mixture.log_likelihood
         for weight, f, T in zip(mixture.mu, mixture.filters, mixture.told, strict=True):
             if weight > 1e-6:
                 solved = np.linalg.solve(f.S, np.column_stack([T, f.y]))

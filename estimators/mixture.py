@@ -83,7 +83,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     columns: (n_modes, n, r): what r known, independent directions, each by one standard deviation, make of the error
         of each mode's mean; never estimated
     considered: whether gains allow for the columns; where not, they are the sensitivities of a filter that knows of none
-    evidence: probability density of the last measurement by that of the mode which it fitted best
+    log_likelihood: of the last measurement
     told: (n_modes, m, r): what the directions made of the last innovations
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
@@ -99,7 +99,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
         self.considered = True
         self.told = self.columns
-        self.evidence = 1.0
+        self.log_likelihood = 0.0
         self.repairs: Counter[str] = Counter()
         super().__init__(list(filters), np.array(mu, dtype=float), np.eye(len(filters)))
         self.rates = np.asarray(rates, dtype=float)
@@ -184,7 +184,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         logs = np.array([f.log_likelihood for f in self.filters])
         self.likelihood = np.exp(logs - logs.max())
         posterior = self.mu * self.likelihood
-        self.evidence = float(posterior.sum())
+        self.log_likelihood = float(logs.max() + np.log(posterior.sum()))
         self.mu = np.maximum(posterior / posterior.sum(), LEAST)
         self.mu /= self.mu.sum()
         self._compute_state_estimate()

@@ -34,8 +34,8 @@ class FilterSettings:
     fix_bias: what fixes of the target are off by together; None where none are to come
     """
 
-    quiet: ForceMode = ForceMode(white=0.05, poke=0.05, lasting_s=0.05)
-    poked: ForceMode = ForceMode(white=0.05, poke=5.0, lasting_s=0.2)
+    quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
+    poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)
     calm_s: float = 100.0
     between_s: float = 1.5
     poked_s: float = 0.3
@@ -48,7 +48,7 @@ class FilterSettings:
     stubborn_s: float = 0.1
     lost_s: float = 1.0
     test_s: float = 0.25
-    test_sigmas: float = 6.0
+    test_sigmas: float = 10.0
     mix_s: float = 1.0 / 30.0
     fix_bias: FixBias | None = None
 

@@ -208,7 +208,8 @@ class TissueFilter:
         y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
         nis = float(y @ np.linalg.solve(S, y))
         if anew:
-            self.repairs["restarted"] += self.health.since_s is not None
+            if self.health.since_s is not None:
+                self.repairs["restarted"] += 1
             self._start_at(taken)
             self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
             self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)

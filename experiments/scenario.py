@@ -32,10 +32,11 @@ class Release(Strict):
 
 
 class Pokes(Strict):
-    """A rod pushes one of the outer nodes now and then: half a sine wave in a random direction.
+    """A rod pushes the outer nodes now and then: half a sine wave in a random direction.
 
-    acceleration_m_s2: the highest push by the node's mass; each poke has between 0.3 and 1 of it
+    acceleration_m_s2: the highest push by the node's mass; each poke has between the part `weakest` and all of it
     pause_s: mean of the exponential pause between two pokes
+    together: all of the nodes at once, in the same direction, and not one of them at random
     """
 
     nodes: Annotated[list[str], Field(min_length=1)]
@@ -43,6 +44,8 @@ class Pokes(Strict):
     shortest_s: Positive
     longest_s: Positive
     pause_s: Positive
+    weakest: Annotated[float, Field(gt=0, le=1)] = 0.3
+    together: bool = False
 
     @model_validator(mode="after")
     def _ordered(self) -> Pokes:

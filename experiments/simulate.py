@@ -73,29 +73,29 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Half-sine pushes on one node at a time, in random directions, with random pauses [N], (n_free, dim)."""
+    """Half-sine pushes in random directions, with random pauses, on one node at a time or on all, [N], (n_free, dim)."""
     rows = [_row(network, node) for node in pokes.nodes]
-    starts, ends, which, peaks = [], [], [], []
+    starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)
     while t < duration_s:
         lasting = rng.uniform(pokes.shortest_s, pokes.longest_s)
-        row = int(rng.choice(rows))
+        pushed = rows if pokes.together else [int(rng.choice(rows))]
         direction = rng.normal(size=network.dim)
         direction /= np.linalg.norm(direction)
-        strength = rng.uniform(0.3, 1.0) * pokes.acceleration_m_s2 * network.masses[network.free[row]]
+        strength = rng.uniform(pokes.weakest, 1.0) * pokes.acceleration_m_s2
+        peak = np.zeros((len(network.free), network.dim))
+        peak[pushed] = strength * network.masses[network.free[pushed]][:, None] * direction
         starts.append(t)
         ends.append(t + lasting)
-        which.append(row)
-        peaks.append(strength * direction)
+        peaks.append(peak)
         t += lasting + rng.exponential(pokes.pause_s)
-    begun = np.array(starts)
+    begun, nothing = np.array(starts), np.zeros((len(network.free), network.dim))
 
     def force(t: float) -> Floats:
-        total = np.zeros((len(network.free), network.dim))
         k = int(np.searchsorted(begun, t, side="right")) - 1
         if k >= 0 and t < ends[k]:
-            total[which[k]] = peaks[k] * np.sin(np.pi * (t - starts[k]) / (ends[k] - starts[k]))
-        return total
+            return peaks[k] * np.sin(np.pi * (t - starts[k]) / (ends[k] - starts[k]))
+        return nothing
 
     return force
 
