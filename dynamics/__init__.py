@@ -17,7 +17,7 @@ from dynamics.parameters import (
 )
 from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
 from dynamics.plain import plain_derivative, plain_step
-from dynamics.rest import rest_shape, shape_held
+from dynamics.rest import at_rest_where_seen, rest_shape, shape_held
 from dynamics.reversal import reversed_springs
 from dynamics.stepping import Stepper, adaptive, derivative
 from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
@@ -34,6 +34,7 @@ __all__ = [
     "Uncertainty",
     "adaptive",
     "all_positions",
+    "at_rest_where_seen",
     "damping_matrix",
     "derivative",
     "four_mass_phantom",

@@ -11,10 +11,15 @@ from scipy.optimize import minimize
 
 from dynamics.forces import node_forces, potential_energy
 from dynamics.network import Floats, MassSpringNetwork, NetworkError, all_positions
+from dynamics.parameters import label, parameter_forces, parameters
 from dynamics.tangent import stiffness_matrix
 
 RESIDUAL = 1e-9
 """Largest force left on a node at rest, relative to weights and spring tensions."""
+
+
+MOST_CHANGE = 0.5
+"""Relative change of a rest length beyond which a still picture shows another network; chosen."""
 
 
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
@@ -67,3 +72,36 @@ def shape_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Flo
     if fixed.all():
         return positions
     return rest_shape(replace(network, positions=positions, fixed=fixed))
+
+
+def at_rest_where_seen(
+    network: MassSpringNetwork, positions: ArrayLike, *, sd_m: float = 0.0, known: float = 0.1
+) -> MassSpringNetwork:
+    """The network with rest lengths corrected so that it rests where the tissue was seen to rest, drawn there.
+
+    positions: of all nodes [m], (n_nodes, dim), each coordinate seen with noise of sd_m [m]; known: relative standard
+    deviation of the rest lengths before.
+
+    At a shape x the forces are linear in the rest lengths: G c + f = 0 for the relative changes c. Of all that balance,
+    the smallest; with noise, the most probable, f being wrong by K times the noise of x. Combinations of rest lengths
+    that no force tells of stay as they are. Raises NetworkError where a rest length would have to change by half, or
+    where there is no stable rest near x.
+    """
+    x = np.asarray(positions, dtype=float)
+    if x.shape != network.positions.shape or not np.isfinite(x).all():
+        raise NetworkError(f"positions: expected finite numbers of shape {network.positions.shape}, found {x.shape}")
+    drawn = replace(network, positions=x)
+    which = parameters(drawn, ("rest_length",))
+    still = np.zeros_like(x)
+    f = node_forces(drawn, x, still)[drawn.free].ravel()
+    G = parameter_forces(drawn, which, x, still).T
+    noise = sd_m * stiffness_matrix(drawn, x)
+    change = known**2 * G.T @ np.linalg.lstsq(known**2 * G @ G.T + noise @ noise.T, -f, rcond=1e-12)[0]
+    if np.abs(change).max() > MOST_CHANGE:
+        name = label(network, which[int(np.abs(change).argmax())])
+        raise NetworkError(
+            f"{name}: expected to rest where it was seen with a change below {100 * MOST_CHANGE:.0f} %,"
+            f" found {100 * np.abs(change).max():.0f} %"
+        )
+    corrected = replace(drawn, rest_lengths=drawn.rest_lengths * (1.0 + change))
+    return replace(corrected, positions=rest_shape(corrected))

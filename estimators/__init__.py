@@ -1,11 +1,14 @@
 """Probability: filters that tell where the target is, and how sure of it one may be."""
 
+from estimators.adaptation import RunningScale
 from estimators.consistency import chi_square_bounds, coverage, mean_bounds, normalised_squared
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.health import Health
 from estimators.identification import IdentificationError, Identified, identify, principal
+from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.mixture import InteractingMixture, mixed
 from estimators.open_loop import OpenLoop
+from estimators.open_loop_belief import OpenLoopBelief
 from estimators.replay import Replay
 from estimators.settings import FilterSettings
 from estimators.smoother import FixedLag, fixed_interval
@@ -15,6 +18,7 @@ from estimators.tuning import Tuned, tune
 from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [
+    "Check",
     "CovarianceError",
     "FilterSettings",
     "FixBias",
@@ -24,9 +28,12 @@ __all__ = [
     "IdentificationError",
     "Identified",
     "InteractingMixture",
+    "LeaveOneOut",
     "MarkMeasurement",
     "OpenLoop",
+    "OpenLoopBelief",
     "Replay",
+    "RunningScale",
     "Status",
     "TargetEstimate",
     "TissueFilter",

@@ -31,6 +31,7 @@ class FilterSettings:
     test_s: innovations of this time [s] are tested together for divergence
     test_sigmas: and may be improbable as a normal variable so many standard deviations out
     mix_s: the modes are mixed at least this often [s]
+    marks_bounds: between which factors the variances of the marks, as told, adapt to their innovations; (1, 1): not
     fix_bias: what fixes of the target are off by together; None where none are to come
     """
 
@@ -50,6 +51,7 @@ class FilterSettings:
     test_s: float = 0.25
     test_sigmas: float = 10.0
     mix_s: float = 1.0 / 30.0
+    marks_bounds: tuple[float, float] = (1.0, 1.0)
     fix_bias: FixBias | None = None
 
     @property

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from dynamics import MassSpringNetwork, NetworkError, Uncertainty, pack, rest_shape, shape_held, stiffness_matrix
+from estimators.adaptation import RunningScale
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.health import Health, after_frame
 from estimators.mixture import InteractingMixture, Move
+from estimators.open_loop_belief import OpenLoopBelief
 from estimators.settings import FilterSettings, stationary
 from estimators.tissue_model import ForceMode, TissueModel, grown_covariance
 from estimators.unscented import UnscentedKalmanFilter
 
 Floats = NDArray[np.float64]
+
+MODEL_ONLY = 0.5
+"""Part of the variance that the target has without any marks, above which the model alone speaks; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +40,9 @@ class Snapshot:
     off_s: dict[str, float]
     repairs: Counter[str]
     refused: Counter[str]
+    updated_s: float | None
+    open_loop: Floats
+    marks_scale: tuple[float, float]
 
 
 class TissueFilter:
@@ -45,7 +52,8 @@ class TissueFilter:
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
     what was mended (repairs): sigma points `narrowed`, covariances made `definite`, `restarted` after a divergence or a
-    loss.
+    loss; open_loop, how sure the paper's method has reason to be; marks_scale, what the marks' variances are multiplied
+    by.
     """
 
     def __init__(
@@ -60,6 +68,8 @@ class TissueFilter:
         self.settings = FilterSettings() if settings is None else settings
         self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias)
         self.time_s: float | None = None
+        self._updated_s: float | None = None
+        self._noises: tuple[float, dict[ForceMode, Floats]] | None = None
         self.health = Health()
         self.refused: Counter[str] = Counter()
         self._off_s: dict[str, float] = {}
@@ -76,9 +86,10 @@ class TissueFilter:
             turned=self.model.turned,
         )
         self.mixture = InteractingMixture(filters, stationary(rates), rates, move)
-        self._alone_m2 = 0.0
         self._start_from(self._rest)
         self._alone_m2 = float(np.trace(self.mixture.P[self.target, self.target]))
+        self.open_loop = OpenLoopBelief(network, target, [n for n in marked if n != target], self.settings.quiet.white)
+        self.marks_scale = RunningScale(self.settings.marks_bounds)
 
     @property
     def repairs(self) -> Counter[str]:
@@ -116,6 +127,9 @@ class TissueFilter:
             self._off_s.copy(),
             self.repairs.copy(),
             self.refused.copy(),
+            self._updated_s,
+            self.open_loop.cov,
+            (self.marks_scale.scale, self.marks_scale.information),
         )
 
     def restore(self, then: Snapshot) -> None:
@@ -127,6 +141,8 @@ class TissueFilter:
         self.time_s, self.health = then.time_s, then.health
         self._marks_seen_s, self._off_s = then.marks_seen_s.copy(), then.off_s.copy()
         mixture.repairs, self.refused = then.repairs.copy(), then.refused.copy()
+        self._updated_s, self.open_loop.cov = then.updated_s, then.open_loop
+        self.marks_scale.scale, self.marks_scale.information = then.marks_scale
 
     def predict(self, time_s: float) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite."""
@@ -143,11 +159,12 @@ class TissueFilter:
     def _advance(self, dt: float) -> None:
         n = max(1, int(np.ceil(dt / self.settings.mix_s - 1e-9)))
         step = dt / n / self.model.stepper.n_steps(dt / n)
-        noises: dict[ForceMode, Floats] = {}
+        # to a nanosecond: frames at one rate differ by rounding, and their noise does not
+        key = round(step, 9)
+        if self._noises is None or self._noises[0] != key:
+            self._noises = key, {mode: self.model.noise(step, mode) for mode in set(self.settings.modes)}
         for f, mode in zip(self.mixture.filters, self.settings.modes, strict=True):
-            if mode not in noises:
-                noises[mode] = self.model.noise(step, mode)
-            f.Q = noises[mode]
+            f.Q = self._noises[1][mode]
         for _ in range(n):
             self.mixture.predict(dt / n, step)
 
@@ -197,16 +214,23 @@ class TissueFilter:
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         self._check(marks)
+        dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
+        self._updated_s = self.time_s
+        if self.marks_scale.scale != 1.0:
+            marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         anew = self.health.since_s is None or self.time_s - self.health.seen_s > self.settings.lost_s
         taken = list(marks) if anew else self._believable(marks)
+        self.open_loop.take(dt, {mark.node: mark.cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
             return self._estimate(self.time_s, 0, None)
         z, rows, R = self._stacked(taken)
         H = np.zeros((len(rows), self.model.dim_x))
         H[range(len(rows)), rows] = 1.0
-        y, S = z - H @ self.mixture.x, H @ self.mixture.P @ H.T + R
-        nis = float(y @ np.linalg.solve(S, y))
+        before = self.mixture.P
+        y, S = z - self.mixture.x[rows], before[np.ix_(rows, rows)] + R
+        told = np.linalg.inv(S)
+        nis = float(y @ told @ y)
         if anew:
             if self.health.since_s is not None:
                 self.repairs["restarted"] += 1
@@ -214,15 +238,16 @@ class TissueFilter:
             self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
             self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)
             return self._estimate(self.time_s, len(taken), nis)
-        before = self.mixture.P
         self.mixture.update_linear(z, H, R)
+        if self.settings.marks_bounds != (1.0, 1.0):
+            self.marks_scale.learn(y, R / self.marks_scale.scale, S - R, dt)
         least = min(f.nis for f in self.mixture.filters)
         self.health = after_frame(self.health, self.time_s, least, len(z), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
             self.repairs["restarted"] += 1
             self._start_at(taken)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
-        return self._estimate(self.time_s, len(taken), nis, self._carried(before, taken, rows, R))
+        return self._estimate(self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken))
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
@@ -284,6 +309,7 @@ class TissueFilter:
         self, time_s: float, marks_used: int, nis: float | None, carried: dict[str, float] | None = None
     ) -> TargetEstimate:
         cov = self.mixture.P[self.target, self.target].copy()
+        open_loop_m2 = float(np.trace(self.open_loop.target_cov))
         return TargetEstimate(
             time_s=time_s,
             mean=self.mixture.x[self.target].copy(),
@@ -292,33 +318,34 @@ class TissueFilter:
             marks_used=marks_used,
             nis=nis,
             poked=float(self.mixture.mu[-1]),
+            model_only=float(np.trace(cov)) > MODEL_ONLY * self._alone_m2,
+            gain=None if open_loop_m2 <= 0.0 else 1.0 - float(np.trace(cov)) / open_loop_m2,
             carried={} if carried is None else carried,
         )
 
-    def _carried(self, P: Floats, marks: Sequence[MarkMeasurement], rows: list[int], R: Floats) -> dict[str, float]:
+    def _carried(self, gain: Floats, told: Floats, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
         """By node, by how much the target's variance would be larger had that mark been left out of this frame.
 
-        P before the frame, (dim_x, dim_x); the mixture's, as if it were one Gaussian.
+        gain: the target's, (dim, m); told: inverse of the innovations' covariance, (m, m); the mixture's, as if it were
+        one Gaussian. Leaving out block i gives back G_i (told_ii)^-1 G_i' of what the update took.
         """
-        cross, S = P[self.target, rows], P[np.ix_(rows, rows)] + R
-        prior = float(np.trace(P[self.target, self.target]))
-
-        def left(kept: list[int]) -> float:
-            B = cross[:, kept]
-            return prior - float(np.sum(B * np.linalg.solve(S[np.ix_(kept, kept)], B.T).T))
-
-        everything, dim = list(range(len(rows))), self.model.network.dim
-        full = left(everything)
-        return {
-            mark.node: left(everything[: k * dim] + everything[(k + 1) * dim :]) / full - 1.0
-            for k, mark in enumerate(marks)
-        }
+        left = float(np.trace(self.mixture.P[self.target, self.target]))
+        dim = self.model.network.dim
+        carried = {}
+        for k, mark in enumerate(marks):
+            own = slice(k * dim, (k + 1) * dim)
+            carried[mark.node] = float(np.sum(gain[:, own] * np.linalg.solve(told[own, own], gain[:, own].T).T)) / left
+        return carried
 
     def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
         """Positions of the marks, their rows of the state, and their covariance: (m,), m, (m, m)."""
         z = np.concatenate([mark.position for mark in marks])
         rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
-        return z, rows, block_diag(*(mark.cov for mark in marks))
+        R, dim = np.zeros((len(z), len(z))), self.model.network.dim
+        for k, mark in enumerate(marks):
+            own = slice(k * dim, (k + 1) * dim)
+            R[own, own] = mark.cov
+        return z, rows, R
 
     def _start_at(self, marks: Sequence[MarkMeasurement]) -> None:
         """Believe the tissue to rest as these marks hold it; where it has no such rest, to rest, and take them in.

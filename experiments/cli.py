@@ -65,6 +65,66 @@ def track(
     print(f"Tables and pictures in {out}")
 
 
+SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+
+
+@app.command()
+def identify(
+    recording: Annotated[Path, typer.Argument(help="Calibration recording in which the hidden mark is seen, too.")],
+    out: SceneOut,
+    scene: SceneFile = None,
+    at_rest: Annotated[bool, typer.Option("--at-rest", help="The tissue rests: correct its rest lengths only.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the tissue's constants: write a scene to track with, say how well each is known."""
+    from experiments.identify import identification_report, identified_scene, marks_in, resting_scene
+    from experiments.recording import open_recording
+    from experiments.scene import write_scene
+    from experiments.tell import constants_table
+
+    opened = open_recording(recording, scene)
+    with progress() as stage:
+        frames = marks_in(opened, stage("marks"))
+        if at_rest:
+            write_scene(resting_scene(opened, frames), out)
+        else:
+            found_scene, found = identified_scene(opened, frames, stage("identify"))
+            write_scene(found_scene, out)
+    if at_rest:
+        print(f"Scene in {out}: it rests where the recording shows it")
+    elif as_json:
+        print(json.dumps(identification_report(found), indent=2))
+    else:
+        print_table(constants_table(identification_report(found)))
+        print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
+
+
+@app.command()
+def tune(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: SceneOut,
+    scene: SceneFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the noise levels under which a recording is most probable; no truth is needed. Write a scene with them."""
+    from experiments.identify import marks_in, tuned_scene, tuning_report
+    from experiments.recording import open_recording
+    from experiments.scene import write_scene
+    from experiments.tell import levels_table
+
+    opened = open_recording(recording, scene)
+    with progress() as stage:
+        frames = marks_in(opened, stage("marks"))
+        found_scene, found = tuned_scene(opened, frames, stage("tune"))
+        write_scene(found_scene, out)
+    if as_json:
+        print(json.dumps(tuning_report(found), indent=2))
+    else:
+        print_table(levels_table(tuning_report(found)))
+        print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
+
+
 @app.command()
 def demo(out: Out = Path("demo"), force: Force = False) -> None:
     """Simulate, film and track the paper's two scenarios, and compare with what the paper found."""
@@ -94,7 +154,7 @@ def live(
 
 @app.command()
 def bench(
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON for programs.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Time the filter and the loop against their references, in one run."""
     from experiments.bench import bench as run

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from estimators import MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
+from estimators import FixBias, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
+from experiments.recording import Fix
 from experiments.scene import Mark, Scene
 
 Floats = NDArray[np.float64]
@@ -20,6 +22,9 @@ OPEN_LOOP, FILTER = "open-loop", "filter"
 HALF_AT_LEAST = 0.5
 """Of its area a mark must show this part at least, or it is not taken for one; chosen."""
 
+
+USUAL_BIAS = FixBias(sd_m=1e-3)
+"""What fixes are off by together where the scene does not say: an ultrasound probe's calibration; chosen."""
 
 BLOW_GATE = 9.21
 """Squared Mahalanobis distance at which a mark looked for after a blow is given up: chi-square, 99 %; chosen."""
@@ -43,13 +48,21 @@ class Step:
 class Line:
     """Runs the methods through the frames of one scene, in order of exposure.
 
-    State: the filter, the paper's open loop (baseline=False leaves it out), the marks missed in the last frame.
+    fixes: direct sightings of the target, fused at their times; what they are off by together is estimated, too
+    State: the filter, the paper's open loop (baseline=False leaves it out), the marks missed in the last frame, the
+    fixes still to come.
     """
 
-    def __init__(self, scene: Scene, *, baseline: bool = True) -> None:
+    def __init__(self, scene: Scene, *, baseline: bool = True, fixes: Sequence[Fix] = ()) -> None:
         self.scene = scene
         measured = scene.measured_nodes
-        self.filter = TissueFilter(scene.network, scene.target.node, measured)
+        settings = scene.settings
+        if fixes and settings.fix_bias is None:
+            settings = replace(settings, fix_bias=USUAL_BIAS)
+        self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
+        self.filter = TissueFilter(
+            scene.network, scene.target.node, measured, settings, uncertainty=scene.uncertainty
+        )
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
         self._missed: set[str] = set()
@@ -70,7 +83,7 @@ class Line:
         began = time.perf_counter()
         detections = vision.detect_marks(image, list(self._hues.values()), min_area_px=self._min_area_px)
         detected = time.perf_counter()
-        self.filter.predict(exposure_s)
+        self._predict(exposure_s)
         predicted = time.perf_counter()
         marks = self._identified(detections)
         identified = time.perf_counter()
@@ -80,8 +93,17 @@ class Line:
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from marks that another tracker found."""
         began = time.perf_counter()
-        self.filter.predict(exposure_s)
+        self._predict(exposure_s)
         return self._estimated(exposure_s, tuple(marks), 0.0, time.perf_counter() - began)
+
+    def _predict(self, exposure_s: float) -> None:
+        """Move the filter to this time [s], by way of the fixes that came until then."""
+        while self._fixes and self._fixes[0].time_s <= exposure_s:
+            fix = self._fixes.popleft()
+            if self.filter.time_s is None or fix.time_s >= self.filter.time_s:
+                self.filter.predict(fix.time_s)
+                self.filter.fix(fix.position_m, fix.sd_m**2 * np.eye(len(fix.position_m)))
+        self.filter.predict(exposure_s)
 
     def _identified(self, detections: Sequence[vision.Detection]) -> tuple[MarkMeasurement, ...]:
         """The marks among the detections, looked for where they are expected, and what is missing as if struck."""

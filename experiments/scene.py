@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, NetworkError
+from dynamics import MassSpringNetwork, NetworkError, Uncertainty
+from estimators import FilterSettings
 from experiments.errors import InputError, shown
 from experiments.outputs import write_whole
 from experiments.scene_file import VERSION, CameraTable, NetworkTable, NodeTable, SceneFile, read_toml
+from experiments.scene_filter import filter_table, settings_of, uncertainty_names, uncertainty_of
 from vision import PlaneCamera
 
 Floats = NDArray[np.float64]
@@ -45,12 +47,18 @@ class Target:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What is in view: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit."""
+    """What is in view: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit.
+
+    uncertainty: how well the constants of the tissue are known, None where they are taken as exact
+    settings: what the filter is to assume of noise and pokes
+    """
 
     network: MassSpringNetwork
     marks: tuple[Mark, ...]
     target: Target
     cameras: tuple[PlaneCamera, ...]
+    uncertainty: Uncertainty | None = None
+    settings: FilterSettings = field(default_factory=FilterSettings)
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -107,13 +115,16 @@ def read_scene(path: Path) -> Scene:
     """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
     file = read_toml(path, SceneFile)
     try:
+        network = _network(file.network)
         return Scene(
-            network=_network(file.network),
+            network=network,
             marks=tuple(Mark(m.node, m.hue_deg, 1e-3 * m.diameter_mm, m.measured) for m in file.mark),
             target=Target(file.target.node, 1e-3 * file.target.radius_mm),
             cameras=tuple(_camera(i, camera) for i, camera in enumerate(file.camera)),
+            uncertainty=uncertainty_of(file.uncertainty, network),
+            settings=settings_of(file.filter),
         )
-    except SceneError as error:
+    except (SceneError, NetworkError) as error:
         raise InputError(f"{path}: {error}") from None
 
 
@@ -215,6 +226,13 @@ def write_scene(scene: Scene, path: Path) -> None:
         lines += [f"diameter_mm = {_number(1e3 * mark.diameter_m)}", f"measured = {_bool(mark.measured)}"]
     lines += ["", "[target]", f"node = {_text(scene.target.node)}"]
     lines += [f"radius_mm = {_number(1e3 * scene.target.radius_m)}"]
+    if scene.uncertainty is not None:
+        names = uncertainty_names(network, scene.uncertainty)
+        lines += ["", "[uncertainty]", "parameters = [", *(f"    {_text(name)}," for name in names), "]"]
+        lines += ["directions = [", *(f"    {_list(row)}," for row in scene.uncertainty.directions), "]"]
+    if keys := filter_table(scene.settings):
+        lines += ["", "[filter]"]
+        lines += [f"{key} = {_bool(v) if isinstance(v, bool) else _number(v)}" for key, v in keys.items()]
     for camera in scene.cameras:
         lines += ["", "[[camera]]", f"name = {_text(camera.name)}"]
         lines += [f"size_px = [{camera.size_px[0]}, {camera.size_px[1]}]", "plane_to_px = ["]

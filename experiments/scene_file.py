@@ -11,6 +11,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from dynamics import KINDS
 from experiments.errors import InputError, read_text, shown
 
 VERSION = 1
@@ -102,11 +103,53 @@ class CameraTable(Strict):
         return data
 
 
+class UncertaintyTable(Strict):
+    """`[uncertainty]`: how well the constants are known, relative standard deviations.
+
+    Either by kind, every constant of it by itself, or as directions: each row one standard deviation along one
+    direction, independent of the others, of the logs of the parameters named.
+    """
+
+    stiffness: Positive | None = None
+    rest_length: Positive | None = None
+    damping: Positive | None = None
+    drag: Positive | None = None
+    friction: Positive | None = None
+    parameters: list[Name] | None = None
+    directions: list[list[float]] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> UncertaintyTable:
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if (self.parameters is None) != (self.directions is None):
+            raise ValueError("expected parameters and directions together, found one of them")
+        if self.parameters is not None and kinds:
+            raise ValueError(f"expected parameters and directions or kinds, found both, {kinds[0]}")
+        if self.parameters is None and not kinds:
+            raise ValueError(f"expected one or more of {', '.join(KINDS)}, or parameters and directions, found none")
+        for row in self.directions or ():
+            if len(row) != len(self.parameters or ()):
+                raise ValueError(f"expected directions of {len(self.parameters or ())} numbers each, found {len(row)}")
+        return self
+
+
+class FilterTable(Strict):
+    """`[filter]`: noise levels for this tissue and camera in place of the usual ones, see `FilterSettings`."""
+
+    white_m_s2_sqrt_hz: Positive | None = None
+    poke_m_s2: Positive | None = None
+    poke_lasting_s: Positive | None = None
+    fix_bias_mm: Positive | None = None
+    adapt_marks: bool = False
+
+
 class SceneFile(Strict):
     """The whole of `scene.toml`, version 1."""
 
     version: int
     network: NetworkTable
+    uncertainty: UncertaintyTable | None = None
+    filter: FilterTable | None = None
     mark: list[MarkTable] = []
     target: TargetTable
     camera: list[CameraTable] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from rich.table import Table
 
@@ -58,6 +59,34 @@ def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
     for name, figures in report.items():
         for key, value in figures.items():
             table.add_row(name, key, f"{value:.3g}")
+    return table
+
+
+def constants_table(report: Mapping[str, Any]) -> Table:
+    """One row a constant: value and standard error; in the caption what the recording does not tell."""
+    table = Table(title="Constants found")
+    for head in ("constant", "value [SI]", "standard error", "change"):
+        table.add_column(head, justify="left" if head == "constant" else "right")
+    for row in report["constants"]:
+        table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", f"{row['change']:+.1%}")
+    n = len(report["not_told"])
+    table.caption = (
+        f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording tells"
+        f" {len(report['constants']) - n}; {n} stay as well known as before (--json names them)."
+    )
+    return table
+
+
+def levels_table(report: Mapping[str, Any]) -> Table:
+    """One row a noise level: value and standard error."""
+    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the sd that was told"}
+    table = Table(title="Noise levels found")
+    for head in ("level", "value", "unit", "standard error"):
+        table.add_column(head, justify="right" if head in ("value", "standard error") else "left")
+    for name, row in report["levels"].items():
+        table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
+    gained = report["log_likelihood"] - report["log_likelihood_before"]
+    table.caption = f"The recording is exp({gained:.1f}) times as probable as with the levels before."
     return table
 
 

@@ -44,7 +44,7 @@ class Track:
 
 def track(recording: Recording, advance: Advance = lambda _share: None) -> Track:
     """Run both methods through every frame; `advance` is told the share done. Raises InputError, SourceError."""
-    line = Line(recording.scene)
+    line = Line(recording.scene, fixes=recording.fixes)
     n_frames = len(recording.exposures_s)
     steps = []
     for k, step in enumerate(_steps(line, recording)):

@@ -1,0 +1,42 @@
+"""A factor on part of a covariance, learnt from innovations while running, within bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class RunningScale:
+    """How much larger a variance is than told, by maximum likelihood with forgetting.
+
+    Innovations have the covariance S = rest + scale part. Each moves log scale by its score over the Fisher information
+    of the last forget_s, so that an innovation in which the part plays no role moves nothing. Source: [titterington1984].
+
+    bounds: of the scale, a factor on variances; start_information: how many independent coordinates the start, 1, is
+    worth
+    State: scale; information, of log scale, that is not forgotten yet.
+    """
+
+    def __init__(self, bounds: tuple[float, float], forget_s: float = 10.0, start_information: float = 10.0) -> None:
+        low, high = bounds
+        if not 0.0 < low <= high:
+            raise ValueError(f"bounds: expected 0 < low <= high, found {bounds}")
+        self.bounds = bounds
+        self.forget_s = forget_s
+        self.scale = float(np.clip(1.0, low, high))
+        self.information = self._start = 0.5 * start_information
+
+    def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
+        """The scale after an innovation (m,), dt [s] after the last; part and rest, (m, m), of its covariance."""
+        scaled = self.scale * part
+        share = np.linalg.solve(rest + scaled, np.column_stack([scaled, innovation]))
+        along = share[:, :-1]
+        score = 0.5 * float(innovation @ np.linalg.solve(rest + scaled, scaled @ share[:, -1]) - np.trace(along))
+        kept = float(np.exp(-dt / self.forget_s))
+        self.information = kept * self.information + (1.0 - kept) * self._start + 0.5 * float(np.sum(along * along.T))
+        # a step of one in the logarithm at most: far from the maximum the score says where, not how far
+        step = float(np.clip(score / self.information, -1.0, 1.0))
+        self.scale = float(np.clip(self.scale * np.exp(step), *self.bounds))
+        return self.scale
