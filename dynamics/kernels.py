@@ -140,7 +140,8 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 def write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
     """Write what a change of the log of each constant adds to the force on the free coordinates [N] into `out`.
 
-    x, v: of all nodes, (n_nodes, dim); kinds, indices: of the constants as in `dynamics.parameters`; out: (n, n_free dim).
+    x, v: of all nodes, (n_nodes, dim); kinds, indices: of the constants as in `dynamics.parameters`
+    out: (n, n_free dim)
     """
     dim = x.shape[1]
     out[:] = 0.0

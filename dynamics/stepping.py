@@ -35,9 +35,7 @@ class Stepper:
         """How many equal steps an interval of dt seconds takes."""
         return max(1, int(np.ceil(dt / self.max_step_s - 1e-9)))
 
-    def advance(
-        self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()
-    ) -> Floats:
+    def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
         """States dt seconds later, (n_points, n_state), under outside forces held meanwhile.
 
         states: (n_points, n_state); forces on the free coordinates [N], (n_points, n_state / 2), default none.

@@ -12,7 +12,8 @@ class RunningScale:
     """How much larger a variance is than told, by maximum likelihood with forgetting.
 
     Innovations have the covariance S = rest + scale part. Each moves log scale by its score over the Fisher information
-    of the last forget_s, so that an innovation in which the part plays no role moves nothing. Source: [titterington1984].
+    of the last forget_s, so that an innovation in which the part plays no role moves nothing.
+    Source: [titterington1984].
 
     bounds: of the scale, a factor on variances; start_information: how many independent coordinates the start, 1, is
     worth

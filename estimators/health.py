@@ -28,9 +28,7 @@ class Health:
     innovations: tuple[tuple[float, float, int], ...] = ()
 
 
-def after_frame(
-    health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings
-) -> Health:
+def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings) -> Health:
     """The health after a frame that brought marks of this NIS and so many coordinates, or none (nis None).
 
     INITIALISING until marks were taken in for start_s: one frame tells no velocity. Then TRACKING with each frame that

@@ -131,7 +131,7 @@ def identify(
     cov = np.linalg.inv(found.information + np.eye(len(theta))) * np.outer(sd, sd)
     uncertainty = principal(model, Uncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings)
     advance(1.0)
-    return Identified(model, which, sd * theta, cov, sd, uncertainty, passes, converged)
+    return Identified(model, which, sd * theta, np.asarray(cov, dtype=np.float64), sd, uncertainty, passes, converged)
 
 
 def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:

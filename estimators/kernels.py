@@ -97,9 +97,9 @@ def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
 def regressions(points, moved):  # type: ignore[no-untyped-def]
     """What a set of symmetric points says of the transition matrix F, for each of several: (k, n, n).
 
-    F L = (moved along each column - moved against it) / 2, L lower triangular: solved by substitution, column by column.
+    F L = (moved along each column - moved against it) / 2 with L lower triangular: by substitution, column by column.
     """
-    k, n_points, n = points.shape
+    k, _n_points, n = points.shape
     F = np.empty((k, n, n))
     for j in range(k):
         for row in range(n):

@@ -53,9 +53,7 @@ class LeaveOneOut:
         if len(marked) < 2:
             raise ValueError(f"marked: expected two or more nodes, found {len(marked)}")
         self.tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
-        self.without = {
-            node: TissueFilter(network, node, marked, settings, uncertainty=uncertainty) for node in marked
-        }
+        self.without = {node: TissueFilter(network, node, marked, settings, uncertainty=uncertainty) for node in marked}
         self.checks: Mapping[str, Check] = {}
         self._scales = RunningScale((1.0, MOST))
         self._time_s: float | None = None

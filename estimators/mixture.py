@@ -82,7 +82,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     mu: probability of each mode, (n_modes,)
     columns: (n_modes, n, r): what r known, independent directions, each by one standard deviation, make of the error
         of each mode's mean; never estimated
-    considered: whether gains allow for the columns; where not, they are the sensitivities of a filter that knows of none
+    considered: whether gains allow for the columns; if not, these are the sensitivities of a filter that knows of none
     log_likelihood: of the last measurement
     told: (n_modes, m, r): what the directions made of the last innovations
     x, P: mean and covariance of the whole mixture, what the columns add included
@@ -98,6 +98,8 @@ class InteractingMixture(filterpy.IMMEstimator):
     ) -> None:
         self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
         self.considered = True
+        self.omega: Floats
+        self.cbar: Floats
         self.told = self.columns
         self.log_likelihood = 0.0
         self.repairs: Counter[str] = Counter()
@@ -200,8 +202,10 @@ class InteractingMixture(filterpy.IMMEstimator):
 
 
 def definite_of(P: Floats) -> Floats:
-    """The covariance (n, n) with eigenvalues below rounding lifted to it: by diagonal scaling, so that units do not
-    matter."""
+    """The covariance (n, n) with eigenvalues below rounding lifted to it.
+
+    Of the correlations, so that units do not matter.
+    """
     root = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(P / np.outer(root, root))
     lifted = np.maximum(values, FLOOR * max(values[-1], 1.0))

@@ -1,4 +1,4 @@
-"""How sure the paper's open loop has reason to be: what marks with noise, put in as they are, do to the hidden masses."""
+"""How sure the paper's open loop has reason to be: what noise of marks that drive a model does to the hidden masses."""
 
 from __future__ import annotations
 

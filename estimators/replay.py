@@ -97,10 +97,7 @@ class Replay:
         before = self.tissue.snapshot()
         try:
             self.tissue.predict(event.time_s)
-            if event.fix is not None:
-                estimate = self.tissue.fix(*event.fix)
-            else:
-                estimate = self.tissue.update(event.marks)
+            estimate = self.tissue.fix(*event.fix) if event.fix is not None else self.tissue.update(event.marks)
         except Exception:
             self.tissue.restore(before)
             raise

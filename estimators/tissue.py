@@ -219,7 +219,7 @@ class TissueFilter:
         if self.marks_scale.scale != 1.0:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         anew = self.health.since_s is None or self.time_s - self.health.seen_s > self.settings.lost_s
-        taken = list(marks) if anew else self._believable(marks)
+        taken = list(marks) if anew else self._believable(self.time_s, marks)
         self.open_loop.take(dt, {mark.node: mark.cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
@@ -247,7 +247,9 @@ class TissueFilter:
             self.repairs["restarted"] += 1
             self._start_at(taken)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
-        return self._estimate(self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken))
+        return self._estimate(
+            self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken)
+        )
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
@@ -259,7 +261,9 @@ class TissueFilter:
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) before, found no time")
         if np.shape(position) != (dim,) or np.shape(cov) != (dim, dim):
-            raise ValueError(f"fix: expected shapes {(dim,)} and {(dim, dim)}, found {np.shape(position)}, {np.shape(cov)}")
+            raise ValueError(
+                f"fix: expected shapes {(dim,)} and {(dim, dim)}, found {np.shape(position)}, {np.shape(cov)}"
+            )
         H = np.zeros((dim, self.model.dim_x))
         H[range(dim), range(self.target.start, self.target.stop)] = 1.0
         if self.settings.fix_bias is not None:
@@ -274,7 +278,7 @@ class TissueFilter:
             self.mixture.update_linear(np.asarray(position, dtype=float), H, np.asarray(cov, dtype=float))
         return self._estimate(self.time_s, 0, nis)
 
-    def _believable(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
+    def _believable(self, time_s: float, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
         """The marks that are where a blow could have brought them, or that have been off for longer than stubborn_s.
 
         Outliers pass; what stays away is the tissue. Each refusal is counted in `refused`.
@@ -283,7 +287,7 @@ class TissueFilter:
         for mark in marks:
             if self._distance(mark) <= self.settings.gate:
                 self._off_s.pop(mark.node, None)
-            elif self.time_s - self._off_s.setdefault(mark.node, self.time_s) <= self.settings.stubborn_s:
+            elif time_s - self._off_s.setdefault(mark.node, time_s) <= self.settings.stubborn_s:
                 self.refused[mark.node] += 1
                 continue
             taken.append(mark)

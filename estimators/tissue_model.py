@@ -123,7 +123,7 @@ class TissueModel:
         return (moved[:, 1:] - moved[:, :1]).swapaxes(1, 2)
 
     def turned(self, points: Floats) -> NDArray[np.bool_]:
-        """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against their mean's, (n_sets,)."""
+        """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""
         return reversed_springs(self.network, points)
 
     def resting_columns(self, shape: Floats, held: Sequence[int] = ()) -> Floats:
@@ -214,4 +214,3 @@ def _poke_noise(dt: float, mode: ForceMode) -> Floats:
     gone = -np.expm1(-s / tau)
     g = np.array([tau * (s - tau * gone), tau * gone, 1.0 - gone])
     return (0.5 * dt * LEGENDRE[1] * (2.0 * mode.poke**2 / tau) * g) @ g.T
-

@@ -18,10 +18,10 @@ Floats = NDArray[np.float64]
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 NAMES = ("white", "poke", "marks")
-"""What is tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the noise of marks by what is told."""
+"""Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by what is said."""
 
 PRIOR_LOG_SD = np.log(2.0)
-"""Noise levels are known to within this factor before; without it a recording without pokes would say anything of them."""
+"""Noise levels are known to within a factor of two before: a recording without pokes would say anything of them."""
 
 MOST_PASSES = 60
 
@@ -65,7 +65,7 @@ def tune(
     settings: FilterSettings | None = None,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Tuned:
-    """Fit the noise levels; the target's own mark is used where the frames have it. `advance` is told the share done."""
+    """Fit the noise levels; the target's mark is used where the frames have it. `advance` is told the share done."""
     before = FilterSettings() if settings is None else settings
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
     passes = 0

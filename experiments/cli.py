@@ -74,7 +74,9 @@ def identify(
     recording: Annotated[Path, typer.Argument(help="Calibration recording in which the hidden mark is seen, too.")],
     out: SceneOut,
     scene: SceneFile = None,
-    at_rest: Annotated[bool, typer.Option("--at-rest", help="The tissue rests: correct its rest lengths only.")] = False,
+    at_rest: Annotated[
+        bool, typer.Option("--at-rest", help="The tissue rests: correct its rest lengths only.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the tissue's constants: write a scene to track with, say how well each is known."""

@@ -20,13 +20,14 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, KINDS, OUTER, Uncertainty, four_mass_phantom, independent, parameters, scaled, value
 from estimators import FilterSettings, ForceMode, coverage, identify, principal
-from experiments.trials import Model, Outcome, Trial, run, seen
+from experiments.trials import Frames, Model, Outcome, Trial, run, seen
 
 Floats = NDArray[np.float64]
 Row = dict[str, float | int | str]
@@ -53,9 +54,10 @@ class Study:
 
     @property
     def cache(self) -> Path:
+        """Where truths are kept."""
         return self.folder / "truth"
 
-    def all(self, work: Callable[..., Outcome | dict[str, object]], jobs: Sequence[tuple[object, ...]]) -> list:  # type: ignore[type-arg]
+    def all(self, work: Callable[..., Outcome | dict[str, object]], jobs: Sequence[tuple[object, ...]]) -> list[Any]:
         """The results of work(*job, cache) in the order of the jobs, told on standard error as they come."""
         results = []
         with ProcessPoolExecutor(self.n_processes) as pool:
@@ -106,7 +108,7 @@ def perturbed(seed: int, sds: dict[str, float], uncertainty: Uncertainty | None)
     return Model(scaled(network, which, change), uncertainty)
 
 
-def calibration(seed: int, cache: Path) -> list:  # type: ignore[type-arg]
+def calibration(seed: int, cache: Path) -> Frames:
     """30 s of the poked phantom, all four marks seen with 4.14 mm of noise, 30 frames/s."""
     trial = Trial("poked", seed + 500, duration_s=30.0)
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
@@ -145,7 +147,7 @@ def unidentified(study: Study) -> dict[str, Row]:
     network = four_mass_phantom()
     which = parameters(network)
     known = independent(which, [OFF[one.kind] for one in which])
-    rows = {}
+    rows: dict[str, Row] = {}
     for label, uncertainty in (("told", known), ("not told", None)):
         outcomes = {
             name: study.all(run, [(Trial(name, seed), perturbed(seed, OFF, uncertainty)) for seed in _seeds(study)])
@@ -161,7 +163,7 @@ def grid(study: Study) -> dict[str, Row]:
     which = parameters(network)
     wide = independent(which, [LEFT[one.kind] for one in which])
     few = principal(network, wide, calibration(0, study.cache), OUTER, HIDDEN)
-    rows = {}
+    rows: dict[str, Row] = {}
     for noise in NOISES_MM:
         for rate in RATES:
             outcomes = {
@@ -195,7 +197,7 @@ def choices(study: Study) -> dict[str, Row]:
         "white noise of 0.03 m/s²/√Hz": _white(usual, 0.03),
         "white noise of 0.06 m/s²/√Hz": _white(usual, 0.06),
     }
-    rows = {}
+    rows: dict[str, Row] = {}
     for label, settings in variants.items():
         outcomes = {
             name: study.all(run, [(Trial(name, seed), Model(settings=settings)) for seed in _seeds(study)])
@@ -206,9 +208,7 @@ def choices(study: Study) -> dict[str, Row]:
 
 
 def _white(settings: FilterSettings, white: float) -> FilterSettings:
-    return replace(
-        settings, quiet=replace(settings.quiet, white=white), poked=replace(settings.poked, white=white)
-    )
+    return replace(settings, quiet=replace(settings.quiet, white=white), poked=replace(settings.poked, white=white))
 
 
 def hard_trial(k: int) -> Trial:
@@ -236,8 +236,8 @@ def hard(study: Study) -> dict[str, Row]:
 
 
 def overturned(study: Study) -> dict[str, Row]:
-    """Pokes so strong that the truth turns over: does the filter follow, or say so?"""
-    rows = {}
+    """Pokes so strong that the truth turns over: whether the filter follows, or says so."""
+    rows: dict[str, Row] = {}
     for strength in (1.5, 2.0, 3.0):
         outcomes = study.all(
             run, [(Trial("shoved", 3000 + seed, strength=strength), Model()) for seed in _seeds(study)]

@@ -21,7 +21,7 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 TOLD = 0.5
-"""Part of its prior variance left to a combination of constants above which the recording does not tell of it; chosen."""
+"""Part of the prior variance left to a combination of constants above which the recording does not tell; chosen."""
 
 NAMED = 4
 """Constants named of such a combination, those that weigh most."""
@@ -114,10 +114,12 @@ def constants(found: Identified) -> list[Constant]:
 
 
 def untold(found: Identified) -> list[Mapping[str, object]]:
-    """Combinations of which the recording tells less than was known before: part of the variance left, and the
-    constants that weigh most in each."""
+    """Combinations of which the recording tells less than was known before.
+
+    Of each the part of the variance that is left, and the constants that weigh most in it.
+    """
     left, directions = found.told_apart()
-    combinations = []
+    combinations: list[Mapping[str, object]] = []
     for share, direction in zip(left, directions, strict=True):
         if share > TOLD:
             most = np.argsort(-np.abs(direction))[:NAMED]

@@ -60,9 +60,7 @@ class Line:
         if fixes and settings.fix_bias is None:
             settings = replace(settings, fix_bias=USUAL_BIAS)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
-        self.filter = TissueFilter(
-            scene.network, scene.target.node, measured, settings, uncertainty=scene.uncertainty
-        )
+        self.filter = TissueFilter(scene.network, scene.target.node, measured, settings, uncertainty=scene.uncertainty)
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
         self._missed: set[str] = set()

@@ -6,7 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynamics import KINDS, MassSpringNetwork, NetworkError, Uncertainty, independent, label, parameter_named, parameters
+from dynamics import (
+    KINDS,
+    MassSpringNetwork,
+    NetworkError,
+    Uncertainty,
+    independent,
+    label,
+    parameter_named,
+    parameters,
+)
 from estimators import FilterSettings, FixBias
 from experiments.scene_file import FilterTable, UncertaintyTable
 

@@ -73,7 +73,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Half-sine pushes in random directions, with random pauses, on one node at a time or on all, [N], (n_free, dim)."""
+    """Half-sine pushes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
     rows = [_row(network, node) for node in pokes.nodes]
     starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)

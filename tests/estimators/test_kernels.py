@@ -91,9 +91,7 @@ def test_update_with_no_measurement_at_all_changes_nothing():
 
 
 def test_update_with_an_impossible_innovation_covariance_is_told():
-    *_, ok = joseph_update(
-        np.zeros(2), np.eye(2), np.zeros(1), np.array([[1.0, 0.0]]), np.array([[-1.5]]), np.eye(2)
-    )
+    *_, ok = joseph_update(np.zeros(2), np.eye(2), np.zeros(1), np.array([[1.0, 0.0]]), np.array([[-1.5]]), np.eye(2))
     assert not ok
 
 
