@@ -213,4 +213,5 @@ def _poke_noise(dt: float, mode: ForceMode) -> Floats:
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)
     g = np.array([tau * (s - tau * gone), tau * gone, 1.0 - gone])
-    return (0.5 * dt * LEGENDRE[1] * (2.0 * mode.poke**2 / tau) * g) @ g.T
+    Q = (0.5 * dt * LEGENDRE[1] * (2.0 * mode.poke**2 / tau) * g) @ g.T
+    return 0.5 * (Q + Q.T)

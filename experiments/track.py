@@ -120,7 +120,7 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
         "coverage95": coverage(nees, dim) if len(nees) else None,
         "mean_nees": float(nees.mean()) if len(nees) else None,
         "frames": len(rows),
-        "frames_lost": int((rows["status"] != Status.TRACKING).sum()),
+        "frames_lost": int(rows["status"].isin([Status.COASTING, Status.LOST]).sum()),
         "ms_per_frame": float(1e3 * np.median(seconds)),
     }
 

@@ -37,7 +37,7 @@ def test_a_mark_that_was_not_seen_is_absent_and_never_nan(position, cov):
 
 
 def test_status_is_written_as_its_word():
-    assert [str(status) for status in Status] == ["TRACKING", "COASTING", "LOST"]
+    assert [str(status) for status in Status] == ["INITIALISING", "TRACKING", "COASTING", "LOST", "DIVERGED"]
 
 
 def test_what_a_method_does_not_tell_is_none():

@@ -23,7 +23,7 @@ def path(phantom, rest_state):
 
 def followed(phantom, path, marks_of, every, nodes=OUTER):
     """The method after being shown every so many states of the path, and the states it was shown."""
-    loop, (times, states) = OpenLoop(phantom, "M2", rtol=1e-9, atol=1e-12), path
+    loop, (times, states) = OpenLoop(phantom, "M2"), path
     shown = states[::every]
     means = np.array(
         [loop.update(t, marks_of(phantom, s, nodes=nodes)).mean for t, s in zip(times[::every], shown, strict=True)]
@@ -80,18 +80,19 @@ def test_a_mark_lost_on_the_way_goes_on_with_the_speed_it_had(phantom, path, mar
 
 
 def test_with_all_marks_lost_it_is_the_free_simulation(phantom, marks_of):
-    """From any state, `adaptive` from the same state. Tolerances 1e-9 on both sides: 1e-8 m, 1e-7 m/s."""
+    """From any state, `adaptive` from the same state. Runge-Kutta of 1/240 s over 0.6 s: 20 µm, 1 mm/s of friction's bend."""
     rng = np.random.default_rng(0)
     start = phantom.positions[phantom.free] + 0.02 * rng.normal(size=(4, 2))
     speed = 0.3 * rng.normal(size=(4, 2))
-    loop = OpenLoop(phantom, "M2", rtol=1e-10, atol=1e-12)
+    loop = OpenLoop(phantom, "M2")
     loop.update(5.0, [])
     loop.positions[phantom.free], loop.velocities[phantom.free] = start, speed
     times = np.array([0.0, 0.1, 0.25, 0.6])
     for t, expected in list(zip(times, adaptive(phantom, pack(start, speed), times), strict=True))[1:]:
         estimate = loop.update(5.0 + t, [])
         found = pack(loop.positions[phantom.free], loop.velocities[phantom.free])
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(found[:8], expected[:8], rtol=0, atol=2e-5)
+        np.testing.assert_allclose(found[8:], expected[8:], rtol=0, atol=1e-3)
         np.testing.assert_array_equal(estimate.mean, loop.positions[phantom.index("M2")])
         assert estimate.status is Status.COASTING
     np.testing.assert_array_equal(loop.positions[phantom.fixed], phantom.positions[phantom.fixed])

@@ -184,10 +184,10 @@ def test_two_calls_for_one_time_are_one_call_with_both(phantom, rest_state, mark
 
 
 def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, rest_state, marks_of):
-    """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, TRACKING with the next mark.
+    """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, started anew with the next mark.
 
     The largest variance of the target grows with every unseen frame of the first 0.3 s and never beyond what a second
-    of unseen pokes makes of the linearised tissue, with half as much again for its bends.
+    of unseen pokes makes of the linearised tissue, with 75 % more for its bends.
     """
     ours = warmed(phantom, rest_state, marks_of)
     last, settings = ours.seen_s, FilterSettings()
@@ -201,21 +201,22 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
     largest = [np.linalg.eigvalsh(e.cov)[-1] for e in estimates]
     assert all(b > a for a, b in pairwise(largest[:10]))
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
-    assert 4.0 * largest[0] < largest[-1] < 1.5 * np.linalg.eigvalsh(grown_covariance(A, density, 5.0)[2:4, 2:4])[-1]
+    assert 4.0 * largest[0] < largest[-1] < 1.75 * np.linalg.eigvalsh(grown_covariance(A, density, 5.0)[2:4, 2:4])[-1]
     ours.predict(last + 46 / 30.0)
     found = ours.update(marks_of(phantom, rest_state, MARK_SD, np.random.default_rng(2), nodes=("M3",)))
-    assert found.status is Status.TRACKING
+    assert found.status is Status.INITIALISING
+    assert ours.repairs == {"restarted": 1}
     assert np.linalg.eigvalsh(found.cov)[-1] < largest[-1]
 
 
-def test_before_any_mark_the_target_is_lost(phantom, rest_state, hidden):
+def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
     """There it is believed at rest, as unsure as settle_s of unseen pokes leave it: `grown_covariance`. Rounding."""
     ours = TissueFilter(phantom, HIDDEN, OUTER)
     ours.predict(7.0)
     estimate = ours.update([])
     settings = FilterSettings()
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
-    assert (estimate.time_s, estimate.status) == (7.0, Status.LOST)
+    assert (estimate.time_s, estimate.status) == (7.0, Status.INITIALISING)
     np.testing.assert_allclose(estimate.mean, rest_state[hidden], rtol=0, atol=1e-12)
     expected = grown_covariance(A, density, settings.settle_s)[2:4, 2:4]
     np.testing.assert_allclose(estimate.cov, expected, rtol=1e-9, atol=1e-15)
@@ -307,10 +308,10 @@ def test_where_the_target_may_be_seen_is_where_it_is(phantom, rest_state, marks_
 
 @pytest.mark.parametrize("frame", [1 / 60, 1 / 30, 1 / 10, 1 / 5, 1 / 50, 1 / 17])
 def test_what_is_unseen_does_not_depend_on_the_frame_rate(phantom, frame, rest_state, marks_of):
-    """One mode, 0.2 s or as near as frames come without marks: the covariance is that of frames of 1/240 s.
+    """One mode, 0.2 s or as near as frames come without marks: the covariance is that of frames of 1/120 s.
 
-    All of them step by 1/240 s or a little less: rounding where frames are whole steps, 2 % (of means: 0.05 mm, mm/s)
-    where they are not.
+    All of them step by 1/120 s or a little less: rounding where frames are whole steps, 8 % of velocities
+    (of means: 0.3 mm, mm/s) where steps are shorter, which is what a step of 1/120 s leaves out.
     """
 
     def unseen(dt, n):
@@ -322,12 +323,12 @@ def test_what_is_unseen_does_not_depend_on_the_frame_rate(phantom, frame, rest_s
         return ours.mixture.x, ours.mixture.P
 
     n = round(0.2 / frame)
-    steps = int(np.ceil(240 * frame * n - 1e-9))
-    whole = abs(240 * frame - round(240 * frame)) < 1e-9
+    steps = int(np.ceil(120 * frame * n - 1e-9))
+    whole = abs(120 * frame - round(120 * frame)) < 1e-9
     (x, P), (fine_x, fine_P) = unseen(frame, n), unseen(frame * n / steps, steps)
     scale = np.sqrt(np.outer(fine_P.diagonal(), fine_P.diagonal()))
-    np.testing.assert_allclose(P / scale, fine_P / scale, rtol=0, atol=1e-9 if whole else 0.02)
-    np.testing.assert_allclose(x, fine_x, rtol=0, atol=1e-9 if whole else 5e-5)
+    np.testing.assert_allclose(P / scale, fine_P / scale, rtol=0, atol=1e-9 if whole else 0.08)
+    np.testing.assert_allclose(x, fine_x, rtol=0, atol=1e-9 if whole else 3e-4)
 
 
 def test_odds_of_the_modes():

@@ -49,17 +49,23 @@ def test_pokes_are_never_refused(phantom, rest_state, driven, poke_forces, marks
     assert sum(tissue.refused.values()) == 0
 
 
-def test_what_stays_away_is_believed_in_the_next_frame(phantom):
-    """All marks of a phantom at rest jump by 0.25 m and stay: refused once, COASTING, then taken in."""
+def test_what_stays_away_is_the_tissue(phantom):
+    """All marks of a phantom at rest jump by 0.25 m and stay: refused for stubborn_s = 0.1 s, then taken in.
+
+    No belief about the tissue explains that: DIVERGED, and a new start from where the marks are.
+    """
     at = dict(zip(phantom.names, phantom.positions, strict=True))
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     statuses = []
-    for k, jump in enumerate([0.0, 0.0, 0.25, 0.25]):
+    for k, jump in enumerate([0.0] * 5 + [0.25] * 5):
         tissue.predict(k * FRAME_S)
         marks = [MarkMeasurement(node, at[node] + [0.0, jump], SD**2 * np.eye(2)) for node in OUTER]
         statuses.append(tissue.update(marks).status)
-    assert statuses == [Status.TRACKING, Status.TRACKING, Status.COASTING, Status.TRACKING]
-    assert tissue.refused == dict.fromkeys(OUTER, 1)
+    assert statuses[3:5] == [Status.TRACKING] * 2
+    assert statuses[5:9] == [Status.COASTING] * 4  # 0, 1/30, 2/30, 3/30 s after the first that was off
+    assert statuses[9] is Status.DIVERGED
+    assert tissue.refused == dict.fromkeys(OUTER, 4)
+    assert tissue.repairs == {"restarted": 1}
     np.testing.assert_allclose(tissue.expected("M3")[0], at["M3"] + [0.0, 0.25], atol=5 * SD)
 
 

@@ -108,7 +108,8 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     unseen = rows["time_s"].between(0.9, 1.2)
     assert set(rows["status"][unseen]) == {"COASTING"}
-    assert set(rows["status"][~unseen]) == {"TRACKING"}
+    assert set(rows["status"][rows["time_s"] < 0.1]) == {"INITIALISING"}
+    assert set(rows["status"][~unseen & (rows["time_s"] > 0.11)]) == {"TRACKING"}
     assert rows.loc[unseen, ["nis", "err_mm", "nees"]].isna().all(axis=None)
     assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["mae_mm"] is None
     assert not (tmp_path / "out" / "error.png").exists()
