@@ -80,7 +80,7 @@ def test_a_mark_lost_on_the_way_goes_on_with_the_speed_it_had(phantom, path, mar
 
 
 def test_with_all_marks_lost_it_is_the_free_simulation(phantom, marks_of):
-    """From any state, `adaptive` from the same state. Runge-Kutta of 1/240 s over 0.6 s: 20 µm, 1 mm/s of friction's bend."""
+    """From any state, `adaptive` from the same state. Steps of 1/240 s over 0.6 s: 20 µm, 1 mm/s of friction's bend."""
     rng = np.random.default_rng(0)
     start = phantom.positions[phantom.free] + 0.02 * rng.normal(size=(4, 2))
     speed = 0.3 * rng.normal(size=(4, 2))

@@ -187,7 +187,7 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
     """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, started anew with the next mark.
 
     The largest variance of the target grows with every unseen frame of the first 0.3 s and never beyond what a second
-    of unseen pokes makes of the linearised tissue, with 75 % more for its bends.
+    of unseen pokes makes of the linearised tissue, with half as much again for its bends.
     """
     ours = warmed(phantom, rest_state, marks_of)
     last, settings = ours.seen_s, FilterSettings()
@@ -201,12 +201,12 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
     largest = [np.linalg.eigvalsh(e.cov)[-1] for e in estimates]
     assert all(b > a for a, b in pairwise(largest[:10]))
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
-    assert 4.0 * largest[0] < largest[-1] < 1.75 * np.linalg.eigvalsh(grown_covariance(A, density, 5.0)[2:4, 2:4])[-1]
+    assert 4.0 * largest[0] < largest[-1] < 1.5 * np.linalg.eigvalsh(grown_covariance(A, density, 5.0)[2:4, 2:4])[-1]
     ours.predict(last + 46 / 30.0)
     found = ours.update(marks_of(phantom, rest_state, MARK_SD, np.random.default_rng(2), nodes=("M3",)))
     assert found.status is Status.INITIALISING
     assert ours.repairs == {"restarted": 1}
-    assert np.linalg.eigvalsh(found.cov)[-1] < largest[-1]
+    assert np.linalg.eigvalsh(found.cov)[-1] < 1.2 * largest[-1]  # one mark, and no memory of before
 
 
 def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
