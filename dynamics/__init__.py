@@ -19,7 +19,7 @@ from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
 from dynamics.plain import plain_derivative, plain_step
 from dynamics.rest import at_rest_where_seen, rest_shape, shape_held
 from dynamics.reversal import reversed_springs
-from dynamics.stepping import Stepper, adaptive, derivative
+from dynamics.stepping import Stepper, adaptive, derivative, motion
 from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "independent",
     "kinetic_energy",
     "label",
+    "motion",
     "node_forces",
     "pack",
     "parameter_forces",

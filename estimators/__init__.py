@@ -1,25 +1,34 @@
 """Probability: filters that tell where the target is, and how sure of it one may be."""
 
 from estimators.adaptation import RunningScale
+from estimators.baseline import Baseline
+from estimators.bound import posterior_bound
 from estimators.consistency import chi_square_bounds, coverage, mean_bounds, normalised_squared
+from estimators.ensemble import EnsembleKalmanFilter
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.extended import ExtendedKalmanFilter
 from estimators.health import Health
 from estimators.identification import IdentificationError, Identified, identify, principal
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.mixture import InteractingMixture, mixed
 from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
+from estimators.particles import ParticleFilter
 from estimators.replay import Replay
 from estimators.settings import FilterSettings
 from estimators.smoother import FixedLag, fixed_interval
+from estimators.stock import StockUnscented
 from estimators.tissue import TissueFilter
 from estimators.tissue_model import FixBias, ForceMode, TissueModel, grown_covariance
 from estimators.tuning import Tuned, tune
 from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [
+    "Baseline",
     "Check",
     "CovarianceError",
+    "EnsembleKalmanFilter",
+    "ExtendedKalmanFilter",
     "FilterSettings",
     "FixBias",
     "FixedLag",
@@ -32,9 +41,11 @@ __all__ = [
     "MarkMeasurement",
     "OpenLoop",
     "OpenLoopBelief",
+    "ParticleFilter",
     "Replay",
     "RunningScale",
     "Status",
+    "StockUnscented",
     "TargetEstimate",
     "TissueFilter",
     "TissueModel",
@@ -49,6 +60,7 @@ __all__ = [
     "mixed",
     "normalised_squared",
     "positive_points",
+    "posterior_bound",
     "principal",
     "tune",
 ]

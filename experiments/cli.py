@@ -65,6 +65,30 @@ def track(
     print(f"Tables and pictures in {out}")
 
 
+@app.command()
+def compare(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: Out,
+    scene: SceneFile = None,
+    methods: Annotated[str | None, typer.Option("--methods", help="Which, separated by commas; default: all.")] = None,
+    force: Force = False,
+) -> None:
+    """Follow the target by the paper's method, ours and textbook filters, on the same marks."""
+    from experiments.compare import METHODS, chosen, summary, write_comparison
+    from experiments.compare import compare as run
+    from experiments.outputs import output_folder
+    from experiments.recording import open_recording
+    from experiments.tell import track_table
+
+    named = METHODS if methods is None else chosen(methods)
+    opened = open_recording(recording, scene)
+    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
+        done = run(opened, named, stage)
+        write_comparison(done, folder)
+    print_table(track_table(summary(done)))
+    print(f"Tables and a picture in {out}")
+
+
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 
