@@ -3,7 +3,7 @@
 from estimators.adaptation import RunningScale
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
-from estimators.consistency import chi_square_bounds, coverage, mean_bounds, normalised_squared
+from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
 from estimators.ensemble import EnsembleKalmanFilter
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.extended import ExtendedKalmanFilter
@@ -15,6 +15,14 @@ from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
 from estimators.replay import Replay
+from estimators.scores import (
+    calibration_curve,
+    crps_normal,
+    energy_score,
+    pit_normal,
+    pit_squared,
+    uniformity,
+)
 from estimators.settings import FilterSettings
 from estimators.smoother import FixedLag, fixed_interval
 from estimators.stock import StockUnscented
@@ -22,6 +30,7 @@ from estimators.tissue import TissueFilter
 from estimators.tissue_model import FixBias, ForceMode, TissueModel, grown_covariance
 from estimators.tuning import Tuned, tune
 from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
+from estimators.whiteness import autocorrelation, portmanteau
 
 __all__ = [
     "Baseline",
@@ -51,16 +60,26 @@ __all__ = [
     "TissueModel",
     "Tuned",
     "UnscentedKalmanFilter",
+    "anees",
+    "autocorrelation",
+    "calibration_curve",
     "chi_square_bounds",
     "coverage",
+    "crps_normal",
+    "energy_score",
     "fixed_interval",
     "grown_covariance",
     "identify",
     "mean_bounds",
     "mixed",
     "normalised_squared",
+    "over_runs",
+    "pit_normal",
+    "pit_squared",
+    "portmanteau",
     "positive_points",
     "posterior_bound",
     "principal",
     "tune",
+    "uniformity",
 ]

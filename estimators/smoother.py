@@ -1,7 +1,7 @@
 """What the marks that came later say of an earlier time: fixed-interval and fixed-lag smoothing of the mixture.
 
-Backward in time each mode hands to the modes before it a Gaussian likelihood of the state, exp(x'l - x'L x / 2) about
-that mode's mix; a pair of modes is weighed by its odds and by how well that likelihood meets the earlier mode's belief.
+Backward in time each mode hands to the modes before it a Gaussian likelihood of the state; a pair of modes is weighed
+by its odds and by how well that likelihood meets the earlier mode's belief.
 With one mode this is Rauch, Tung and Striebel's smoother. Sources: [rauch1965], [koch2000].
 """
 
@@ -13,12 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from estimators.estimate import MarkMeasurement, TargetEstimate
 from estimators.mixture import Beliefs, Transition, mixed
 from estimators.tissue import TissueFilter
 
 Floats = NDArray[np.float64]
+CERTAIN = 1.0 - 1e-12
+"""Part of a variance that later marks may take away at most: the rest is rounding."""
+
 Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
 
 
@@ -123,29 +127,22 @@ def smoothed_before(after: Beliefs, cycle: Transition, before: Beliefs) -> Belie
 
     after: smoothed, at the end; before: filtered, at the start.
     """
-    predicted = cycle.arrived
     k, n = before.means.shape
-    logs = np.full((k, k), -np.inf)
+    logs = np.empty((k, k))
     means, covs = np.empty((k, k, n)), np.empty((k, k, n, n))
-    identity = np.eye(n)
+    roots = np.linalg.cholesky(before.covs)
     for j in range(k):
-        gain = np.linalg.solve(predicted.covs[j], cycle.F[j]).T  # F' P^-1
-        told = gain @ (predicted.covs[j] - after.covs[j]) @ gain.T
-        toward = gain @ (after.means[j] - predicted.means[j])
-        # of the smoothed moments of the mix: the likelihood that makes them of the mix
-        back = identity - told @ cycle.covs[j]
-        L = np.linalg.solve(back, told)
-        L = 0.5 * (L + L.T)
-        pull = np.linalg.solve(back, toward)
+        root = np.linalg.cholesky(cycle.covs[j])
+        N, pull = _likelihood(after, cycle, j, root)
         for i in range(k):
-            off = before.means[i] - cycle.means[j]
-            S = identity + before.covs[i] @ L
-            slope = pull - L @ off
-            cov = np.linalg.solve(S, before.covs[i])
-            cov = 0.5 * (cov + cov.T)
-            means[i, j], covs[i, j] = before.means[i] + cov @ slope, cov
-            log_det = np.linalg.slogdet(S)[1]
-            logs[i, j] = off @ pull - 0.5 * off @ L @ off + 0.5 * slope @ cov @ slope - 0.5 * log_det
+            T = solve_triangular(root, roots[i], lower=True)
+            u = solve_triangular(root, before.means[i] - cycle.means[j], lower=True)
+            S = np.eye(n) + T.T @ N @ T
+            slope = T.T @ (pull - N @ u)
+            step = np.linalg.solve(S, slope)
+            means[i, j] = before.means[i] + roots[i] @ step
+            covs[i, j] = roots[i] @ np.linalg.solve(S, roots[i].T)
+            logs[i, j] = u @ pull - 0.5 * u @ N @ u + 0.5 * slope @ step - 0.5 * np.linalg.slogdet(S)[1]
     weights = cycle.weights * np.exp(logs - logs.max(axis=0))
     weights *= after.mu / weights.sum(axis=0)
     mu = weights.sum(axis=1)
@@ -153,4 +150,21 @@ def smoothed_before(after: Beliefs, cycle: Transition, before: Beliefs) -> Belie
     joined = np.einsum("ij,ijn->in", share, means)
     away = means - joined[:, None, :]
     spread = np.einsum("ij,ijab->iab", share, covs) + np.einsum("ij,ija,ijb->iab", share, away, away)
-    return Beliefs(mu, joined, spread)
+    return Beliefs(mu, joined, 0.5 * (spread + spread.swapaxes(1, 2)))
+
+
+def _likelihood(after: Beliefs, cycle: Transition, j: int, root: Floats) -> tuple[Floats, Floats]:
+    """What is known at the end says of y, (x - mix's mean) by the root of the mix's covariance: exp(y'n - y'N y / 2).
+
+    It takes the mix, N(0, 1) in y, to the smoothed moments of Rauch, Tung and Striebel: N(m / (1 - M), 1 - M) with M
+    between 0 and 1. Beyond these bounds, where merging modes has made the end less sure than was predicted, it is
+    taken to say nothing.
+    """
+    predicted = cycle.arrived
+    gain = np.linalg.solve(predicted.covs[j], cycle.F[j] @ root).T
+    M = gain @ (predicted.covs[j] - after.covs[j]) @ gain.T
+    values, axes = np.linalg.eigh(0.5 * (M + M.T))
+    told = np.where(values > 0.0, np.minimum(values, CERTAIN), 0.0)
+    toward = axes.T @ (gain @ (after.means[j] - predicted.means[j]))
+    pull = np.where(values > 0.0, toward / (1.0 - told), 0.0)
+    return (axes * (told / (1.0 - told))) @ axes.T, axes @ pull

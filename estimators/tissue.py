@@ -21,6 +21,9 @@ from estimators.unscented import UnscentedKalmanFilter
 
 Floats = NDArray[np.float64]
 
+DOUBT = 100.0
+"""Factor on the covariance of a start after a divergence: what was refuted by ten sigma is not worth one; chosen."""
+
 MODEL_ONLY = 0.5
 """Part of the variance that the target has without any marks, above which the model alone speaks; chosen."""
 
@@ -245,7 +248,7 @@ class TissueFilter:
         self.health = after_frame(self.health, self.time_s, least, len(z), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
             self.repairs["restarted"] += 1
-            self._start_at(taken)
+            self._start_at(taken, doubt=DOUBT)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         return self._estimate(
             self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken)
@@ -351,12 +354,13 @@ class TissueFilter:
             R[own, own] = mark.cov
         return z, rows, R
 
-    def _start_at(self, marks: Sequence[MarkMeasurement]) -> None:
+    def _start_at(self, marks: Sequence[MarkMeasurement], doubt: float = 1.0) -> None:
         """Believe the tissue to rest as these marks hold it; where it has no such rest, to rest, and take them in.
 
         Far from its rest shape a Kalman update would go along straight lines where the tissue turns. The shape in which
         it rests with the marked nodes held at z is a nonlinear estimate with the gain G = d(shape)/dz; its error is
         (I - G H) times that of the start, less G times that of the marks, and so is its covariance (Joseph's form).
+        doubt: a factor on the covariance of the start.
         """
         network = self.model.network
         z, rows, R = self._stacked(marks)
@@ -376,5 +380,5 @@ class TissueFilter:
         G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
         keep = np.eye(self.model.dim_x)
         keep[:, rows] -= G
-        P = keep @ self.mixture.filters[0].P @ keep.T + G @ R @ G.T
+        P = doubt * keep @ self.mixture.filters[0].P @ keep.T + G @ R @ G.T
         self.mixture.restart(self.mixture.x, 0.5 * (P + P.T), self.model.resting_columns(shape, rows))

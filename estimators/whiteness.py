@@ -1,0 +1,45 @@
+"""Are innovations white, as those of a filter with the right model are: autocorrelations and their tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
+
+Floats = NDArray[np.float64]
+
+
+def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
+    """Correlation matrices of a series (n, m) with itself 1 to n_lags steps later, (n_lags, m, m).
+
+    Of white series each entry is normal about 0 with a standard deviation of 1 / sqrt(n), nearly. Raises ValueError
+    where there are not more steps than lags.
+    """
+    z = _standardised(series, n_lags)
+    n = len(z)
+    return np.array([z[lag:].T @ z[:-lag] / n for lag in range(1, n_lags + 1)])
+
+
+def portmanteau(series: ArrayLike, n_lags: int) -> float:
+    """Probability that a white series (n, m) would be so correlated with itself at the lags 1 to n_lags.
+
+    Of one coordinate Ljung and Box's test [ljung1978], of several Hosking's [hosking1980], which does not depend on
+    how they are scaled or turned. Raises ValueError as `autocorrelation` does.
+    """
+    z = _standardised(series, n_lags)
+    n, m = z.shape
+    inverse = np.linalg.inv(z.T @ z / n)
+    total = 0.0
+    for lag in range(1, n_lags + 1):
+        C = z[lag:].T @ z[:-lag] / n
+        total += float(np.trace(C.T @ inverse @ C @ inverse)) / (n - lag)
+    return float(chi2.sf(n**2 * total, m * m * n_lags))
+
+
+def _standardised(series: ArrayLike, n_lags: int) -> Floats:
+    z = np.asarray(series, dtype=float)
+    z = z[:, None] if z.ndim == 1 else z
+    if not 1 <= n_lags < len(z):
+        raise ValueError(f"n_lags: expected 1 to {len(z) - 1}, found {n_lags}")
+    # about zero, which is where innovations ought to be: a bias is no whiteness
+    return np.asarray(z / np.sqrt((z**2).mean(axis=0)))
