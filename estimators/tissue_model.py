@@ -115,12 +115,15 @@ class TissueModel:
         """
         if self._forces is None or self.uncertainty is None:
             return columns
-        points = means[:, None, :] + np.concatenate([np.zeros_like(columns[:, :, :1]), columns], axis=2).swapaxes(1, 2)
-        outside = np.zeros((*points.shape[:2], self.network.n_state // 2))
+        n = self.network.n_state
+        base = self._moved(means[:, None], dt, modes, 0.0)
+        outside = np.empty((len(means), columns.shape[2], n // 2))
         for k, mean in enumerate(means):
-            outside[k, 1:] = self.uncertainty.directions @ self._forces(mean[: self.network.n_state])
-        moved = self._moved(points, dt, modes, outside)
-        return (moved[:, 1:] - moved[:, :1]).swapaxes(1, 2)
+            # of the start and the end of the step: held from the start on, it would lag by half a step
+            ends = self._forces(mean[:n]) + self._forces(base[k, 0, :n])
+            outside[k] = 0.5 * self.uncertainty.directions @ ends
+        moved = self._moved(means[:, None] + columns.swapaxes(1, 2), dt, modes, outside)
+        return (moved - base).swapaxes(1, 2)
 
     def turned(self, points: Floats) -> NDArray[np.bool_]:
         """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""

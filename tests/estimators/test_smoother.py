@@ -78,7 +78,7 @@ def posterior(qs_of_steps, zs):
 
 
 def test_of_modes_that_are_alike_it_is_the_joint_posterior():
-    """However they turn into each other. Linear and Gaussian, velocities never seen: dense least squares over all times.
+    """However they turn into each other; linear and Gaussian, velocities never seen: dense least squares.
 
     1e-8: two chains of solves.
     """
