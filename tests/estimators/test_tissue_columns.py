@@ -17,8 +17,8 @@ MODE = ForceMode(white=0.0, poke=0.0, lasting_s=0.2)
 def test_columns_are_what_changed_constants_do_to_the_motion(phantom, kind):
     """0.1 s of a moving phantom by DOP853 with and without the change: within 8 % of the largest shift.
 
-    Steps of 1/120 s take the mean of the change's force at both ends: second order. Without friction, whose bend over 5 mm/s is
-    sharper than that; its own column is held to 8 % in places, which it hardly moves in velocities.
+    Steps of 1/120 s take the mean of the change's force at both ends: second order. Without friction, whose bend over
+    5 mm/s is sharper than that; its own column is held to 8 % in places, which it hardly moves in velocities.
     """
     if kind != "friction":
         phantom = replace(phantom, friction=np.zeros(7))

@@ -1,0 +1,119 @@
+"""The posterior Cramér-Rao bound: the Kalman covariance where all is linear, and its scaling with the noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_are
+
+from dynamics import OUTER, MassSpringNetwork, pack
+from estimators import ForceMode, grown_covariance, posterior_bound
+
+R = 1e-6 * np.eye(2)
+
+
+@pytest.fixture(scope="module")
+def taut():
+    """A mass between four anchors on springs without tension at rest: near rest it moves as a line says."""
+    return MassSpringNetwork(
+        names=("mass", "E", "W", "N", "S"),
+        positions=np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]),
+        masses=np.full(5, 0.5),
+        fixed=np.array([False, True, True, True, True]),
+        drag=np.array([0.4, 0.0, 0.0, 0.0, 0.0]),
+        friction=np.zeros(5),
+        springs=np.array([[0, 1], [0, 2], [0, 3], [0, 4]]),
+        stiffness=np.full(4, 20.0),
+        rest_lengths=np.ones(4),
+        damping=np.zeros(4),
+        gravity=np.zeros(2),
+    )
+
+
+A = np.block([[np.zeros((2, 2)), np.eye(2)], [-80.0 * np.eye(2), -0.8 * np.eye(2)]])
+"""Of the mass: two springs of 20 N/m along each axis, 0.4 N s/m, 0.5 kg."""
+WHITE = ForceMode(white=0.3, poke=1e-12, lasting_s=1.0)
+DENSITY = np.diag([0.0, 0.0, 0.09, 0.09])
+
+
+def textbook(marks, dt, start):
+    """Kalman's covariances with the matrices of `A`, exponentials by SciPy: marks taken in where there are any."""
+    F, Q = expm(A * dt), grown_covariance(A, DENSITY, dt)
+    P, H, found = start, np.eye(4)[:2], []
+    for k, seen in enumerate(marks):
+        P = F @ P @ F.T + Q if k else P
+        if seen:
+            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+            P = (np.eye(4) - K @ H) @ P
+        found.append(P)
+    return np.array(found)
+
+
+def test_of_a_linear_motion_it_is_the_kalman_covariance(taut):
+    """Places seen every third time, velocities never: 1e-6 of each entry's scale.
+
+    Derivatives by differences of 1e-6 m, and Simpson's rule over 1/240 s for the noise, are what is left.
+    """
+    n, dt = 200, 1.0 / 240.0
+    marks = [{"mass": R} if k % 3 == 0 else {} for k in range(n)]
+    start = np.diag([1e-2, 1e-2, 1.0, 1.0])
+    found = posterior_bound(taut, np.zeros((n, 4)), dt * np.arange(n), marks, WHITE, start)
+    expected = textbook(marks, dt, start)
+    scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))
+    np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-5)
+
+
+def test_with_marks_all_the_time_it_settles_where_riccati_says(taut):
+    """Marks each dt of variance r are white noise of density r dt: continuous Riccati equation. 8 %, as dt is not 0."""
+    n, dt = 4800, 1.0 / 960.0
+    found = posterior_bound(taut, np.zeros((n, 4)), dt * np.arange(n), [{"mass": R}] * n, WHITE, np.eye(4))[-1]
+    expected = solve_continuous_are(A.T, np.eye(4)[:2].T, DENSITY, R * dt)
+    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.08)
+
+
+def test_noise_of_twice_the_size_all_over_makes_it_four_times_as_large(phantom, rest_state):
+    """Covariances scale with noise, force and start together, also with pokes in the state. Rounding."""
+    states, times = np.tile(rest_state, (20, 1)), np.arange(20) / 120.0
+    start = np.diag([1e-4] * 8 + [1e-2] * 8 + [1.0] * 6)
+    bounds = [
+        posterior_bound(
+            phantom,
+            states,
+            times,
+            [dict.fromkeys(OUTER, s**2 * R)] * 20,
+            ForceMode(0.05 * s, 5.0 * s, 0.2),
+            s**2 * start,
+            poked=OUTER,
+        )
+        for s in (1.0, 2.0)
+    ]
+    np.testing.assert_allclose(bounds[1], 4.0 * bounds[0], rtol=1e-9, atol=1e-16)
+
+
+def test_more_marks_make_it_smaller_and_the_hidden_mass_has_one(phantom, rest_state):
+    states, times = np.tile(rest_state, (30, 1)), np.arange(30) / 120.0
+    start = np.diag([1e-4] * 8 + [1e-2] * 8)
+    mode = ForceMode(0.05, 1e-9, 1.0)
+    two, three = (
+        posterior_bound(phantom, states, times, [dict.fromkeys(nodes, R)] * 30, mode, start)[-1]
+        for nodes in (OUTER[:2], OUTER)
+    )
+    assert np.linalg.eigvalsh(two - three)[0] > -1e-12
+    assert 0.0 < np.trace(three[2:4, 2:4]) < 0.9 * np.trace(two[2:4, 2:4])
+
+
+def test_derivatives_are_those_where_the_truth_is(phantom, rest_state):
+    """A moving phantom feels less of friction than one at rest: where nothing is seen more uncertainty is left."""
+    fast = rest_state + pack(np.zeros((4, 2)), np.full((4, 2), 0.5))
+    start, mode = np.diag([0.0] * 8 + [1e-4] * 8), ForceMode(1e-9, 1e-9, 1.0)
+    rough = replace(phantom, friction=np.full(7, 0.1))
+    spread = [
+        np.trace(posterior_bound(rough, np.tile(s, (12, 1)), np.arange(12) / 120.0, [{}] * 12, mode, start)[-1])
+        for s in (rest_state, fast)
+    ]
+    assert spread[1] > 1.5 * spread[0]
+
+
+def test_shapes_that_do_not_fit_are_refused(taut):
+    with pytest.raises(ValueError, match=r"expected states \(3, 4\), 3 sets of marks"):
+        posterior_bound(taut, np.zeros((2, 4)), np.arange(3.0), [{}] * 3, WHITE, np.eye(4))
