@@ -29,7 +29,7 @@ def hard_trial(k: int) -> Trial:
     return Trial(
         "poked" if k % 2 else "shoved",
         5000 + k,
-        duration_s=10.0,
+        duration_s=6.0,
         frames_per_s=int(rng.choice([5, 10, 15, 30, 60, 120])),
         mark_sd_m=float(np.exp(rng.uniform(np.log(0.0005), np.log(0.008)))),
         strength=float(rng.choice([1.0, 1.25, 1.5])),
@@ -38,7 +38,7 @@ def hard_trial(k: int) -> Trial:
 
 
 def hard(study: Study) -> dict[str, Row]:
-    """1,000 runs of 10 s over frame rates 5 to 120, 0.5 to 8 mm, 30 % of the marks lost, pokes up to 1.5 times."""
+    """1,000 runs of 6 s over frame rates 5 to 120, 0.5 to 8 mm, 30 % of the marks lost, pokes up to 1.5 times."""
     outcomes = study.all(run, [(hard_trial(k), Model()) for k in range(10 * study.n_runs)])
     upright = [one for one in outcomes if not one.turned]
     rows = {"upright": figures(upright) | _far(upright)}
@@ -94,7 +94,7 @@ def optimum_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
     """Squared errors of the filter and of a particle filter of mode histories on the same marks, each (n_frames,)."""
     network, trial = four_mass_phantom(), Trial(scenario, seed)
     frames, hidden = seen(trial, cache, np.random.default_rng([seed, 4]))
-    frames, hidden = frames[: 10 * trial.frames_per_s], hidden[: 10 * trial.frames_per_s]
+    frames, hidden = frames[: 5 * trial.frames_per_s], hidden[: 5 * trial.frames_per_s]
     tissue = TissueFilter(network, HIDDEN, OUTER)
     particles = ParticleFilter(network, HIDDEN, OUTER, rng=np.random.default_rng([seed, 5]), n_particles=MANY)
     squared: dict[str, list[float]] = {"filter": [], "particles": []}
@@ -107,7 +107,7 @@ def optimum_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
 
 
 def optimum(study: Study) -> dict[str, Row]:
-    """Poked, constants known: RMSE by that of a particle filter of mode histories; 10 s at 4.14 mm, 30 frames/s."""
+    """Poked, constants known: RMSE by that of a particle filter of mode histories; 5 s at 4.14 mm, 30 frames/s."""
     rows: dict[str, Row] = {}
     for name in ("poked", "shoved"):
         runs = study.all(optimum_run, [(name, seed) for seed in study.seeds])
