@@ -317,6 +317,7 @@ class TissueFilter:
     ) -> TargetEstimate:
         cov = self.mixture.P[self.target, self.target].copy()
         open_loop_m2 = float(np.trace(self.open_loop.target_cov))
+        unseen_s = np.inf if self.seen_s is None else time_s - self.seen_s
         return TargetEstimate(
             time_s=time_s,
             mean=self.mixture.x[self.target].copy(),
@@ -325,7 +326,7 @@ class TissueFilter:
             marks_used=marks_used,
             nis=nis,
             poked=float(self.mixture.mu[-1]),
-            model_only=float(np.trace(cov)) > MODEL_ONLY * self._alone_m2,
+            model_only=unseen_s > self.settings.lost_s or float(np.trace(cov)) > MODEL_ONLY * self._alone_m2,
             gain=None if open_loop_m2 <= 0.0 else 1.0 - float(np.trace(cov)) / open_loop_m2,
             carried={} if carried is None else carried,
         )

@@ -100,7 +100,8 @@ def methods_of(done: Track) -> list[str]:
 
 def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
     """What summary.json holds: figures by method, as `softaim track` has them."""
-    return {method: figures(done, method) for method in methods_of(done)}
+    rows = {method: figures(done, method) for method in methods_of(done)}
+    return rows | {FILTER: rows[FILTER] | dict(done.counts)}
 
 
 def write_comparison(done: Track, folder: Path) -> None:

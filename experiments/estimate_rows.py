@@ -13,7 +13,7 @@ def header(dim: int) -> list[str]:
     """Names of the columns: the covariance as xx xy yy, then xz yz zz in space."""
     places = [f"{AXES[a]}_mm" for a in range(dim)]
     covs = [AXES[a] + AXES[b] for b in range(dim) for a in range(b + 1)]
-    return ["time_s", "status", *places, *covs, "nis", "marks_used", "poked"]
+    return ["time_s", "status", *places, *covs, "nis", "marks_used", "poked", "gain", "model_only"]
 
 
 def row(estimate: TargetEstimate) -> list[object]:
@@ -30,4 +30,6 @@ def row(estimate: TargetEstimate) -> list[object]:
         estimate.nis,
         estimate.marks_used,
         estimate.poked,
+        estimate.gain,
+        estimate.model_only,
     ]

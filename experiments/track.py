@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +26,13 @@ class Track:
 
     steps: one for each frame
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
+    counts: how often the filter refused a mark, and mended something
     """
 
     recording: Recording
     steps: tuple[Step, ...]
     truth: Floats
+    counts: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def times_s(self) -> Floats:
@@ -50,7 +52,11 @@ def track(recording: Recording, advance: Advance = lambda _share: None) -> Track
     for k, step in enumerate(_steps(line, recording)):
         steps.append(step)
         advance((k + 1) / n_frames)
-    return Track(recording, tuple(steps), target_truth(recording, steps))
+    counts = {
+        "marks_refused": sum(n for node, n in line.filter.refused.items() if node != "fix"),
+        "repairs": sum(line.filter.repairs.values()),
+    }
+    return Track(recording, tuple(steps), target_truth(recording, steps), counts)
 
 
 def _steps(line: Line, recording: Recording) -> Iterator[Step]:
@@ -93,7 +99,7 @@ def table(done: Track, method: str) -> pd.DataFrame:
     errors = np.array([e.mean for e in estimates]) - done.truth
     rows["err_mm"] = 1e3 * np.linalg.norm(errors, axis=1)
     rows["nees"] = _nees(errors, estimates)
-    numbers = [column for column in rows.columns if column not in ("status", "marks_used")]
+    numbers = [column for column in rows.columns if column not in ("status", "marks_used", "model_only")]
     return rows.astype(dict.fromkeys(numbers, float))
 
 
@@ -127,7 +133,7 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
 
 def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
     """What summary.json holds: figures by method."""
-    return {method: figures(done, method) for method in (OPEN_LOOP, FILTER)}
+    return {OPEN_LOOP: figures(done, OPEN_LOOP), FILTER: figures(done, FILTER) | dict(done.counts)}
 
 
 def write_tables(done: Track, folder: Path) -> None:

@@ -16,6 +16,7 @@ from estimators import (
     principal,
 )
 from estimators.identification import KEPT
+from estimators.tuning import log_likelihood
 
 SD = 5e-4
 PRIOR = {"stiffness": 0.3, "rest_length": 0.03}
@@ -157,3 +158,23 @@ def test_constants_without_a_prior_stay_as_they_are(found):
     network = found[0].network
     np.testing.assert_array_equal(network.damping, chain().damping)
     assert all(isinstance(one, Parameter) and one.kind in PRIOR for one in found[0].parameters)
+
+
+def test_what_is_found_is_most_probable_with_its_prior(recorded):
+    """Few frames and a firm prior: the log posterior falls to both sides along the change found, by a tenth and more.
+
+    Of the likelihood alone, or of the prior alone, it would not.
+    """
+    told, _ = wrong(chain())
+    prior = {"stiffness": 0.1, "rest_length": 0.003}
+    frames = recorded[0][:25]
+    identified = identify(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS)
+
+    def posterior(share):
+        change = share * identified.change
+        tissue = TissueFilter(scaled(told, identified.parameters, change), "far", ("near",), SETTINGS)
+        return log_likelihood(tissue, frames) - 0.5 * np.sum((change / identified.prior_sd) ** 2)
+
+    best = posterior(1.0)
+    assert posterior(0.7) < best - 0.1
+    assert posterior(1.3) < best - 0.1

@@ -1,0 +1,135 @@
+"""What carries an estimate: which marks, how much against the open loop, whether the model alone; wrong constants."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, independent, parameters, scaled
+from estimators import FilterSettings, OpenLoopBelief, TissueFilter, coverage, fixed_interval
+
+USUAL = FilterSettings()
+ONE_MODE = replace(USUAL, quiet=USUAL.poked)
+
+
+def followed(tissue, network, state, marks_of, frames=30, sd=0.00414, seed=0):
+    rng = np.random.default_rng(seed)
+    for k in range(frames):
+        tissue.predict(k / 30.0)
+        last = tissue.update(marks_of(network, state, sd, rng))
+    return last
+
+
+def test_a_mark_carries_what_the_target_is_less_sure_of_without_it(phantom, rest_state, marks_of):
+    """Kalman's covariance of the target after a frame with all marks, and with each left out; one mode. 1e-9.
+
+    P - P H' (H P H' + R)^-1 H P, traces of the target's block; two frames before are the same for all.
+    """
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, ONE_MODE)
+    followed(tissue, phantom, rest_state, marks_of)
+    tissue.predict(1.0)
+    P, marks = tissue.mixture.P.copy(), marks_of(phantom, rest_state, 0.00414, np.random.default_rng(9))
+    estimate = tissue.update(marks)
+
+    def left(kept):
+        rows = [i for mark in kept for i in range(22)[phantom.coordinates(mark.node)]]
+        H, R = np.eye(22)[rows], 0.00414**2 * np.eye(len(rows))
+        after = P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)
+        return np.trace(after[2:4, 2:4])
+
+    assert set(estimate.carried) == set(OUTER)
+    for node, share in estimate.carried.items():
+        expected = left([mark for mark in marks if mark.node != node]) / left(marks) - 1.0
+        assert share == pytest.approx(expected, rel=1e-6)
+        assert share > 0.01
+
+
+def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, marks_of):
+    """1 - trace by trace of an `OpenLoopBelief` that got the same frames; 4 mm marks leave a few per cent of it."""
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    belief = OpenLoopBelief(phantom, HIDDEN, OUTER, USUAL.quiet.white)
+    estimate = followed(tissue, phantom, rest_state, marks_of, frames=60)
+    for k in range(60):
+        belief.take(1 / 30.0 if k else 0.0, dict.fromkeys(OUTER, 0.00414**2 * np.eye(2)))
+    assert estimate.gain == pytest.approx(1.0 - np.trace(estimate.cov) / np.trace(belief.target_cov), rel=1e-9)
+    assert 0.8 < estimate.gain < 1.0
+
+
+def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
+    """Before marks, not while they come, and again once what they told has worn off; also when they tell nothing."""
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue.predict(0.0)
+    assert tissue.update([]).model_only
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    assert not followed(tissue, phantom, rest_state, marks_of).model_only
+    flags = []
+    for k in range(1, 90):
+        tissue.predict(29 / 30.0 + k / 30.0)
+        flags.append(tissue.update([]).model_only)
+    assert not flags[0]
+    assert flags[-1]
+    blind = TissueFilter(phantom, HIDDEN, OUTER)
+    assert followed(blind, phantom, rest_state, marks_of, sd=1.0, frames=5).model_only
+
+
+@pytest.mark.parametrize(("told", "found"), [(0.5, 4.0), (0.8, 1.0 / 0.64), (1.6, 1.0 / 2.56)])
+def test_variances_of_marks_adapt_within_their_bounds(phantom, rest_state, marks_of, told, found):
+    """Marks told half as noisy as they are: four times the variance; 20 s at 30 frames/s, within 25 %."""
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, replace(USUAL, marks_bounds=(0.25, 4.0)))
+    rng = np.random.default_rng(1)
+    for k in range(600):
+        tissue.predict(k / 30.0)
+        marks = marks_of(phantom, rest_state, 0.00414, rng)
+        tissue.update([replace(mark, cov=told**2 * mark.cov) for mark in marks])
+    assert tissue.marks_scale.scale == pytest.approx(found, rel=0.25)
+    assert tissue.marks_scale.scale <= 4.0
+
+
+def test_without_bounds_variances_stay_as_told(phantom, rest_state, marks_of):
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    followed(tissue, phantom, rest_state, marks_of)
+    assert tissue.marks_scale.scale == 1.0
+
+
+@pytest.fixture(scope="module")
+def wrong_runs(phantom, rest_state, driven, poke_forces, marks_of):
+    """Ten runs of 3 s whose model has springs 15 % off: the model, frames of marks of 1 mm, where the target was."""
+    which = parameters(phantom, ("stiffness",))
+    runs = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
+        frames = [(k / 30.0, marks_of(phantom, s, 0.001, rng)) for k, s in enumerate(states)]
+        runs.append((scaled(phantom, which, 0.15 * rng.normal(size=10)), frames, states[:, 2:4]))
+    return independent(which, 0.15), runs
+
+
+def covered(wrong_runs, uncertainty):
+    nees = []
+    for network, frames, truth in wrong_runs[1]:
+        tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=uncertainty)
+        for (time_s, marks), place in zip(frames, truth, strict=True):
+            tissue.predict(time_s)
+            estimate = tissue.update(marks)
+            off = estimate.mean - place
+            nees.append(off @ np.linalg.solve(estimate.cov, off))
+    return coverage(nees, 2)
+
+
+def test_the_covariance_knows_of_constants_that_are_off(wrong_runs):
+    """95 % regions hold 88 to 100 % where it is told so, and below 70 % where it is not. Truth by DOP853."""
+    assert covered(wrong_runs, wrong_runs[0]) > 0.88
+    assert covered(wrong_runs, None) < 0.7
+
+
+def test_a_smoother_adds_what_constants_make_of_the_target(phantom, wrong_runs):
+    """The smoothed covariance is never below what the columns alone make of the target at that time."""
+    network, frames, _ = wrong_runs[1][0]
+    smooth = fixed_interval(TissueFilter(network, HIDDEN, OUTER, uncertainty=wrong_runs[0]), frames[:40])
+    tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=wrong_runs[0])
+    for (time_s, marks), one in zip(frames[:40], smooth, strict=True):
+        tissue.predict(time_s)
+        tissue.update(marks)
+        columns = np.einsum("k,kij->ij", tissue.mixture.mu, tissue.mixture.columns[:, 2:4])
+        assert np.linalg.eigvalsh(one.cov - columns @ columns.T)[0] > 0.0
+    assert np.trace(columns @ columns.T) > 1e-8
