@@ -32,13 +32,14 @@ def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, 
     """The health after a frame that brought marks of this NIS and so many coordinates, or none (nis None).
 
     INITIALISING until marks were taken in for start_s: one frame tells no velocity. Then TRACKING with each frame that
-    brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING. DIVERGED as soon as
+    brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
+    further apart than lost_s but bring marks lose nothing. DIVERGED as soon as
     the innovations of test_s are too large together, in any of these; the filter then starts anew, and after test_s
     of marks that fit the target is tracked again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
-    lost = _unseen(health, time_s, settings) is Status.LOST
+    lost = health.status is Status.LOST
     since_s = time_s if lost or health.since_s is None else health.since_s
     kept = () if lost else health.innovations
     recent = tuple(entry for entry in kept if entry[0] > time_s - settings.test_s) or kept[1 - LEAST_FRAMES :]

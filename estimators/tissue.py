@@ -221,7 +221,7 @@ class TissueFilter:
         self._updated_s = self.time_s
         if self.marks_scale.scale != 1.0:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
-        anew = self.health.since_s is None or self.time_s - self.health.seen_s > self.settings.lost_s
+        anew = self.health.since_s is None or self.health.status is Status.LOST
         taken = list(marks) if anew else self._believable(self.time_s, marks)
         self.open_loop.take(dt, {mark.node: mark.cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:

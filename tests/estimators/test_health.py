@@ -44,6 +44,20 @@ def test_without_marks_it_coasts_then_is_lost_and_starts_again():
     assert walked(frames, tracked())[0] == expected
 
 
+def test_a_slow_camera_loses_nothing(phantom, rest_state, marks_of):
+    """The paper's: a frame each 1.09 s, longer than lost_s, marks in every one. TRACKING, and never started anew.
+
+    The target's covariance falls below a half of what a single frame leaves.
+    """
+    assert walked([(1.09 * k, FINE) for k in range(5)])[0] == ["INITIALISING"] + ["TRACKING"] * 4
+    tissue, rng, spread = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0), []
+    for k in range(8):
+        tissue.predict(1.09 * k)
+        spread.append(np.trace(tissue.update(marks_of(phantom, rest_state, 0.00414, rng)).cov))
+    assert tissue.repairs["restarted"] == 0
+    assert spread[-1] < 0.5 * spread[0]
+
+
 def test_one_wild_frame_is_not_divergence_but_two_are():
     """The window holds the frames of test_s; a single NIS of 120 among five right ones is below ten sigma."""
     assert walked([(1.05, 120.0), (1.1, FINE)], tracked())[0] == ["TRACKING"] * 2
