@@ -63,7 +63,7 @@ class Passage:
         finally:
             mixture.trace = None
         estimate = self.tissue.update(marks)
-        restarts = self.tissue.repairs["restarted"]
+        restarts = self.tissue.repairs["restarted"] + self.tissue.repairs["doubted"]
         anew = first or restarts != self._restarts
         self._restarts = restarts
         columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, self.tissue.target])

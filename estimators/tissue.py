@@ -21,8 +21,8 @@ from estimators.unscented import UnscentedKalmanFilter
 
 Floats = NDArray[np.float64]
 
-DOUBT = 100.0
-"""Factor on the covariance of a start after a divergence: what was refuted by ten sigma is not worth one; chosen."""
+DOUBT = 10.0
+"""Factor on the covariance of a start that is added to a belief which was refuted by ten sigma; chosen."""
 
 MODEL_ONLY = 0.5
 """Part of the variance that the target has without any marks, above which the model alone speaks; chosen."""
@@ -54,8 +54,8 @@ class TissueFilter:
     target: where its position stands in the state
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
-    what was mended (repairs): sigma points `narrowed`, covariances made `definite`, `restarted` after a divergence or a
-    loss; open_loop, how sure the paper's method has reason to be; marks_scale, what the marks' variances are multiplied
+    what was mended (repairs): sigma points `narrowed`, covariances made `definite`, `doubted` after a divergence, `restarted`
+    after another or a loss; open_loop, how sure the paper's method has reason to be; marks_scale, what the marks' variances are multiplied
     by.
     """
 
@@ -90,6 +90,7 @@ class TissueFilter:
         )
         self.mixture = InteractingMixture(filters, stationary(rates), rates, move)
         self._start_from(self._rest)
+        self._start_cov = self.mixture.filters[0].P.copy()
         self._alone_m2 = float(np.trace(self.mixture.P[self.target, self.target]))
         self.open_loop = OpenLoopBelief(network, target, [n for n in marked if n != target], self.settings.quiet.white)
         self.marks_scale = RunningScale(self.settings.marks_bounds)
@@ -244,11 +245,10 @@ class TissueFilter:
         self.mixture.update_linear(z, H, R)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(y, R / self.marks_scale.scale, S - R, dt)
-        least = min(f.nis for f in self.mixture.filters)
+        least, was = min(f.nis for f in self.mixture.filters), self.health.status
         self.health = after_frame(self.health, self.time_s, least, len(z), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
-            self.repairs["restarted"] += 1
-            self._start_at(taken, doubt=DOUBT)
+            self._doubted(taken, again=was is Status.DIVERGED)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         return self._estimate(
             self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken)
@@ -354,6 +354,24 @@ class TissueFilter:
             own = slice(k * dim, (k + 1) * dim)
             R[own, own] = mark.cov
         return z, rows, R
+
+    def _doubted(self, marks: Sequence[MarkMeasurement], *, again: bool) -> None:
+        """What is done about a belief that these marks refuted, first and when the new one is refuted, too.
+
+        First it may have been a blow: the tissue is where it was believed to be, as unsure beside as at a start, and
+        more. Then nothing is believed but that the tissue rests as the marks hold it, in greater doubt still.
+        """
+        if again:
+            self.repairs["restarted"] += 1
+            self._start_at(marks, doubt=DOUBT**2)
+            return
+        self.repairs["doubted"] += 1
+        z, rows, R = self._stacked(marks)
+        H = np.zeros((len(rows), self.model.dim_x))
+        H[range(len(rows)), rows] = 1.0
+        columns = np.einsum("k,kij->ij", self.mixture.mu, self.mixture.columns)
+        self.mixture.restart(self.mixture.x, self.mixture.P + DOUBT * self._start_cov, columns)
+        self.mixture.update_linear(z, H, R)
 
     def _start_at(self, marks: Sequence[MarkMeasurement], doubt: float = 1.0) -> None:
         """Believe the tissue to rest as these marks hold it; where it has no such rest, to rest, and take them in.

@@ -52,7 +52,7 @@ def test_pokes_are_never_refused(phantom, rest_state, driven, poke_forces, marks
 def test_what_stays_away_is_the_tissue(phantom):
     """All marks of a phantom at rest jump by 0.25 m and stay: refused for stubborn_s = 0.1 s, then taken in.
 
-    No belief about the tissue explains that: DIVERGED, and a new start from where the marks are.
+    No belief about the tissue explains that: DIVERGED, and in doubt about where the marks are.
     """
     at = dict(zip(phantom.names, phantom.positions, strict=True))
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
@@ -65,7 +65,7 @@ def test_what_stays_away_is_the_tissue(phantom):
     assert statuses[5:9] == [Status.COASTING] * 4  # 0, 1/30, 2/30, 3/30 s after the first that was off
     assert statuses[9] is Status.DIVERGED
     assert tissue.refused == dict.fromkeys(OUTER, 4)
-    assert tissue.repairs == {"restarted": 1}
+    assert tissue.repairs == {"doubted": 1}
     np.testing.assert_allclose(tissue.expected("M3")[0], at["M3"] + [0.0, 0.25], atol=5 * SD)
 
 
