@@ -54,9 +54,9 @@ class TissueFilter:
     target: where its position stands in the state
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
-    what was mended (repairs): sigma points `narrowed`, covariances made `definite`, `doubted` after a divergence, `restarted`
-    after another or a loss; open_loop, how sure the paper's method has reason to be; marks_scale, what the marks' variances are multiplied
-    by.
+    what was mended (repairs): sigma points `narrowed`, covariances made `definite`, beliefs `doubted` after a
+    divergence, `restarted` after another or a loss; open_loop, how sure the paper's method has reason to be;
+    marks_scale, what the marks' variances are multiplied by.
     """
 
     def __init__(
