@@ -45,6 +45,7 @@ def track(
     recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     out: Out,
     scene: SceneFile = None,
+    check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
     force: Force = False,
 ) -> None:
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
@@ -56,12 +57,15 @@ def track(
 
     opened = open_recording(recording, scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
-        done = run(opened, stage("track"))
+        done = run(opened, stage("track"), check=check)
         write_tables(done, folder)
         write_plots(done, folder)
     from experiments.tell import track_table
 
     print_table(track_table(summary(done)))
+    if check:
+        nees, scale = done.counts["check_nees"], done.counts["check_scale"]
+        print(f"Marks predicted as if hidden: NEES {nees:.2f}; the target's covariance times {scale:.2f}")
     print(f"Tables and pictures in {out}")
 
 

@@ -2,7 +2,8 @@
 
 Marks are found once, by the line that runs our filter and the paper's method; the others are given the same marks. Each
 method has the physics, the start and the belief about forces that our filter has. The extended, stock unscented and
-ensemble filters believe in one mode, the poked one; the particle filter in all, and stands for the optimum.
+ensemble filters believe in one mode, the poked one; the particle filter in all, and stands for the optimum. The
+smoother is our filter's, and knows the marks of all frames.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from estimators import (
     ExtendedKalmanFilter,
     ParticleFilter,
     StockUnscented,
+    TissueFilter,
+    fixed_interval,
 )
 from experiments.errors import InputError, shown
 from experiments.estimate_rows import AXES
@@ -31,13 +34,13 @@ from experiments.recording import Recording
 from experiments.scene import Scene
 from experiments.track import Advance, Track, figures, table, track
 
-EKF, STOCK, ENSEMBLE, PARTICLES = "ekf", "filterpy-ukf", "enkf", "particles"
-METHODS = (OPEN_LOOP, FILTER, EKF, STOCK, ENSEMBLE, PARTICLES)
+EKF, STOCK, ENSEMBLE, PARTICLES, SMOOTHER = "ekf", "filterpy-ukf", "enkf", "particles", "smoother"
+METHODS = (OPEN_LOOP, FILTER, EKF, STOCK, ENSEMBLE, PARTICLES, SMOOTHER)
 
 SEED = 0
 """Of the methods that draw random numbers: the same recording gives the same tables."""
 
-COLOURS = dict(zip(METHODS, ("#e07b16", "#1f6fb4", "#8c564b", "#9467bd", "#2ca02c", "#d62728"), strict=True))
+COLOURS = dict(zip(METHODS, ("#e07b16", "#1f6fb4", "#8c564b", "#9467bd", "#2ca02c", "#d62728", "#17a2b8"), strict=True))
 
 
 def baseline(name: str, scene: Scene) -> Baseline:
@@ -71,9 +74,31 @@ def compare(
     """
     done = track(recording, stage("track"))
     for name in methods:
-        if name not in (OPEN_LOOP, FILTER):
+        if name == SMOOTHER:
+            done = replace(done, steps=_smoothed(done, stage(name)))
+        elif name not in (OPEN_LOOP, FILTER):
             done = replace(done, steps=_followed(done, name, baseline(name, recording.scene), stage(name)))
     return done
+
+
+def _smoothed(done: Track, advance: Advance) -> tuple[Step, ...]:
+    """The steps of a track with what our filter's smoother says, which knows the marks of all frames."""
+    scene = done.recording.scene
+    measured = frozenset(scene.measured_nodes)
+    tissue = TissueFilter(
+        scene.network, scene.target.node, scene.measured_nodes, scene.settings, uncertainty=scene.uncertainty
+    )
+    frames = [
+        (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps
+    ]
+    began = time.perf_counter()
+    estimates = fixed_interval(tissue, frames)
+    seconds = (time.perf_counter() - began) / len(frames)
+    advance(1.0)
+    return tuple(
+        replace(step, estimates=step.estimates | {SMOOTHER: one}, method_s=step.method_s | {SMOOTHER: seconds})
+        for step, one in zip(done.steps, estimates, strict=True)
+    )
 
 
 def _followed(done: Track, name: str, method: Baseline, advance: Advance) -> tuple[Step, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from estimators import FixBias, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
+from estimators import FixBias, LeaveOneOut, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
 from experiments.recording import Fix
 from experiments.scene import Mark, Scene
 
@@ -48,19 +48,22 @@ class Step:
 class Line:
     """Runs the methods through the frames of one scene, in order of exposure.
 
+    check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
     fixes: direct sightings of the target, fused at their times; what they are off by together is estimated, too
-    State: the filter, the paper's open loop (baseline=False leaves it out), the marks missed in the last frame, the
-    fixes still to come.
+    State: the filter, the filters that check it, the paper's open loop (baseline=False leaves it out), the marks missed
+    in the last frame, the fixes still to come.
     """
 
-    def __init__(self, scene: Scene, *, baseline: bool = True, fixes: Sequence[Fix] = ()) -> None:
+    def __init__(self, scene: Scene, *, baseline: bool = True, fixes: Sequence[Fix] = (), check: bool = False) -> None:
         self.scene = scene
         measured = scene.measured_nodes
         settings = scene.settings
         if fixes and settings.fix_bias is None:
             settings = replace(settings, fix_bias=USUAL_BIAS)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
-        self.filter = TissueFilter(scene.network, scene.target.node, measured, settings, uncertainty=scene.uncertainty)
+        told = scene.network, scene.target.node, measured, settings
+        self.checks = LeaveOneOut(*told, uncertainty=scene.uncertainty) if check else None
+        self.filter = TissueFilter(*told, uncertainty=scene.uncertainty) if self.checks is None else self.checks.tissue
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
         self._missed: set[str] = set()
@@ -96,6 +99,9 @@ class Line:
 
     def _predict(self, exposure_s: float) -> None:
         """Move the filter to this time [s], by way of the fixes that came until then."""
+        if self.checks is not None:
+            for other in self.checks.without.values():
+                other.predict(exposure_s)
         while self._fixes and self._fixes[0].time_s <= exposure_s:
             fix = self._fixes.popleft()
             if self.filter.time_s is None or fix.time_s >= self.filter.time_s:
@@ -132,7 +138,7 @@ class Line:
     ) -> Step:
         measured = [mark for mark in marks if mark.node in self._measured]
         began = time.perf_counter()
-        estimates = {FILTER: self.filter.update(measured)}
+        estimates = {FILTER: (self.filter if self.checks is None else self.checks).update(measured)}
         filtered = time.perf_counter()
         method_s = {FILTER: predict_s + filtered - began}
         if self.open_loop is not None:

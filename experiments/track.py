@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from estimators import MarkMeasurement, Status, TargetEstimate, coverage, normalised_squared
+from experiments.errors import InputError
 from experiments.estimate_rows import header, row
 from experiments.line import FILTER, OPEN_LOOP, Line, Step
 from experiments.recording import MarkRow, Recording
@@ -26,13 +27,13 @@ class Track:
 
     steps: one for each frame
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
-    counts: how often the filter refused a mark, and mended something
+    counts: how often the filter refused a mark, and mended something; what came of the check, if there was one
     """
 
     recording: Recording
     steps: tuple[Step, ...]
     truth: Floats
-    counts: Mapping[str, int] = field(default_factory=dict)
+    counts: Mapping[str, float | int | None] = field(default_factory=dict)
 
     @property
     def times_s(self) -> Floats:
@@ -44,18 +45,29 @@ class Track:
         return [step.estimates[method] for step in self.steps]
 
 
-def track(recording: Recording, advance: Advance = lambda _share: None) -> Track:
-    """Run both methods through every frame; `advance` is told the share done. Raises InputError, SourceError."""
-    line = Line(recording.scene, fixes=recording.fixes)
+def track(recording: Recording, advance: Advance = lambda _share: None, *, check: bool = False) -> Track:
+    """Run both methods through every frame; `advance` is told the share done. Raises InputError, SourceError.
+
+    check: predict each mark as if it were hidden, too.
+    """
+    if check and len(recording.scene.measured_nodes) < 2:
+        raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
+    line = Line(recording.scene, fixes=recording.fixes, check=check)
     n_frames = len(recording.exposures_s)
     steps = []
+    checked: list[float] = []
     for k, step in enumerate(_steps(line, recording)):
         steps.append(step)
+        if line.checks is not None:
+            checked += [one.nees for one in line.checks.checks.values()]
         advance((k + 1) / n_frames)
-    counts = {
+    counts: dict[str, float | int | None] = {
         "marks_refused": sum(n for node, n in line.filter.refused.items() if node != "fix"),
         "repairs": sum(line.filter.repairs.values()),
     }
+    if line.checks is not None:
+        counts["check_nees"] = float(np.mean(checked)) if checked else None
+        counts["check_scale"] = line.checks.scale
     return Track(recording, tuple(steps), target_truth(recording, steps), counts)
 
 

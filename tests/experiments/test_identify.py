@@ -151,7 +151,7 @@ def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path,
     assert softaim(monkeypatch, "compare", recording, "--scene", calibrated[1], "--out", out) == 0
     assert "particles" in capsys.readouterr().out
     figures = json.loads((out / "summary.json").read_text())
-    assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles"]
+    assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "smoother"]
     usual = summary(track(open_recording(recording, calibrated[1])))
     assert figures["filter"]["mae_mm"] == usual["filter"]["mae_mm"]
     assert all(
@@ -169,7 +169,8 @@ def test_compare_with_some_methods_and_with_one_that_there_is_not(cache, tmp_pat
     assert softaim(monkeypatch, "compare", recording, "--methods", "ekf,oracle", "--out", tmp_path / "none") == 2
     message = capsys.readouterr().err
     assert (
-        '--methods: expected some of open-loop, filter, ekf, filterpy-ukf, enkf, particles, found "oracle"' in message
+        '--methods: expected some of open-loop, filter, ekf, filterpy-ukf, enkf, particles, smoother, found "oracle"'
+        in message
     )
     assert len(message.splitlines()) == 1
     assert not (tmp_path / "none").exists()
@@ -198,3 +199,21 @@ def test_trials_repeat_and_keep_their_truth(cache):
     assert 0.1 < 1.0 - np.mean([len(marks) / 3 for _, marks in first[0]]) < 0.5
     np.testing.assert_array_equal(first[1], truth(trial, cache)[::2, 1])
     assert len(first[0]) == 60
+
+
+def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, monkeypatch, capsys):
+    """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
+    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)
+    found = track(open_recording(recording, calibrated[1]), check=True).counts
+    assert found["check_nees"] < 2.6
+    assert 1.0 <= found["check_scale"] < 2.0
+    from dataclasses import replace
+
+    scene = read_scene(recording / "scene.toml")
+    write_scene(replace(scene, network=told(four_mass_phantom(), (0.3, 0.03))), tmp_path / "wrong.toml")
+    words = ("track", recording, "--scene", tmp_path / "wrong.toml", "--check", "--out", tmp_path / "out")
+    assert softaim(monkeypatch, *words) == 0
+    assert "Marks predicted as if hidden: NEES" in capsys.readouterr().out
+    wrong = json.loads((tmp_path / "out" / "summary.json").read_text())["filter"]
+    assert wrong["check_nees"] > 1.5 * found["check_nees"]
+    assert wrong["check_scale"] > 1.5 * found["check_scale"]
