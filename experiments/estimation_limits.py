@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
-from estimators import ForceMode, ParticleFilter, TissueFilter, posterior_bound
+from estimators import ForceMode, ParticleFilter, TissueFilter, coverage, posterior_bound
 from experiments.studies import Row, Study, figures
 from experiments.trials import KNOTS_PER_S, Model, Outcome, Trial, run, seen, truth
 
@@ -117,6 +117,44 @@ def optimum(study: Study) -> dict[str, Row]:
             "rmse_mm": 1e3 * float(np.sqrt(ours)),
             "particles_mm": 1e3 * float(np.sqrt(best)),
             "ratio": float(np.sqrt(ours / best)),
+        }
+    return rows
+
+
+def lost_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
+    """All marks lost from 3 to 5 s: statuses meanwhile, growth of sigma, and error and NEES half a second after."""
+    network, trial = four_mass_phantom(), Trial(scenario, seed)
+    frames, hidden = seen(trial, cache, np.random.default_rng([seed, 6]))
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    estimates = []
+    for time_s, marks in frames[:166]:
+        tissue.predict(time_s)
+        estimates.append(tissue.update([] if 90 <= len(estimates) < 150 else marks))
+    off = estimates[165].mean - hidden[165]
+    before, late, after = (np.array(estimates[k].cov, dtype=float) for k in (89, 149, 165))
+    return {
+        "coasted_then_lost": [e.status.value for e in estimates[91:149]] == ["COASTING"] * 28 + ["LOST"] * 30
+        or [e.status.value for e in estimates[91:149]] == ["COASTING"] * 29 + ["LOST"] * 29,
+        "grew": bool(np.trace(late) > np.trace(before)),
+        "tracking": estimates[165].status.value == "TRACKING",
+        "nees": float(off @ np.linalg.solve(after, off)),
+        "off_mm": 1e3 * float(np.linalg.norm(off)),
+    }
+
+
+def lost(study: Study) -> dict[str, Row]:
+    """All marks lost for 2 s, pokes going on, and half a second of them after; 4.14 mm, 30 frames/s."""
+    rows: dict[str, Row] = {}
+    for name in ("quiet", "poked", "shoved"):
+        runs = study.all(lost_run, [(name, seed) for seed in study.seeds])
+        rows[name] = {
+            "runs": len(runs),
+            "coasted_then_lost": sum(one["coasted_then_lost"] for one in runs),
+            "grew": sum(one["grew"] for one in runs),
+            "tracking": sum(one["tracking"] for one in runs),
+            "coverage95": coverage([one["nees"] for one in runs], 2),
+            "mean_mm": float(np.mean([one["off_mm"] for one in runs])),
+            "worst_mm": float(np.max([one["off_mm"] for one in runs])),
         }
     return rows
 

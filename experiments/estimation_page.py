@@ -96,6 +96,25 @@ def hard_table(rows: Rows) -> str:
     return table([*heads, "frames DIVERGED"], body)
 
 
+def lost_table(rows: Rows) -> str:
+    """How many runs did what they should, and the error half a second after the marks' return."""
+    body = [
+        [
+            label,
+            str(row["runs"]),
+            str(row["coasted_then_lost"]),
+            str(row["grew"]),
+            str(row["tracking"]),
+            f"{row['coverage95']:.0%}",
+            f"{row['mean_mm']:.2f}",
+            f"{row['worst_mm']:.1f}",
+        ]
+        for label, row in rows.items()
+    ]
+    heads = ["", "runs", "COASTING, then LOST", "sigma grew", "TRACKING 0.5 s after", "in the 95 % region then"]
+    return table([*heads, "mean [mm]", "worst [mm]"], body)
+
+
 TABLES: Mapping[str, Callable[[Rows], str]] = {
     "identified": usual_table,
     "unidentified": usual_table,
@@ -105,6 +124,7 @@ TABLES: Mapping[str, Callable[[Rows], str]] = {
     "optimum": optimum_table,
     "hard": hard_table,
     "overturned": hard_table,
+    "lost": lost_table,
 }
 
 

@@ -33,7 +33,7 @@ from dynamics import (
     value,
 )
 from estimators import FilterSettings, ForceMode, identify, principal
-from experiments.estimation_limits import bound, hard, optimum, overturned
+from experiments.estimation_limits import bound, hard, lost, optimum, overturned
 from experiments.outputs import write_whole
 from experiments.studies import Row, Study, by_scenario
 from experiments.trials import Frames, Model, Trial, run, seen
@@ -176,6 +176,7 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
     "optimum": optimum,
     "hard": hard,
     "overturned": overturned,
+    "lost": lost,
 }
 
 
