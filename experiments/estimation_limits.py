@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
-from estimators import ForceMode, ParticleFilter, TissueFilter, coverage, posterior_bound
+from estimators import ForceMode, ParticleFilter, TargetEstimate, TissueFilter, coverage, posterior_bound
 from experiments.studies import Row, Study, figures
 from experiments.trials import KNOTS_PER_S, Model, Outcome, Trial, run, seen, truth
 
@@ -126,7 +126,7 @@ def lost_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
     network, trial = four_mass_phantom(), Trial(scenario, seed)
     frames, hidden = seen(trial, cache, np.random.default_rng([seed, 6]))
     tissue = TissueFilter(network, HIDDEN, OUTER)
-    estimates = []
+    estimates: list[TargetEstimate] = []
     for time_s, marks in frames[:166]:
         tissue.predict(time_s)
         estimates.append(tissue.update([] if 90 <= len(estimates) < 150 else marks))
