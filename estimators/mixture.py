@@ -161,9 +161,10 @@ class InteractingMixture(filterpy.IMMEstimator):
             scales[turned] *= NARROW**2
             points, _ = symmetric_points_each(xs, Ps, scales)
             weights = (weights[0].copy(), weights[1].copy())
-            weights[0][turned, 1:] = weights[1][turned, 1:] = 0.5 / scales[turned, None]
-            weights[0][turned, 0] = 1.0 - (points.shape[1] - 1) * 0.5 / scales[turned]
+            weights[1][turned, 1:] = 0.5 / scales[turned, None]
             weights[1][turned, 0] = 0.0  # no negative weight: the covariance stays one
+            # to first order: curvature at the mean, taken as far as the covariance reaches, has no bounds
+            weights[0][turned] = np.arange(points.shape[1]) == 0
         return points, self.move.points(points, dt), weights
 
     def _compute_mixing_probabilities(self) -> None:

@@ -44,6 +44,7 @@ class Snapshot:
     repairs: Counter[str]
     refused: Counter[str]
     updated_s: float | None
+    refuted_s: float | None
     open_loop: Floats
     marks_scale: tuple[float, float]
 
@@ -72,6 +73,7 @@ class TissueFilter:
         self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias)
         self.time_s: float | None = None
         self._updated_s: float | None = None
+        self._refuted_s: float | None = None
         self._noises: tuple[float, dict[ForceMode, Floats]] | None = None
         self.health = Health()
         self.refused: Counter[str] = Counter()
@@ -132,6 +134,7 @@ class TissueFilter:
             self.repairs.copy(),
             self.refused.copy(),
             self._updated_s,
+            self._refuted_s,
             self.open_loop.cov,
             (self.marks_scale.scale, self.marks_scale.information),
         )
@@ -145,7 +148,7 @@ class TissueFilter:
         self.time_s, self.health = then.time_s, then.health
         self._marks_seen_s, self._off_s = then.marks_seen_s.copy(), then.off_s.copy()
         mixture.repairs, self.refused = then.repairs.copy(), then.refused.copy()
-        self._updated_s, self.open_loop.cov = then.updated_s, then.open_loop
+        self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
 
     def predict(self, time_s: float) -> None:
@@ -245,10 +248,12 @@ class TissueFilter:
         self.mixture.update_linear(z, H, R)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(y, R / self.marks_scale.scale, S - R, dt)
-        least, was = min(f.nis for f in self.mixture.filters), self.health.status
+        least = min(f.nis for f in self.mixture.filters)
         self.health = after_frame(self.health, self.time_s, least, len(z), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
-            self._doubted(taken, again=was is Status.DIVERGED)
+            again = self._refuted_s is not None and self.time_s - self._refuted_s <= self.settings.settle_s
+            self._refuted_s = self.time_s
+            self._doubted(taken, again=again)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         return self._estimate(
             self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken)
@@ -356,7 +361,7 @@ class TissueFilter:
         return z, rows, R
 
     def _doubted(self, marks: Sequence[MarkMeasurement], *, again: bool) -> None:
-        """What is done about a belief that these marks refuted, first and when the new one is refuted, too.
+        """What is done about a belief that these marks refuted, first, and when within settle_s the next one is, too.
 
         First it may have been a blow: the tissue is where it was believed to be, as unsure beside as at a start, and
         more. Then nothing is believed but that the tissue rests as the marks hold it, in greater doubt still.
