@@ -168,13 +168,13 @@ def lost(study: Study) -> dict[str, Row]:
 def _far(outcomes: Sequence[Outcome]) -> Row:
     """Runs that diverged, and the longest time [s] for which one was surely wrong and TRACKING.
 
-    Diverged: more than FAR_M off for UNSAID_S or longer while TRACKING, or in the last frame. Surely wrong: more than
+    Diverged: more than FAR_M off while TRACKING, for UNSAID_S or longer or in the last frame. Surely wrong: more than
     FAR_M off with a NEES above 30, which one frame in three million has.
     """
     diverged, longest = 0, 0.0
     for one in outcomes:
         off = (one.filtered > FAR_M) & (np.array(one.status) == "TRACKING")
-        diverged += bool(_longest(one.times_s, off) >= UNSAID_S or one.filtered[-1] > FAR_M)
+        diverged += bool(_longest(one.times_s, off) >= UNSAID_S or off[-1])
         longest = max(longest, _longest(one.times_s, off & (one.nees > 30.0)))
     ever = sum(bool((one.filtered > FAR_M).any()) for one in outcomes)
     return {"runs_diverged": diverged, "runs_ever_far": ever, "longest_unsaid_s": longest}
