@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision import kernels
+
 Floats = NDArray[np.float64]
 Picture = NDArray[Any]  # as OpenCV's stubs have it: (h, w) or (h, w, 3) of whole or of floating numbers
 
@@ -38,144 +40,42 @@ LOCAL_REACH = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
-    """A mark's centre [px], (2,), from the patch's first pixel, the covariance of that [px²], (2, 2), its area [px]."""
+    """What a mark covers of a patch.
+
+    center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
+    area_px: [px]
+    alpha: share of each pixel that the mark covers, (h, w), 0 away from it
+    color_bgr: of its core
+    """
 
     center_px: Floats
     cov_px2: Floats
     area_px: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Background:
-    """A plane of colour: color = [1, u, v] @ plane. All (3, 3): plane, Gram matrix of its fit, covariance about it."""
-
-    plane: Floats
-    gram: Floats
-    noise_cov: Floats
+    alpha: Floats
+    color_bgr: tuple[float, ...]
 
 
 def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
     """What a component covers of a patch; None where it cannot be told from what lies behind it.
 
-    patch: (h, w, 3) BGR
+    patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
     others: not 0 on pixels of other marks of the class, which are no background, (h, w) uint8
     """
-    near = cv2.dilate(component, _ellipse(GROW_PX + max(component.shape) // 16))
-    ring = np.equal(cv2.bitwise_or(near, others), 0).astype(np.uint8)
-    behind = _background(patch, ring)
-    if behind is None:
+    discs = _half_widths(GROW_PX + max(component.shape) // 16), _half_widths(CORE_PX)
+    told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS)
+    if not told:
         return None
-    core = cv2.erode(component, _ellipse(CORE_PX), borderType=cv2.BORDER_REPLICATE)
-    solid = core if cv2.countNonZero(core) >= 9 else component
-    moments = cv2.moments(solid, binaryImage=True)
-    middle = np.array([1.0, moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]])
-    contrast = np.array(cv2.mean(patch, solid)[:3]) - middle @ behind.plane
-    # Best linear unbiased estimate of alpha where pixel = background + alpha contrast + noise, noise ~ (0, N):
-    # alpha = d' N^-1 (pixel - background) / d' N^-1 d
-    weights = np.linalg.solve(behind.noise_cov, contrast)
-    strength = weights @ contrast
-    if not strength > 0:
-        return None
-    alpha = _unmixed(patch, behind.plane, weights / strength)
-    return _centered(alpha, _Zones(near, core, ring), behind.gram)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Zones:
-    """Pixels as 0 and 1, (h, w): all that the mark may reach, its core, what lies behind."""
-
-    near: Picture
-    core: Picture
-    ring: Picture
-
-
-def _unmixed(patch: Picture, plane: Floats, weights: Floats) -> Picture:
-    """(pixel - background) @ weights for every pixel, (h, w) float32."""
-    constant, along_u, along_v = plane @ weights
-    height, width = patch.shape[:2]
-    projected = cv2.transform(patch.astype(np.float32), weights.astype(np.float32)[None, :])
-    u, v = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[:, None]
-    return projected - np.float32(along_u) * u - (np.float32(along_v) * v + np.float32(constant))
-
-
-def _centered(alpha: Picture, zones: _Zones, gram: Floats) -> Cover | None:
-    filled = np.where(zones.core, np.float32(1.0), alpha * zones.near)
-    m = cv2.moments(filled)
-    area = m["m00"]
-    if not area > 0:
-        return None
-    center = np.array([m["m10"], m["m01"]]) / area
-    # d center / d alpha = (place - center) / area, for the pixels whose alpha was measured
-    edge = zones.near & (1 - zones.core)
-    v, u = np.nonzero(edge)
-    places = np.column_stack([np.ones(len(u)), u, v])
-    arms = (places[:, 1:] - center) / area
-    behind = _power(alpha, zones.ring.astype(np.float32), GRAIN_REACH)
-    # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
-    leverage = np.zeros(alpha.shape, dtype=np.float32)
-    leverage[v, u] = np.hypot(arms[:, 0], arms[:, 1])
-    at_edge = max(behind, LOCAL_GAIN * _power(_lopsided(alpha, center), leverage, LOCAL_REACH))
-    # What is wrong with the background's plane reaches the centre too; it comes from the noise where it was fitted.
-    by_plane = arms.T @ places
-    cov = at_edge * arms.T @ arms + behind * by_plane @ np.linalg.solve(gram, by_plane.T) + FLOOR_PX2 * np.eye(2)
-    return Cover(center, np.asarray(cov, dtype=np.float64), area)
-
-
-def _background(patch: Picture, ring: Picture) -> _Background | None:
-    """A plane of colour through the ring around a mark, and how colours stray about it; None without a ring."""
-    rows, columns = np.nonzero(ring)
-    step = 1 + len(rows) // FIT_PIXELS
-    rows, columns = rows[::step], columns[::step]
-    if len(rows) < 12:
-        return None
-    colors = patch[rows, columns].astype(float)
-    X = np.column_stack([np.ones(len(rows)), columns, rows])
-    # Medians cost most of the time here; every fourth pixel tells them well enough.
-    off = np.abs(colors - np.median(colors[::4], axis=0))
-    # 1.4826 MAD is the standard deviation of a Gaussian; two grey levels allow for shading.
-    kept = (off <= OUTLIER_SDS * (1.4826 * np.median(off[::4], axis=0) + 2.0)).all(axis=1)
-    if kept.sum() < 12:
-        return None
-    gram = X[kept].T @ X[kept]
-    plane = np.linalg.solve(gram, X[kept].T @ colors[kept])
-    # All pixels count here: a line or a disc of another hue beside the mark turns the weights away from its colour.
-    strays = colors - X @ plane
-    noise_cov = strays.T @ strays / (len(rows) - 3) + ROUNDING * np.eye(3)
-    return _Background(plane, gram, np.asarray(noise_cov, dtype=np.float64))
-
-
-def _lopsided(alpha: Picture, center: Floats) -> Picture:
-    """Half of what alpha differs by from itself turned by 180 degrees about the centre, (h, w).
-
-    A mark is its own image under that turn. What is left is noise, compression, wear: all that can move the centre.
-    """
-    turn = np.array([[-1.0, 0.0, 2.0 * center[0]], [0.0, -1.0, 2.0 * center[1]]])
-    size = (alpha.shape[1], alpha.shape[0])
-    smooth = cv2.GaussianBlur(alpha, (3, 3), 0)
-    turned = cv2.warpAffine(
-        smooth, turn, size, flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-    )
-    return (smooth - turned) / 2.0
-
-
-def _power(noise: Picture, weights: Picture, reach: int) -> float:
-    """Sum of the noise's autocovariance over the lags in a square of width `reach`, not less than its variance.
-
-    weights: how much each pixel's noise matters, (h, w), 0 where it is not to be looked at.
-    The variance of a mean of n pixels is that sum over n. White noise: its variance. Grainy noise: more.
-    """
-    box = (reach, reach)
-    weighted, w = noise * weights, weights.ravel()
-    weight2 = float(w @ w)
-    variance = float(cv2.norm(weighted, cv2.NORM_L2SQR)) / weight2
-    pairs = float(weighted.ravel() @ cv2.boxFilter(weighted, -1, box, borderType=cv2.BORDER_CONSTANT).ravel())
-    power = reach**2 * pairs / float(w @ cv2.boxFilter(weights, -1, box, borderType=cv2.BORDER_CONSTANT).ravel())
-    n_pixels = float(w.sum()) ** 2 / weight2
-    # White noise of n pixels gives the variance give or take reach / sqrt(n) of it: only more than that is grain.
-    return power if power > variance * (1.0 + 2.0 * reach / np.sqrt(n_pixels)) else variance
+    u, v, uu, uv, vv, area, *color = figures.tolist()
+    return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, tuple(color))
 
 
 @lru_cache(maxsize=64)
-def _ellipse(radius: int) -> Picture:
-    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+def _half_widths(radius: int) -> Picture:
+    """Of a disc, row by row, (2 radius + 1,)."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    return (disc.sum(axis=1).astype(np.int64) - 1) // 2
+
+
+CONSTANTS = (OUTLIER_SDS, FIT_PIXELS, ROUNDING, GRAIN_REACH, LOCAL_GAIN, LOCAL_REACH, FLOOR_PX2)
+"""As the kernel takes them."""

@@ -9,14 +9,17 @@ both is known, alpha is a linear function of the pixel; its centre of gravity ha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision import kernels
 from vision.coverage import PAD_PX, Picture, cover
 from vision.hues import MarkHue
+from vision.outline import Outline, fit_outline
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -27,6 +30,15 @@ MAX_ELONGATION = 4.0
 """Longest to shortest axis of what may be a mark: round marks smeared by up to three times their width; chosen."""
 SEARCH_SHARE = 0.4
 """A mark may show this share of its least area in the search already; its edge counts only after that; chosen."""
+COARSE_AREA_PX = 150.0
+"""Marks of at least so many pixels are searched for in a picture of half the size; chosen."""
+APART = 13.815510557964274
+"""Squared distance beyond which two centres of one mark, by area and by outline, differ: chi-square, 0.1 %."""
+BEYOND = 0.1
+"""Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
+SQUARE_5 = np.ones((5, 5), np.uint8)
+ONE_MARK = 0.5
+"""Fragments whose outlines' centres are nearer than this share of its size are one mark; chosen."""
 
 
 class HueError(ValueError):
@@ -39,9 +51,11 @@ class Detection:
 
     center_px: its centre [px], shape (2,)
     cov_px2: covariance of that [px²], shape (2, 2), from the noise around the mark and its area
-    area_px: what it covers [px]
+    area_px: what is seen of it [px]
     hue_deg: the hue of its class
     clipped: it touches the border of what was searched, so part of it was not seen
+    covered: something hides part of it, so its centre is that of its outline
+    color_bgr: of its core [grey levels]
     """
 
     center_px: Floats
@@ -49,6 +63,8 @@ class Detection:
     area_px: float
     hue_deg: float
     clipped: bool
+    covered: bool = False
+    color_bgr: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 def detect_marks(
@@ -58,12 +74,14 @@ def detect_marks(
     min_area_px: float,
     max_area_px: float | None = None,
     region: tuple[int, int, int, int] | None = None,
+    outline: Outline | None = None,
 ) -> list[Detection]:
     """Marks of these hues, largest first.
 
     frame_bgr: shape (height, width, 3), uint8
-    min_area_px, max_area_px: least and largest area of a mark [px]
+    min_area_px, max_area_px: least and largest area that is seen of a mark [px]
     region: left, top, width, height of the part to search [px]; all of the frame where None
+    outline: what a whole mark looks like; with it, marks that are partly covered are found at their centre
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
     """
@@ -72,23 +90,21 @@ def detect_marks(
         raise ValueError(f"frame: expected uint8 (height, width, 3), found {kind}")
     left, top = (0, 0) if region is None else region[:2]
     part = frame_bgr if region is None else _cut(frame_bgr, region)
-    # Smoothed for the search only: noise splits small marks. The centre comes from the pixels as they are.
-    hsv = cv2.cvtColor(cv2.blur(part, (3, 3)), cv2.COLOR_BGR2HSV)
+    if not hues:
+        return []
+    palette = _palette(tuple(hues))
+    scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
+    classes = _classes(part, palette, scale)
+    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, outline)
     found: list[Detection] = []
-    for hue, ranges in zip(hues, _hue_ranges(hues), strict=True):
-        mask = _pixels_of(hsv, hue, ranges)
-        share = cv2.countNonZero(mask) / mask.size
-        if share > LARGEST_SHARE:
-            raise HueError(
-                f"hue {hue.hue_deg:g} ± {hue.half_width_deg:g} degrees: expected marks on up to {LARGEST_SHARE:.0%} "
-                f"of the picture, found {share:.0%}; narrow the range or raise min_saturation ({hue.min_saturation:g})"
-            )
+    for number, hue in enumerate(hues, start=1):
+        mask = classes if len(hues) == 1 else _equal(classes, number)
+        if region is None:
+            _check_share(hue, cv2.countNonZero(mask) / mask.size)
         contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        for contour in contours:
-            detection = _detected(part, mask, contour, hue.hue_deg, min_area_px)
-            if detection is not None and detection.area_px <= (max_area_px or np.inf):
-                found.append(detection)
-    placed = [Detection(d.center_px + np.array([left, top]), d.cov_px2, d.area_px, d.hue_deg, d.clipped) for d in found]
+        of_hue = [d for contour in contours if (d := search.detected(contour, number, hue.hue_deg)) is not None]
+        found += of_hue if outline is None else _pieced(of_hue, outline)
+    placed = found if region is None else [replace(d, center_px=d.center_px + np.array([left, top])) for d in found]
     return sorted(placed, key=lambda detection: -detection.area_px)
 
 
@@ -101,53 +117,134 @@ def _cut(frame: Image, region: tuple[int, int, int, int]) -> Image:
     return frame[top : top + height, left : left + width]
 
 
-def _hue_ranges(hues: Sequence[MarkHue]) -> list[list[tuple[int, int]]]:
-    """For each class the runs of OpenCV's hue levels (0 to 179, 2 degrees each) that are nearest to it."""
-    levels = 2.0 * np.arange(180)
-    distances = np.array([np.abs((levels - h.hue_deg + 180.0) % 360.0 - 180.0) for h in hues]).reshape(-1, 180)
-    ranges = []
-    for k, hue in enumerate(hues):
-        mine = (distances[k] <= hue.half_width_deg) & (distances[:k] > distances[k]).all(axis=0)
-        mine &= (distances[k + 1 :] >= distances[k]).all(axis=0)
-        steps = np.flatnonzero(np.diff(np.concatenate([[0], mine.astype(int), [0]])))
-        ranges.append([(int(a), int(b) - 1) for a, b in steps.reshape(-1, 2)])
-    return ranges
+def _check_share(hue: MarkHue, share: float) -> None:
+    if share > LARGEST_SHARE:
+        raise HueError(
+            f"hue {hue.hue_deg:g} ± {hue.half_width_deg:g} degrees: expected marks on up to {LARGEST_SHARE:.0%} "
+            f"of the picture, found {share:.0%}; narrow the range or raise min_saturation ({hue.min_saturation:g})"
+        )
 
 
-def _pixels_of(hsv: Picture, hue: MarkHue, ranges: list[tuple[int, int]]) -> Picture:
-    saturation, value = 255.0 * hue.min_saturation, 255.0 * hue.min_value
-    mask: Picture = np.zeros(hsv.shape[:2], dtype=np.uint8)
-    # Red lies on both ends of OpenCV's circle: two runs.
-    for k, (first, last) in enumerate(ranges):
-        run = cv2.inRange(hsv, (first, saturation, value), (last, 255, 255))
-        mask = run if k == 0 else cv2.bitwise_or(mask, run)
-    return mask
+@dataclass(frozen=True, slots=True, eq=False)
+class _Palette:
+    """Classes of colour as `kernels.classify` takes them, numbered from 1 in their order."""
+
+    table: Picture
+    least_value: Floats
+    least_saturation: Floats
 
 
-def _detected(frame: Picture, mask: Picture, contour: Picture, hue_deg: float, min_area_px: float) -> Detection | None:
-    """The mark inside this contour of the mask; None where it is too small or too long to be one."""
-    if len(contour) < 2 and min_area_px > 1.0 / SEARCH_SHARE:
-        return None
-    u, v, width, height = cv2.boundingRect(contour)
-    if width * height < SEARCH_SHARE * min_area_px:
-        return None
-    frame_height, frame_width = frame.shape[:2]
-    pad = PAD_PX + max(width, height) // 8
-    u0, v0 = max(u - pad, 0), max(v - pad, 0)
-    u1, v1 = min(u + width + pad, frame_width), min(v + height + pad, frame_height)
-    component = np.zeros((v1 - v0, u1 - u0), dtype=np.uint8)
-    cv2.drawContours(component, [contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
-    if cv2.countNonZero(component) < SEARCH_SHARE * min_area_px or _elongation(component) > MAX_ELONGATION:
-        return None
-    others = mask[v0:v1, u0:u1] & (1 - component)
-    covered = cover(frame[v0:v1, u0:u1], component, cv2.dilate(others, np.ones((5, 5), np.uint8)))
-    if covered is None or covered.area_px < min_area_px:
-        return None
-    clipped = u == 0 or v == 0 or u + width == frame_width or v + height == frame_height
-    # Of a mark that the border cuts, as much again as is seen may lie outside.
-    outside = (max(width, height) / 2.0) ** 2 if clipped else 0.0
-    center = covered.center_px + np.array([u0, v0])
-    return Detection(center, covered.cov_px2 + outside * np.eye(2), covered.area_px, hue_deg, clipped)
+@lru_cache(maxsize=16)
+def _palette(hues: tuple[MarkHue, ...]) -> _Palette:
+    steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
+    off = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
+    half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
+    beyond = np.where(off <= half_widths, off, np.inf)
+    table = np.where(np.isfinite(beyond.min(axis=0)), 1 + beyond.argmin(axis=0), 0).astype(np.uint8)
+    values = [255.0 * hue.min_value for hue in hues]
+    saturations = [256.0 * hue.min_saturation for hue in hues]
+    least = [np.array([min(each), *each]) for each in (values, saturations)]
+    return _Palette(table, *least)
+
+
+def _equal(classes: Picture, number: int) -> Picture:
+    """1 where a pixel is of that class, else 0, (h, w) uint8."""
+    return np.asarray(classes == number, dtype=np.uint8)
+
+
+def _classes(part: Picture, palette: _Palette, scale: int) -> Picture:
+    """The class of each pixel, smoothed or shrunk for the search only: noise splits small marks."""
+    if scale == 1:
+        smooth = cv2.blur(part, (3, 3))
+    else:
+        height, width = (n // scale for n in part.shape[:2])
+        whole = part[: height * scale, : width * scale]
+        smooth = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    classes = np.empty(smooth.shape[:2], dtype=np.uint8)
+    kernels.classify(smooth, palette.table, palette.least_value, palette.least_saturation, classes)
+    return classes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is."""
+
+    part: Picture
+    classes: Picture
+    palette: _Palette
+    scale: int
+    min_area_px: float
+    max_area_px: float
+    outline: Outline | None
+
+    def detected(self, contour: Picture, number: int, hue_deg: float) -> Detection | None:
+        """The mark inside this contour of the classes; None where it is no mark."""
+        u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
+        if width * height < SEARCH_SHARE * self.min_area_px:
+            return None
+        frame_height, frame_width = self.part.shape[:2]
+        pad = PAD_PX + max(width, height) // 8
+        u0, v0 = max(u - pad, 0), max(v - pad, 0)
+        u1, v1 = min(u + width + pad, frame_width), min(v + height + pad, frame_height)
+        patch = np.ascontiguousarray(self.part[v0:v1, u0:u1])
+        component = np.zeros(patch.shape[:2], dtype=np.uint8)
+        if self.scale == 1:
+            cv2.drawContours(component, [contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
+            same = _equal(self.classes[v0:v1, u0:u1], number)
+        else:
+            cv2.drawContours(component, [self.scale * contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
+            around = cv2.dilate(component, SQUARE_5)
+            same = _equal(_classes(patch, self.palette, 1), number)
+            pieces, _ = cv2.findContours(same & around, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+            component[:] = 0
+            cv2.drawContours(component, pieces, -1, 1, cv2.FILLED)
+        if cv2.countNonZero(component) < SEARCH_SHARE * self.min_area_px or _elongation(component) > MAX_ELONGATION:
+            return None
+        others = cv2.dilate(same & (1 - component), SQUARE_5)
+        seen = cover(patch, component, others)
+        if seen is None or not self.min_area_px <= seen.area_px <= self.max_area_px:
+            return None
+        center, cov, covered = seen.center_px, seen.cov_px2, False
+        if self.outline is not None:
+            fitted = fit_outline(seen.alpha, center, self.outline)
+            if fitted is None:
+                if seen.area_px < 0.5 * self.outline.area_px:
+                    return None
+            else:
+                apart = fitted.center_px - center
+                if _squared(apart, cov + fitted.cov_px2) > APART:
+                    if fitted.beyond <= BEYOND:
+                        center, cov, covered = fitted.center_px, fitted.cov_px2, True
+                    else:
+                        cov = cov + np.outer(apart, apart)
+        clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale
+        # Of a mark that the border cuts, as much again as is seen may lie outside.
+        outside = (max(width, height) / 2.0) ** 2 if clipped and not covered else 0.0
+        placed = center + np.array([u0, v0])
+        return Detection(placed, cov + outside * np.eye(2), seen.area_px, hue_deg, clipped, covered, seen.color_bgr)
+
+
+def _pieced(found: Sequence[Detection], outline: Outline) -> list[Detection]:
+    """Fragments of one mark, as a needle across it leaves them, put together."""
+    near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
+    whole: list[Detection] = []
+    for one in found:
+        k = next((k for k, other in enumerate(whole) if np.hypot(*(one.center_px - other.center_px)) < near), None)
+        if k is None:
+            whole.append(one)
+            continue
+        other = whole[k]
+        information = [np.linalg.inv(d.cov_px2) for d in (one, other)]
+        cov = np.linalg.inv(information[0] + information[1])
+        center = cov @ (information[0] @ one.center_px + information[1] @ other.center_px)
+        whole[k] = replace(other, center_px=center, cov_px2=cov, area_px=one.area_px + other.area_px)
+    return whole
+
+
+def _squared(off: Floats, cov: Floats) -> float:
+    """Mahalanobis distance of off, (2,), squared, by cov, (2, 2), written out."""
+    (u, v), ((uu, uv), (_, vv)) = off.tolist(), cov.tolist()
+    return (vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv)
 
 
 def _elongation(component: Picture) -> float:

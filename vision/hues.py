@@ -21,12 +21,19 @@ class MarkHue:
     hue_deg: the hue, 0 red, 120 green, 240 blue
     half_width_deg: how far off it a pixel's hue may be [degrees]
     min_saturation, min_value: below these, 0 to 1, a pixel has no hue worth the name
+    seen_deg: the hue that such marks show in the light there is, where it is not hue_deg
     """
 
     hue_deg: float
     half_width_deg: float = 18.0
     min_saturation: float = 0.4
     min_value: float = 0.2
+    seen_deg: float | None = None
+
+    @property
+    def middle_deg(self) -> float:
+        """Of the hues that count [degrees]."""
+        return self.hue_deg if self.seen_deg is None else self.seen_deg
 
     def __post_init__(self) -> None:
         if not 0 <= self.hue_deg < 360:

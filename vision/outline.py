@@ -1,0 +1,218 @@
+"""The outline of a mark, and its centre where a needle or a hand covers part of it.
+
+A mark's centre of gravity is its centre only while all of it is seen. What is seen of its outline tells the centre,
+too, less well the shorter the arc, but whatever covers the rest. Image axes: u right, v down, pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+N_RAYS = 64
+"""Directions in which the edge is looked for."""
+REACH = 2.0
+"""How far from the middle of what is seen, in sizes of the mark."""
+BLUR_PX = 3.0
+"""Width over which errors of an edge hang together; chosen."""
+EDGE_SD_PX = 0.05
+"""Least scatter of an edge; measured on drawn frames."""
+LEAST_SHARE = 0.2
+"""Of all directions that must show the mark's own edge; with less, the centre is anybody's guess."""
+
+
+WHOLE_SHARE = 0.85
+"""Of all directions that show the edge of a mark of which nothing is hidden, at least; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """What a whole mark looks like.
+
+    shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
+    size_sd: how far its size may be off, as a share of it
+    """
+
+    shape_px: Floats
+    size_sd: float = 0.1
+
+    def __post_init__(self) -> None:
+        shape = np.array(self.shape_px, dtype=np.float64, order="C")
+        if shape.shape != (2, 2) or not np.isfinite(shape).all() or np.linalg.det(shape) == 0.0:
+            raise ValueError(f"outline shape_px: expected an invertible (2, 2), found {shape.tolist()}")
+        if not self.size_sd > 0:
+            raise ValueError(f"outline size_sd: expected more than 0, found {self.size_sd}")
+        object.__setattr__(self, "shape_px", shape)
+
+    @property
+    def area_px(self) -> float:
+        """Of the whole mark [px]."""
+        return float(np.pi * abs(np.linalg.det(self.shape_px)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """What the outline tells.
+
+    center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
+    share: of all directions, those in which the mark's own edge is seen
+    beyond: of all directions, those in which an edge lies outside it, as for a mark that is smeared or merged
+    """
+
+    center_px: Floats
+    cov_px2: Floats
+    share: float
+    beyond: float
+
+
+def fit_outline(alpha: Floats, start_px: Floats, outline: Outline) -> Fitted | None:
+    """The mark whose edge is seen best; None where too little of it is.
+
+    alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
+    start_px: a place inside what is seen, (2,)
+    """
+    edges, n_edges = _edges(alpha, start_px, outline.shape_px)
+    if n_edges < LEAST_SHARE * N_RAYS:
+        return None
+    center, cov, share, beyond = _fitted(edges[:n_edges], start_px, outline.shape_px, outline.size_sd)
+    return Fitted(center, cov, share, beyond) if share >= LEAST_SHARE else None
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _edges(alpha, start, shape):  # type: ignore[no-untyped-def]
+    """Places where alpha falls through a half, the outermost in each direction, in units of the mark from start."""
+    height, width = alpha.shape
+    step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
+    edges, n_edges = np.empty((N_RAYS, 2)), 0
+    for k in range(N_RAYS):
+        angle = 2.0 * np.pi * k / N_RAYS
+        x, y = np.cos(angle), np.sin(angle)
+        along_u, along_v = shape[0, 0] * x + shape[0, 1] * y, shape[1, 0] * x + shape[1, 1] * y
+        outer, t = 0.0, REACH
+        while t > 0.0:
+            u, v = start[0] + t * along_u, start[1] + t * along_v
+            here = 0.0
+            if 0.0 <= u < width - 1 and 0.0 <= v < height - 1:
+                i, j = int(v), int(u)
+                a, b = v - i, u - j
+                upper = (1.0 - b) * alpha[i, j] + b * alpha[i, j + 1]
+                here = (1.0 - a) * upper + a * ((1.0 - b) * alpha[i + 1, j] + b * alpha[i + 1, j + 1])
+            if here >= 0.5:
+                between = t + step * (here - 0.5) / (here - outer)
+                edges[n_edges, 0], edges[n_edges, 1] = between * x, between * y
+                n_edges += 1
+                break
+            outer, t = here, t - step
+    return edges, n_edges
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _through(a, b, c):  # type: ignore[no-untyped-def]
+    """Centre and radius of the circle through three points; radius 0 where there is none."""
+    bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
+    d = 2.0 * (bx * cy - by * cx)
+    if abs(d) < 1e-9:
+        return 0.0, 0.0, 0.0
+    b2, c2 = bx * bx + by * by, cx * cx + cy * cy
+    x, y = (cy * b2 - by * c2) / d, (bx * c2 - cx * b2) / d
+    return a[0] + x, a[1] + y, np.hypot(x, y)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
+    """The circle (x, y, size) of about size 1 through three of the edges that most others lie on and few beyond."""
+    n = len(edges)
+    best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
+    for spacing in (n // 10, n // 6, n // 4, n // 3):
+        if spacing < 1:
+            continue
+        for i in range(n):
+            x, y, size = _through(edges[i], edges[(i + spacing) % n], edges[(i + 2 * spacing) % n])
+            if abs(size - 1.0) > 3.0 * size_sd:
+                continue
+            score = -0.5 * ((size - 1.0) / size_sd) ** 2
+            inner, outer = max(size - near, 0.0) ** 2, (size + near) ** 2
+            for k in range(n):
+                off2 = (edges[k, 0] - x) ** 2 + (edges[k, 1] - y) ** 2
+                # What covers a mark brings its edge inward, never outward.
+                if off2 > outer:
+                    score -= 1.0
+                elif off2 > inner:
+                    score += 1.0
+            if score > best:
+                best = score
+                fit[0], fit[1], fit[2] = x, y, size
+    return fit
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
+    """The circle near this one by Tukey's robust least squares.
+
+    Returns (x, y, size), its normal matrix (3, 3), the variance of an edge, and the shares of all directions whose edge
+    lies on it and beyond it.
+    """
+    n = len(edges)
+    fit, normal, step = start.copy(), np.zeros((3, 3)), np.zeros(3)
+    near, floor = 0.4 / scale, (EDGE_SD_PX / scale) ** 2
+    variance, n_on, n_beyond = floor, 0.0, 0
+    for _ in range(6):
+        # The prior on the size, in units of an edge's variance
+        weight = variance / size_sd**2
+        a00 = a01 = a02 = a11 = a12 = 0.0
+        a22, g0, g1, g2 = weight, 0.0, 0.0, weight * (1.0 - fit[2])
+        squares = n_on = 0.0
+        n_beyond = 0
+        limit = max(near, 4.7 * np.sqrt(variance))
+        for k in range(n):
+            x, y = edges[k, 0] - fit[0], edges[k, 1] - fit[1]
+            length = max(np.sqrt(x * x + y * y), 1e-9)
+            off = length - fit[2]
+            n_beyond += off > limit
+            if abs(off) >= limit:
+                continue
+            # Tukey's biweight; off falls by (x, y) / length for a step of the centre, by 1 for one of the size
+            w = (1.0 - (off / limit) ** 2) ** 2
+            x, y = x / length, y / length
+            a00 += w * x * x
+            a01 += w * x * y
+            a02 += w * x
+            a11 += w * y * y
+            a12 += w * y
+            a22 += w
+            g0 += w * off * x
+            g1 += w * off * y
+            g2 += w * off
+            squares += w * off * off
+            n_on += w
+        normal[0, 0], normal[0, 1], normal[0, 2] = a00, a01, a02
+        normal[1, 0], normal[1, 1], normal[1, 2] = a01, a11, a12
+        normal[2, 0], normal[2, 1], normal[2, 2] = a02, a12, a22
+        step[0], step[1], step[2] = g0, g1, g2
+        if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
+            return fit, np.eye(3), variance, 0.0, 0.0
+        fit += np.linalg.solve(normal, step)
+        variance = max(squares / n_on, floor)
+    return fit, normal, variance, n_on / N_RAYS, n_beyond / N_RAYS
+
+
+@njit(cache=True, nogil=True)
+def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
+    """Centre, covariance, share and beyond: of the mark as a whole or else of the best circle through three edges."""
+    scale = np.sqrt(abs(np.linalg.det(shape)))
+    middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
+    fit, normal, variance, share, beyond = _refined(edges, middle, size_sd, scale)
+    if share <= WHOLE_SHARE:
+        start_at = _candidate(edges, size_sd, 0.4 / scale)
+        fit, normal, variance, share, beyond = _refined(edges, start_at, size_sd, scale)
+    if share == 0.0:
+        return start, np.eye(2), share, beyond
+    # Errors of neighbouring edges hang together; the corners where the covered part begins pull a little, too.
+    together = max(1.0, BLUR_PX * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
+    inside = np.ascontiguousarray(np.linalg.inv(normal)[:2, :2])
+    return start + shape @ fit[:2], variance * together * shape @ inside @ shape.T, share, beyond
