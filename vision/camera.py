@@ -7,10 +7,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.lens import Lens, Pose
+
 Floats = NDArray[np.float64]
+
+DISC = np.array(
+    [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
+)
+DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
+"""Points of the unit disc and their weights: means of polynomials over the disc are exact to degree 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +29,10 @@ class PlaneCamera:
     name: what the camera is called
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3), up to scale
-    calibration_sd_px: what the calibration itself may be off by [px], one standard deviation an axis
+    calibration_sd_px: what each mark's place may be off by [px], one standard deviation an axis, none like another
+    lens: what bends the picture that the homography gives, None where nothing does
+    calibration: what lens and pose are off by, (n, 15): rows are independent directions of one standard deviation
+        each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
 
     Raises ValueError that names the field.
     """
@@ -29,6 +41,8 @@ class PlaneCamera:
     size_px: tuple[int, int]
     plane_to_px: Floats
     calibration_sd_px: float = 0.0
+    lens: Lens | None = None
+    calibration: Floats = field(default_factory=lambda: np.zeros((0, 15)))
     px_to_plane: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -36,6 +50,9 @@ class PlaneCamera:
             raise ValueError(
                 f"camera {self.name} size_px: expected width and height of at least 1, found {self.size_px}"
             )
+        calibration = np.array(self.calibration, dtype=np.float64).reshape(-1, 15)
+        if len(calibration) and self.lens is None:
+            raise ValueError(f"camera {self.name} calibration: expected a lens that it is of, found none")
         homography = np.array(self.plane_to_px, dtype=np.float64)
         if homography.shape != (3, 3):
             raise ValueError(f"camera {self.name} plane_to_px: expected shape (3, 3), found {homography.shape}")
@@ -53,32 +70,89 @@ class PlaneCamera:
             raise ValueError(
                 f"camera {self.name} plane_to_px: expected the plane in view, found its horizon mid-picture"
             )
-        for key, value in (("plane_to_px", homography * sign), ("px_to_plane", inverse * sign)):
+        for key, value in (
+            ("plane_to_px", homography * sign),
+            ("px_to_plane", inverse * sign),
+            ("calibration", calibration),
+        ):
             value.setflags(write=False)
             object.__setattr__(self, key, value)
 
     def project(self, points_m: ArrayLike) -> Floats:
         """Where points of the plane [m], (n, 2), are seen [px], (n, 2); ValueError for points beyond the horizon."""
-        return self._mapped(self.plane_to_px, points_m)[0]
+        return self._seen(points_m)[0]
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
         """Points of the plane [m], (n, 2), seen at these places [px], (n, 2); ValueError beyond the horizon."""
-        return self._mapped(self.px_to_plane, points_px)[0]
+        return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
         """Covariances on the plane [m²], (n, 2, 2), of places seen [px], (n, 2), with covariances [px²], (n, 2, 2)."""
-        J = self._mapped(self.px_to_plane, points_px)[1]
+        J = self._seen_from(points_px)[1]
         return J @ np.asarray(covs_px, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def cov_to_px(self, points_m: ArrayLike, covs_m: ArrayLike) -> Floats:
         """Covariances in the picture [px²], (n, 2, 2), of points [m], (n, 2), with covariances [m²], (n, 2, 2)."""
-        J = self._mapped(self.plane_to_px, points_m)[1]
+        J = self._seen(points_m)[1]
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def mm_per_px(self, point_m: ArrayLike) -> Floats:
         """How far one pixel reaches on the plane at that point, across and down [mm], shape (2,)."""
-        J = self._mapped(self.px_to_plane, self.project(np.reshape(point_m, (1, 2))))[1][0]
+        J = self._seen_from(self.project(np.reshape(point_m, (1, 2))))[1][0]
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
+
+    def outline(self, point_m: ArrayLike, radius_m: float) -> Floats:
+        """What a disc at that point of the plane looks like, as `Outline.shape_px`, (2, 2) [px]."""
+        return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
+
+    def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
+        """By how much the middle of a disc's picture is off the picture of its middle [px], (n, 2).
+
+        points_m: middles of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
+        Perspective draws the near half larger: of a circle it makes an ellipse with another centre. A lens bends, too.
+        """
+        p = np.asarray(points_m, dtype=float).reshape(-1, 2)
+        radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
+        seen, J = self._seen((p[:, None] + radii[:, None, None] * DISC).reshape(-1, 2))
+        # area of the picture by that of the plane
+        weights = DISC_WEIGHTS * np.abs(np.linalg.det(J)).reshape(len(p), -1)
+        places = seen.reshape(len(p), -1, 2)
+        middles = (weights[:, :, None] * places).sum(axis=1) / weights.sum(axis=1, keepdims=True)
+        return np.asarray(middles - places[:, 0], dtype=np.float64)
+
+    def calibration_error(self, points_m: ArrayLike) -> Floats:
+        """What each direction of the calibration being off moves points of the plane by [m], (n, 2, n_directions)."""
+        p = np.asarray(points_m, dtype=float).reshape(-1, 2)
+        if self.lens is None or not len(self.calibration):
+            return np.zeros((len(p), 2, 0))
+        # H = s K [r1 r2 t]: columns of a rotation have length 1
+        B = np.linalg.solve(self.lens.matrix, self.plane_to_px)
+        B = B / np.sqrt(np.linalg.norm(B[:, 0]) * np.linalg.norm(B[:, 1]))
+        turned = p @ B[:, :2].T
+        zero = np.zeros(3)
+        _, all_of_it = cv2.projectPoints(turned + B[:, 2], zero, zero, self.lens.matrix, self.lens.distortion)
+        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3
+        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, 15)
+        by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
+        by_px = np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
+        to_plane = self._seen_from(self.project(p))[1]
+        return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
+
+    def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
+        """Where points of the plane are seen, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        ideal, J = self._mapped(self.plane_to_px, points_m)
+        if self.lens is None:
+            return ideal, J
+        seen, bent = self.lens.distorted(ideal)
+        return seen, bent @ J
+
+    def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
+        """The points of the plane that places show, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        if self.lens is None:
+            return self._mapped(self.px_to_plane, points_px)
+        ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))
+        points, J = self._mapped(self.px_to_plane, ideal)
+        return points, J @ np.linalg.inv(self.lens.distorted(ideal)[1])
 
     def _mapped(self, homography: Floats, points: ArrayLike) -> tuple[Floats, Floats]:
         """The points mapped, (n, 2), and the Jacobian of the map at each, (n, 2, 2)."""
@@ -122,3 +196,9 @@ def squarely(
         [[across, 0.0, u0 - across * centre_m[0]], [0.0, -down, v0 + down * centre_m[1]], [0.0, 0.0, 1.0]]
     )
     return PlaneCamera(name, size_px, homography, calibration_sd_px)
+
+
+def posed(name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()) -> PlaneCamera:
+    """A camera with this lens that stands so before the plane z = 0 of the world."""
+    homography = lens.matrix @ np.column_stack([pose.rotation[:, 0], pose.rotation[:, 1], pose.translation_m])
+    return PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from vision import kernels
-from vision.coverage import PAD_PX, Picture, cover
+from vision.coverage import PAD_PX, Cover, Picture, cover
 from vision.hues import MarkHue
 from vision.outline import Outline, fit_outline
+from vision.palette import Palette, classes_of, equal, palette_of
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -37,6 +36,12 @@ APART = 13.815510557964274
 BEYOND = 0.1
 """Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
 SQUARE_5 = np.ones((5, 5), np.uint8)
+WHOLE_AT_LEAST = 0.5
+"""A mark whose outline cannot be told must show this share of its area; chosen."""
+MERGED = 1.25
+"""From this share of a mark's area on, two of them may hang together; chosen."""
+NEXT = 1.4
+"""How far from where it is expected the edge of one of several marks is looked for, in sizes of it; chosen."""
 ONE_MARK = 0.5
 """Fragments whose outlines' centres are nearer than this share of its size are one mark; chosen."""
 
@@ -75,6 +80,7 @@ def detect_marks(
     max_area_px: float | None = None,
     region: tuple[int, int, int, int] | None = None,
     outline: Outline | None = None,
+    expected_px: ArrayLike = (),
 ) -> list[Detection]:
     """Marks of these hues, largest first.
 
@@ -82,6 +88,7 @@ def detect_marks(
     min_area_px, max_area_px: least and largest area that is seen of a mark [px]
     region: left, top, width, height of the part to search [px]; all of the frame where None
     outline: what a whole mark looks like; with it, marks that are partly covered are found at their centre
+    expected_px: where marks are expected, (n, 2); it helps to tell apart marks of one hue that touch
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
     """
@@ -92,18 +99,19 @@ def detect_marks(
     part = frame_bgr if region is None else _cut(frame_bgr, region)
     if not hues:
         return []
-    palette = _palette(tuple(hues))
+    palette = palette_of(tuple(hues))
     scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
-    classes = _classes(part, palette, scale)
-    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, outline)
+    classes = classes_of(part, palette, scale)
+    starts = np.reshape(expected_px, (-1, 2)) - np.array([left, top])
+    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, outline, starts)
     found: list[Detection] = []
     for number, hue in enumerate(hues, start=1):
-        mask = classes if len(hues) == 1 else _equal(classes, number)
+        mask = classes if len(hues) == 1 else equal(classes, number)
         if region is None:
             _check_share(hue, cv2.countNonZero(mask) / mask.size)
         contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        of_hue = [d for contour in contours if (d := search.detected(contour, number, hue.hue_deg)) is not None]
-        found += of_hue if outline is None else _pieced(of_hue, outline)
+        of_hue = [search.detected(contour, number, hue.hue_deg) for contour in contours]
+        found += [d for each in of_hue for d in each] if outline is None else _pieced(of_hue, outline)
     placed = found if region is None else [replace(d, center_px=d.center_px + np.array([left, top])) for d in found]
     return sorted(placed, key=lambda detection: -detection.area_px)
 
@@ -126,61 +134,94 @@ def _check_share(hue: MarkHue, share: float) -> None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Palette:
-    """Classes of colour as `kernels.classify` takes them, numbered from 1 in their order."""
+class _Piece:
+    """Pixels that hang together and may be a mark.
 
-    table: Picture
-    least_value: Floats
-    least_saturation: Floats
+    corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: its pixels, and those of
+    other marks, 1 or 0, (h, w); reach_px: its longer side; clipped: it touches the border of the picture
+    """
 
-
-@lru_cache(maxsize=16)
-def _palette(hues: tuple[MarkHue, ...]) -> _Palette:
-    steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
-    off = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
-    half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
-    beyond = np.where(off <= half_widths, off, np.inf)
-    table = np.where(np.isfinite(beyond.min(axis=0)), 1 + beyond.argmin(axis=0), 0).astype(np.uint8)
-    values = [255.0 * hue.min_value for hue in hues]
-    saturations = [256.0 * hue.min_saturation for hue in hues]
-    least = [np.array([min(each), *each]) for each in (values, saturations)]
-    return _Palette(table, *least)
+    corner_px: Floats
+    patch: Picture
+    component: Picture
+    others: Picture
+    reach_px: float
+    clipped: bool
 
 
-def _equal(classes: Picture, number: int) -> Picture:
-    """1 where a pixel is of that class, else 0, (h, w) uint8."""
-    return np.asarray(classes == number, dtype=np.uint8)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Center:
+    """A centre [px], (2,), its covariance [px²], (2, 2), and whether it is that of an outline, part of it hidden."""
 
-
-def _classes(part: Picture, palette: _Palette, scale: int) -> Picture:
-    """The class of each pixel, smoothed or shrunk for the search only: noise splits small marks."""
-    if scale == 1:
-        smooth = cv2.blur(part, (3, 3))
-    else:
-        height, width = (n // scale for n in part.shape[:2])
-        whole = part[: height * scale, : width * scale]
-        smooth = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
-    classes = np.empty(smooth.shape[:2], dtype=np.uint8)
-    kernels.classify(smooth, palette.table, palette.least_value, palette.least_saturation, classes)
-    return classes
+    center_px: Floats
+    cov_px2: Floats
+    covered: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is."""
+    """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is.
+
+    starts_px: where marks are expected, (n, 2)
+    """
 
     part: Picture
     classes: Picture
-    palette: _Palette
+    palette: Palette
     scale: int
     min_area_px: float
     max_area_px: float
     outline: Outline | None
+    starts_px: Floats
 
-    def detected(self, contour: Picture, number: int, hue_deg: float) -> Detection | None:
-        """The mark inside this contour of the classes; None where it is no mark."""
+    def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
+        """The marks inside this contour of the classes."""
+        piece = self._piece(contour, number)
+        seen = None if piece is None else cover(piece.patch, piece.component, piece.others)
+        if piece is None or seen is None or not self.min_area_px <= seen.area_px <= self.max_area_px:
+            return []
+
+        centers = [_Center(seen.center_px, seen.cov_px2)] if self.outline is None else self._outlined(piece, seen)
+        # Of a mark that the border cuts, as much again as is seen may lie outside.
+        outside = (piece.reach_px / 2.0) ** 2 * np.eye(2)
+        return [
+            Detection(
+                at.center_px + piece.corner_px,
+                at.cov_px2 + outside if piece.clipped and not at.covered else at.cov_px2,
+                seen.area_px,
+                hue_deg,
+                piece.clipped,
+                at.covered,
+                seen.color_bgr,
+            )
+            for at in centers
+        ]
+
+    def _outlined(self, piece: _Piece, seen: Cover) -> list[_Center]:
+        """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none."""
+        assert self.outline is not None
+        whole = _Center(seen.center_px, seen.cov_px2)
+        fitted = fit_outline(seen.alpha, seen.center_px, self.outline)
+        share = seen.area_px / self.outline.area_px
+        if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
+            starts = _starts(piece, self.starts_px - piece.corner_px, self.outline)
+            several = [fit_outline(seen.alpha, start, self.outline, reach=NEXT) for start in starts]
+            if all(several):
+                return [_Center(one.center_px, one.cov_px2, covered=True) for one in several if one is not None]
+        if fitted is None:
+            return [whole] if share >= WHOLE_AT_LEAST else []
+        apart = fitted.center_px - seen.center_px
+        if _squared(apart, seen.cov_px2 + fitted.cov_px2) <= APART:
+            return [whole]
+        if fitted.beyond <= BEYOND:
+            return [_Center(fitted.center_px, fitted.cov_px2, covered=True)]
+        return [_Center(seen.center_px, seen.cov_px2 + np.outer(apart, apart))]
+
+    def _piece(self, contour: Picture, number: int) -> _Piece | None:
+        """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
-        if width * height < SEARCH_SHARE * self.min_area_px:
+        least = SEARCH_SHARE * self.min_area_px
+        if width * height < least:
             return None
         frame_height, frame_width = self.part.shape[:2]
         pad = PAD_PX + max(width, height) // 8
@@ -188,57 +229,55 @@ class _Search:
         u1, v1 = min(u + width + pad, frame_width), min(v + height + pad, frame_height)
         patch = np.ascontiguousarray(self.part[v0:v1, u0:u1])
         component = np.zeros(patch.shape[:2], dtype=np.uint8)
+        cv2.drawContours(component, [self.scale * contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
         if self.scale == 1:
-            cv2.drawContours(component, [contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
-            same = _equal(self.classes[v0:v1, u0:u1], number)
+            same = equal(self.classes[v0:v1, u0:u1], number)
         else:
-            cv2.drawContours(component, [self.scale * contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
-            around = cv2.dilate(component, SQUARE_5)
-            same = _equal(_classes(patch, self.palette, 1), number)
-            pieces, _ = cv2.findContours(same & around, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+            same = equal(classes_of(patch, self.palette, 1), number)
+            near = same & cv2.dilate(component, SQUARE_5)
+            pieces, _ = cv2.findContours(near, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
             component[:] = 0
             cv2.drawContours(component, pieces, -1, 1, cv2.FILLED)
-        if cv2.countNonZero(component) < SEARCH_SHARE * self.min_area_px or _elongation(component) > MAX_ELONGATION:
+        if cv2.countNonZero(component) < least or _elongation(component) > MAX_ELONGATION:
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
-        seen = cover(patch, component, others)
-        if seen is None or not self.min_area_px <= seen.area_px <= self.max_area_px:
-            return None
-        center, cov, covered = seen.center_px, seen.cov_px2, False
-        if self.outline is not None:
-            fitted = fit_outline(seen.alpha, center, self.outline)
-            if fitted is None:
-                if seen.area_px < 0.5 * self.outline.area_px:
-                    return None
-            else:
-                apart = fitted.center_px - center
-                if _squared(apart, cov + fitted.cov_px2) > APART:
-                    if fitted.beyond <= BEYOND:
-                        center, cov, covered = fitted.center_px, fitted.cov_px2, True
-                    else:
-                        cov = cov + np.outer(apart, apart)
         clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale
-        # Of a mark that the border cuts, as much again as is seen may lie outside.
-        outside = (max(width, height) / 2.0) ** 2 if clipped and not covered else 0.0
-        placed = center + np.array([u0, v0])
-        return Detection(placed, cov + outside * np.eye(2), seen.area_px, hue_deg, clipped, covered, seen.color_bgr)
+        return _Piece(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
 
-def _pieced(found: Sequence[Detection], outline: Outline) -> list[Detection]:
-    """Fragments of one mark, as a needle across it leaves them, put together."""
+def _starts(piece: _Piece, expected_px: Floats, outline: Outline) -> Floats:
+    """Places inside a piece where marks that hang together begin to be looked for, (n, 2)."""
+    height, width = piece.component.shape
+    inside = [
+        p for p in expected_px if 0 <= p[0] < width and 0 <= p[1] < height and piece.component[*p[::-1].astype(int)]
+    ]
+    if len(inside) > 1:
+        return np.array(inside)
+    v, u = np.nonzero(piece.component)
+    places = np.column_stack([u, v]).astype(float)
+    middle = places.mean(axis=0)
+    along = np.linalg.eigh(np.cov(places.T))[1][:, 1]
+    lengths = (places - middle) @ along
+    radius = (outline.area_px / np.pi) ** 0.5
+    return middle + np.array([[lengths.min() + radius], [lengths.max() - radius]]) * along
+
+
+def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
+    """All that was found in the pieces of a picture; fragments of one mark, as a needle leaves them, put together."""
     near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
-    whole: list[Detection] = []
-    for one in found:
-        k = next((k for k, other in enumerate(whole) if np.hypot(*(one.center_px - other.center_px)) < near), None)
+    whole = [detection for several in found if len(several) > 1 for detection in several]
+    fragments: list[Detection] = []
+    for one in (several[0] for several in found if len(several) == 1):
+        k = next((k for k, other in enumerate(fragments) if np.hypot(*(one.center_px - other.center_px)) < near), None)
         if k is None:
-            whole.append(one)
+            fragments.append(one)
             continue
-        other = whole[k]
+        other = fragments[k]
         information = [np.linalg.inv(d.cov_px2) for d in (one, other)]
         cov = np.linalg.inv(information[0] + information[1])
         center = cov @ (information[0] @ one.center_px + information[1] @ other.center_px)
-        whole[k] = replace(other, center_px=center, cov_px2=cov, area_px=one.area_px + other.area_px)
-    return whole
+        fragments[k] = replace(other, center_px=center, cov_px2=cov, area_px=one.area_px + other.area_px)
+    return whole + fragments
 
 
 def _squared(off: Floats, cov: Floats) -> float:

@@ -70,13 +70,14 @@ class Fitted:
     beyond: float
 
 
-def fit_outline(alpha: Floats, start_px: Floats, outline: Outline) -> Fitted | None:
+def fit_outline(alpha: Floats, start_px: Floats, outline: Outline, *, reach: float = REACH) -> Fitted | None:
     """The mark whose edge is seen best; None where too little of it is.
 
     alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
     start_px: a place inside what is seen, (2,)
+    reach: how far from there the edge may lie, in sizes of the mark; where no edge is nearer another mark goes on
     """
-    edges, n_edges = _edges(alpha, start_px, outline.shape_px)
+    edges, n_edges = _edges(alpha, start_px, outline.shape_px, reach)
     if n_edges < LEAST_SHARE * N_RAYS:
         return None
     center, cov, share, beyond = _fitted(edges[:n_edges], start_px, outline.shape_px, outline.size_sd)
@@ -84,7 +85,7 @@ def fit_outline(alpha: Floats, start_px: Floats, outline: Outline) -> Fitted | N
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _edges(alpha, start, shape):  # type: ignore[no-untyped-def]
+def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
     """Places where alpha falls through a half, the outermost in each direction, in units of the mark from start."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
@@ -93,7 +94,7 @@ def _edges(alpha, start, shape):  # type: ignore[no-untyped-def]
         angle = 2.0 * np.pi * k / N_RAYS
         x, y = np.cos(angle), np.sin(angle)
         along_u, along_v = shape[0, 0] * x + shape[0, 1] * y, shape[1, 0] * x + shape[1, 1] * y
-        outer, t = 0.0, REACH
+        outer, t = 1.0, reach
         while t > 0.0:
             u, v = start[0] + t * along_u, start[1] + t * along_v
             here = 0.0
@@ -102,6 +103,8 @@ def _edges(alpha, start, shape):  # type: ignore[no-untyped-def]
                 a, b = v - i, u - j
                 upper = (1.0 - b) * alpha[i, j] + b * alpha[i, j + 1]
                 here = (1.0 - a) * upper + a * ((1.0 - b) * alpha[i + 1, j] + b * alpha[i + 1, j + 1])
+            if here >= 0.5 and t == reach:
+                break
             if here >= 0.5:
                 between = t + step * (here - 0.5) / (here - outer)
                 edges[n_edges, 0], edges[n_edges, 1] = between * x, between * y

@@ -1,0 +1,96 @@
+"""Lenses and poses: what a camera does to rays, and where it stands.
+
+Camera axes: x right, y down, z forward, as OpenCV has them. Image axes: u right, v down, pixels. Metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+NEWTON_STEPS = 20
+"""Most steps to the undistorted place; four do for a lens of k1 = -0.3 at the corner of its picture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A rigid motion x -> rotation x + translation_m: rotation (3, 3), translation (3,) [m]."""
+
+    rotation: Floats
+    translation_m: Floats
+
+    def after(self, first: Pose) -> Pose:
+        """The motion `first`, then this one."""
+        return Pose(self.rotation @ first.rotation, self.rotation @ first.translation_m + self.translation_m)
+
+    def inverse(self) -> Pose:
+        """The motion back."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
+
+    def moved(self, step: Floats) -> Pose:
+        """Turned by the small rotation step[:3] [rad] from the left, shifted by step[3:] [m]."""
+        return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lens:
+    """What a camera does to rays: matrix (3, 3) [px] and distortion k1 k2 p1 p2 k3, (5,).
+
+    An ideal place is where the point would be seen without distortion, by the same matrix.
+    """
+
+    matrix: Floats
+    distortion: Floats
+
+    def moved(self, step: Floats) -> Lens:
+        """With (9,) added to fx fy cx cy k1 k2 p1 p2 k3."""
+        matrix = self.matrix.copy()
+        matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
+        return Lens(matrix, self.distortion + step[4:])
+
+    def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
+        """Where ideal places, (n, 2), are seen, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        focal, middle = self.matrix[[0, 1], [0, 1]], self.matrix[:2, 2]
+        x, y = ((ideal_px - middle) / focal).T
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        # OpenCV's model: radial x + 2 p1 x y + p2 (r² + 2 x²), radial y + p1 (r² + 2 y²) + 2 p2 x y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+        seen = np.column_stack(
+            [
+                radial * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                radial * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            ]
+        )
+        cross = slope * x * y + 2.0 * (p1 * x + p2 * y)
+        J = np.empty((len(r2), 2, 2))
+        J[:, 0, 0] = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+        J[:, 0, 1], J[:, 1, 0] = cross * focal[0] / focal[1], cross * focal[1] / focal[0]
+        J[:, 1, 1] = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+        return seen * focal + middle, J
+
+    def ideal(self, seen_px: Floats) -> Floats:
+        """The ideal places, (n, 2), of what is seen, (n, 2), by Newton's method; ValueError where there are none."""
+        ideal = seen_px.copy()
+        for _ in range(NEWTON_STEPS):
+            there, J = self.distorted(ideal)
+            off = seen_px - there
+            det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+            if not (det > 0).all():
+                break
+            if np.abs(off).max(initial=0.0) < 1e-9:
+                return ideal
+            ideal = (
+                ideal
+                + np.column_stack(
+                    [J[:, 1, 1] * off[:, 0] - J[:, 0, 1] * off[:, 1], J[:, 0, 0] * off[:, 1] - J[:, 1, 0] * off[:, 0]]
+                )
+                / det[:, None]
+            )
+        raise ValueError("lens: expected places that its distortion reaches, found one beyond")
