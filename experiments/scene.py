@@ -15,7 +15,7 @@ from experiments.errors import InputError, shown
 from experiments.outputs import write_whole
 from experiments.scene_file import VERSION, CameraTable, NetworkTable, NodeTable, SceneFile, read_toml
 from experiments.scene_filter import filter_table, settings_of, uncertainty_names, uncertainty_of
-from vision import PlaneCamera
+from vision import MarkHue, PlaneCamera
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +35,11 @@ class Mark:
     hue_deg: float
     diameter_m: float
     measured: bool = True
+
+    @property
+    def hue(self) -> MarkHue:
+        """What colours count as this mark's."""
+        return MarkHue(self.hue_deg)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,138 @@
+"""The marks of one scene, frame after frame: searched where they are expected, named, and their colours followed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.coverage import PAD_PX
+from vision.detect import Detection, detect_marks
+from vision.following import FollowedHue
+from vision.hues import MarkHue
+from vision.identify import Expected, Identified, identify
+from vision.outline import Outline
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+Box = tuple[int, int, int, int]
+
+HALF_AT_LEAST = 0.5
+"""Of its area a mark must show this share at least where its outline tells nothing; chosen."""
+SEEN_AT_LEAST = 0.15
+"""The same where what is seen of its outline can tell its centre; chosen."""
+OUTLINE_FROM_PX = 5.0
+"""Radius from which on an outline has enough pixels to tell something; measured on drawn frames."""
+BLOW_GATE = 9.21
+"""Squared Mahalanobis distance at which a mark looked for after a blow is given up: chi-square, 99 %; chosen."""
+REGION_SDS = 4.3
+"""How far from where it is expected a mark is looked for; as far as the gate of `identify`."""
+SIZE_SD = 0.05
+"""How far a mark's size may be off what the scene says: print, tilt, light that spills over; chosen."""
+SMALL_SHARE = 0.2
+"""Regions that take more of the picture than this are no quicker to search than all of it; chosen."""
+
+
+class MarkFinder:
+    """Finds marks by their hue and names them by where they are expected.
+
+    hues: of the marks, by the nominal hue that `Expected` bears
+    Frames are searched around the expected places only, and wholly at the start and when a mark is missing.
+    State: colours as followed; the names of the marks missed in the last frame, None before the first.
+    """
+
+    def __init__(self, hues: Iterable[MarkHue]) -> None:
+        self.hues = {hue.hue_deg: FollowedHue(hue) for hue in hues}
+        self.missed: set[str] | None = None
+
+    def find(
+        self, frame_bgr: Image, expected: Sequence[Expected], struck: Callable[[str], Expected] | None = None
+    ) -> list[Identified]:
+        """The marks seen, in no order; one that is not seen is absent.
+
+        frame_bgr: (height, width, 3) uint8
+        expected: where each mark is expected
+        struck: the same for one mark by its name, were it struck since it was last seen
+        """
+        found: list[Identified] = []
+        if self.missed is not None and not self.missed:
+            regions = _regions(expected, frame_bgr.shape[:2])
+            if sum(width * height for _, _, width, height in regions) < SMALL_SHARE * frame_bgr[..., 0].size:
+                near = [d for region in regions for d in self._detected(frame_bgr, expected, region)]
+                found = identify(near, expected)
+        if len(found) < len(expected):
+            found = self._anywhere(self._detected(frame_bgr, expected, None), expected, struck)
+        self.missed = {one.name for one in expected} - {one.name for one in found}
+        for nominal, followed in self.hues.items():
+            followed.follow([f.detection for f in found if f.detection.hue_deg == nominal])
+        return found
+
+    def _anywhere(
+        self, detections: Sequence[Detection], expected: Sequence[Expected], struck: Callable[[str], Expected] | None
+    ) -> list[Identified]:
+        """The marks among the detections, looked for where they are expected, and what is missing as if struck."""
+        found = identify(detections, expected)
+        if struck is None:
+            return found
+        names = {f.name for f in found}
+        missing = [one.name for one in expected if one.name not in names]
+        left = [d for d in detections if not any(d is f.detection for f in found)]
+        # A blow is believed where nothing else could be the mark, or when a mark stays away.
+        if len(left) > len(missing):
+            missing = [name for name in missing if self.missed is not None and name in self.missed]
+        return found + identify(left, [struck(name) for name in missing], gate=BLOW_GATE)
+
+    def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
+        own = [one for one in expected if region is None or _inside(one.center_px, region)]
+        outline, min_area_px = _looks(own)
+        return detect_marks(
+            frame_bgr,
+            [followed.now for followed in self.hues.values()],
+            min_area_px=min_area_px,
+            region=region,
+            outline=outline,
+            expected_px=[one.center_px for one in own],
+        )
+
+
+def _looks(marks: Sequence[Expected]) -> tuple[Outline | None, float]:
+    """What these marks look like, where that is known and tells something, and the least area of one [px]."""
+    shapes = [one.shape_px for one in marks if one.shape_px is not None]
+    if not shapes:
+        return None, 1.0
+    areas = np.pi * np.abs(np.linalg.det(shapes))
+    if areas.min() < np.pi * OUTLINE_FROM_PX**2:
+        return None, HALF_AT_LEAST * float(areas.min())
+    sizes = np.sqrt(areas)
+    outline = Outline(np.mean(shapes, axis=0), SIZE_SD + float(np.ptp(sizes) / sizes.mean()))
+    return outline, SEEN_AT_LEAST * float(areas.min())
+
+
+def _inside(place_px: Floats, region: Box) -> bool:
+    left, top, width, height = region
+    return left <= place_px[0] < left + width and top <= place_px[1] < top + height
+
+
+def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
+    """Left, top, width, height of the parts of a picture, (height, width), where marks are expected; none overlap."""
+    boxes = []
+    for one in expected:
+        size = 0.0 if one.shape_px is None else 1.3 * np.linalg.norm(one.shape_px, axis=1)
+        reach = REGION_SDS * np.sqrt(one.cov_px2.diagonal()) + size + PAD_PX + 4
+        low = np.maximum(np.floor(one.center_px - reach), 0).astype(int)
+        high = np.minimum(np.ceil(one.center_px + reach) + 1, shape[::-1]).astype(int)
+        if (high > low).all():
+            boxes.append((*low.tolist(), *high.tolist()))
+    apart: list[tuple[int, int, int, int]] = []
+    for box in boxes:
+        merged = box
+        while (other := next((one for one in apart if _overlap(one, merged)), None)) is not None:
+            apart.remove(other)
+            merged = (*map(min, other[:2], merged[:2]), *map(max, other[2:], merged[2:]))
+        apart.append(merged)
+    return [(u0, v0, u1 - u0, v1 - v0) for u0, v0, u1, v1 in apart]
+
+
+def _overlap(a: tuple[int, int, int, int], b: tuple[int, int, int, int]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
