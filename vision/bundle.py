@@ -156,7 +156,9 @@ def _projected(lens: Lens, camera: Pose, points_m: Floats) -> tuple[Floats, Floa
     points = points_m @ camera.rotation.T + camera.translation_m
     px, J = cv2.projectPoints(points, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
     # columns of J: rotation vector, translation, fx fy, cx cy, k1 k2 p1 p2 k3
-    return np.asarray(px, dtype=np.float64).reshape(-1, 2), np.asarray(J, dtype=np.float64).reshape(len(points_m), 2, -1)
+    return np.asarray(px, dtype=np.float64).reshape(-1, 2), np.asarray(J, dtype=np.float64).reshape(
+        len(points_m), 2, -1
+    )
 
 
 def _residuals(setup: Setup, s: Sighting) -> Floats:
@@ -216,8 +218,9 @@ def _inverse_of_square(J: Floats) -> Floats:
     lengths = np.linalg.norm(J, axis=0)
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")
-    _, sizes, Vt = np.linalg.svd(np.linalg.qr(J / lengths, mode="r"))
-    if sizes[-1] < 1e-9 * sizes[0]:
+    scaled = J / lengths
+    sizes, axes = np.linalg.eigh(scaled.T @ scaled)
+    if sizes[0] < 1e-13 * sizes[-1]:
         raise CalibrationError(f"pictures: expected views that tell the camera, found all too much alike; {TILT}")
-    half = Vt / sizes[:, None] / lengths
-    return np.asarray(half.T @ half, dtype=np.float64)
+    half = axes / np.sqrt(sizes) / lengths[:, None]
+    return np.asarray(half @ half.T, dtype=np.float64)

@@ -204,9 +204,9 @@ def _without_outliers(
                 f" of {len(used) + len(dropped)}; show all of it, sharp and evenly lit, and {TILT}"
             )
         lens, poses = _first_guess(used, size_px)
-        each = np.array([
-            rms(v.corners.seen_px - project(lens, p, v.corners.board_m)) for v, p in zip(used, poses, strict=True)
-        ])
+        each = np.array(
+            [rms(v.corners.seen_px - project(lens, p, v.corners.board_m)) for v, p in zip(used, poses, strict=True)]
+        )
         middle = float(np.median(each))
         spread = 1.4826 * float(np.median(np.abs(each - middle)))
         bad = each > max(middle + OUTLIER_SDS * spread, OUTLIER_PX)
