@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from vision import Calibration
 
 OURS = "#1f6fb4"
+LABEL = {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.0}
 MOST_ARROWS, MOST_NAMES = 2000, 30
 
 
@@ -38,9 +39,10 @@ def _residuals(calibration: Calibration, ax: Axes) -> None:
         *seen[some].T, *residuals[some].T, angles="xy", scale_units="xy", scale=1 / per_px, width=0.0015, color=OURS
     )
     key = float(f"{2 * rms:.1g}") if rms > 0 else 1.0
-    ax.quiverkey(arrows, 0.86, 1.04, key, f"{key:g} px", labelpos="E", coordinates="axes")
-    ax.plot(*calibration.matrix[:2, 2], "+", color="black", ms=10)
-    ax.annotate("principal point", calibration.matrix[:2, 2], (6, 6), textcoords="offset points", fontsize=8)
+    ax.quiverkey(arrows, 0.88, 0.03, key, f"{key:g} px", labelpos="E", coordinates="axes")
+    u0, v0 = calibration.matrix[:2, 2].tolist()
+    ax.plot(u0, v0, "+", color="black", ms=10)
+    ax.annotate("principal point", (u0, v0), (6, 6), textcoords="offset points", fontsize=8, bbox=LABEL)
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="u [px]", ylabel="v [px]", aspect="equal")
     ax.set_title(f"{calibration.name}: corners seen minus expected, {per_px:.0f} times enlarged", loc="left")
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from experiments.errors import InputError
+from experiments.errors import InputError, shown
 from experiments.outputs import write_whole
 from experiments.scene_file import VERSION, Name, NotNegative, Positive, Strict, read_toml
 from vision import Calibration, Lens, Pose
@@ -99,9 +99,9 @@ def read_camera_toml(path: Path) -> CalibratedCamera:
     if not (
         matrix[0, 0] > 0 and matrix[1, 1] > 0 and (matrix[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()
     ):
-        raise InputError.at(f"{path}: matrix", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", str(file.matrix))
+        raise InputError.at(f"{path}: matrix", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", shown(file.matrix))
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
-        raise InputError.at(f"{path}: rotation", "a rotation matrix", str(file.rotation))
+        raise InputError.at(f"{path}: rotation", "a rotation matrix", shown(file.rotation))
     if len(file.reprojection_rms_px_each) != len(file.images_used):
         raise InputError.at(
             f"{path}: reprojection_rms_px_each",

@@ -102,7 +102,7 @@ def _block(key: str, values: Floats) -> list[str]:
 
 
 def _ros_tables(path: Path) -> Mapping[str, str | dict[str, str]]:
-    """Keys and what follows them; of YAML only what camera_info files use: two levels, and lists that may be wrapped."""
+    """Keys and what follows them; of YAML what camera_info files use: two levels, and lists that may be wrapped."""
     text = read_text(path)
     # wrapped lists, and lists of one entry a line, on one line
     text = re.sub(r"\[[^\]]*\]", lambda found: " ".join(found[0].split()), text)
@@ -151,7 +151,7 @@ def _ros_matrix(path: Path, tables: Mapping[str, str | dict[str, str]], key: str
         raise InputError.at(f"{path}: {key}.{missing.args[0]}", "this key", "none") from None
     except ValueError:
         raise InputError.at(
-            f"{path}: {key}.data", "rows times cols numbers in brackets", shown(table["data"])
+            f"{path}: {key}.data", "rows times cols numbers in brackets", shown(table.get("data"))
         ) from None
 
 

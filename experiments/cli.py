@@ -110,7 +110,7 @@ def calibrate(
     """Find lens and place of cameras from pictures of a board, and how well they are known."""
     from experiments.calibrate import AlsoWrite, board_of
     from experiments.calibrate import command as run
-    from experiments.tell import calibration_table
+    from experiments.tell import calibration_lines, calibration_table
 
     printed = board_of(board, square_mm, charuco, marker_mm)
     also = AlsoWrite(opencv_yaml, ros_yaml)
@@ -118,8 +118,7 @@ def calibrate(
         done = run(pictures or [], camera or [], printed, out, plane=plane, also=also, force=force, stage=stage)
     for one in done:
         print_table(calibration_table(one))
-        for line in one.images_left_out:
-            print(f"left out: {line}")
+        print(*calibration_lines(one), sep="\n")
     print(f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}")
 
 

@@ -92,7 +92,7 @@ def levels_table(report: Mapping[str, Any]) -> Table:
 
 
 def calibration_table(done: Calibration) -> Table:
-    """One row a constant of the lens: value and standard error; in the caption the fit and the view of the plane."""
+    """One row a constant of the lens: value and standard error."""
     table = Table(title=f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px")
     for head in ("constant", "value", "standard error"):
         table.add_column(head, justify="left" if head == "constant" else "right")
@@ -101,13 +101,18 @@ def calibration_table(done: Calibration) -> Table:
     for name, value, sd in zip(names, values, [*done.matrix_sd, *done.distortion_sd], strict=True):
         form = ".2f" if name.endswith("[px]") else ".5f"
         table.add_row(name, format(value, form), format(sd, form))
-    across, down = done.mm_per_px
-    table.caption = (
-        f"{len(done.images_used)} pictures used, {len(done.images_left_out)} left out;"
-        f" rms {done.reprojection_rms_px:.3f} px. On the plane of {done.plane_image} a pixel at the picture's centre is"
-        f" {across:.3f} x {down:.3f} mm."
-    )
     return table
+
+
+def calibration_lines(done: Calibration) -> list[str]:
+    """How well the pictures fit, which were left out, and what a pixel is on the plane."""
+    across, down = done.mm_per_px
+    out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
+    return [
+        f"{len(done.images_used)} pictures used, rms {done.reprojection_rms_px:.3f} px; {out}",
+        *(f"  {line}" for line in done.images_left_out),
+        f"On the plane of {done.plane_image} a pixel at the centre is {across:.3f} x {down:.3f} mm",
+    ]
 
 
 def _mean_sd(row: Row) -> str:

@@ -87,7 +87,7 @@ def find_board(board: Board, image: Image) -> Corners | None:
 
     A chessboard counts only when it is seen whole, a ChArUco board from FEWEST_CORNERS corners in two rows on.
     """
-    grey = np.ascontiguousarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+    grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
         return _chessboard(board, grey) if board.dictionary is None else _charuco(board, grey)
 

@@ -159,7 +159,7 @@ def calibrate(
         lens=fit.setup.lenses[0],
         plane_image=names[first],
         pose=camera.after(upright(camera)),
-        uncertainty=np.linalg.cholesky(fit.cov).T,
+        uncertainty=np.asarray(np.linalg.cholesky(fit.cov).T, dtype=np.float64),
         images_used=tuple(names),
         images_left_out=tuple(dropped),
         views=tuple(camera.after(board) for board in fit.setup.boards),
@@ -172,7 +172,7 @@ def upright(camera: Pose) -> Pose:
     """The quarter turns, world to board, after which x points most nearly to the right for this camera."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
-    c, s = np.rint([np.cos(quarter * np.pi / 2), np.sin(quarter * np.pi / 2)])
+    c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
     return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
 
 
@@ -230,7 +230,8 @@ def _first_guess(views: Sequence[View], size_px: tuple[int, int]) -> tuple[Lens,
         )
     except cv2.error:
         raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}") from None
-    poses = [Pose(cv2.Rodrigues(r)[0], np.ravel(t).astype(np.float64)) for r, t in zip(turns, shifts, strict=True)]
+    still = Pose(np.eye(3), np.zeros(3))
+    poses = [still.moved(np.concatenate([np.ravel(r), np.ravel(t)])) for r, t in zip(turns, shifts, strict=True)]
     normals = np.array([pose.rotation[:, 2] for pose in poses])
     if not (np.isfinite(normals).all() and np.isfinite(matrix).all() and np.isfinite(distortion).all()):
         raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -77,7 +78,7 @@ def _files(paths: Sequence[Path]) -> list[Path]:
         else:
             files.append(path)
     files.sort(key=lambda file: (file.name, file))
-    for one, other in zip(files, files[1:], strict=False):
+    for one, other in pairwise(files):
         if one.name == other.name:
             raise SourceError(f"{other}: expected a name of its own, found that of {one}")
     return files

@@ -15,12 +15,12 @@ from vision.calibration import Calibration, View, calibrate, check_focal, rms, u
 Floats = NDArray[np.float64]
 
 APART_PX, APART = 1.0, 3.0
-"""Pictures of one name were not taken together where a camera's rms exceeds both this [px] and so many times its own."""
+"""Pictures of one name were not taken together where a camera's rms exceeds this [px] and so many times its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraViews:
-    """What one camera saw of the board: its name, the size of its pictures [px], views, and "name: reason" of others."""
+    """What a camera saw: its name, the size of its pictures [px], views of the board, "name: reason" of others."""
 
     name: str
     size_px: tuple[int, int]
@@ -92,7 +92,7 @@ def _records(
     alone: Sequence[Calibration], fit: Adjusted, sightings: Sequence[Sighting], names: Sequence[str], world: str
 ) -> list[Calibration]:
     turn = upright(fit.setup.cameras[0])
-    factor = np.linalg.cholesky(fit.cov).T
+    factor = np.asarray(np.linalg.cholesky(fit.cov).T, dtype=np.float64)
     records = []
     for c, one in enumerate(alone):
         lens, pose = fit.setup.lenses[c], fit.setup.cameras[c]
