@@ -13,7 +13,7 @@ from vision.draw import Disc, Lighting, distractors, draw_frame, paper_camera
 from vision.hues import MarkHue, hue_distance
 from vision.identify import Expected, Identified, identify
 from vision.live import LiveFrames
-from vision.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures
+from vision.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures, sharp_frames
 from vision.rig import CameraViews, calibrate_together
 from vision.sources import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
 from vision.video import VideoWriter, compress
@@ -60,5 +60,6 @@ __all__ = [
     "paper_camera",
     "quiet_opencv",
     "rms",
+    "sharp_frames",
     "squarely",
 ]

@@ -23,6 +23,8 @@ class CalibrationError(ValueError):
     """Pictures that no camera can be calibrated from; one line that says what was found and what to do."""
 
 
+WORST_CONDITION = 1e13
+"""Of J'J, its columns brought to one length; beyond it the inverse has lost all digits but two or three."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
@@ -219,8 +221,12 @@ def _inverse_of_square(J: Floats) -> Floats:
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")
     scaled = J / lengths
-    sizes, axes = np.linalg.eigh(scaled.T @ scaled)
-    if sizes[0] < 1e-13 * sizes[-1]:
+    square = scaled.T @ scaled
+    try:
+        inverse = np.linalg.inv(square)
+        condition = float(np.linalg.norm(square, 1) * np.linalg.norm(inverse, 1))
+    except np.linalg.LinAlgError:
+        condition = np.inf
+    if not condition < WORST_CONDITION:
         raise CalibrationError(f"pictures: expected views that tell the camera, found all too much alike; {TILT}")
-    half = axes / np.sqrt(sizes) / lengths[:, None]
-    return np.asarray(half @ half.T, dtype=np.float64)
+    return np.asarray((inverse + inverse.T) / 2 / np.outer(lengths, lengths), dtype=np.float64)

@@ -23,9 +23,7 @@ def turned(pose: Pose, degrees: float) -> Pose:
 # Bounds a third above what 12 such boards gave: rms 0.044 px and 0.083 px, a bias of 0.002 px and 0.005 px an axis,
 # which is a fifth and less of what an unrefined corner (0.2 px) or one off by the half-pixel convention would show.
 @pytest.mark.parametrize(("board", "rms_px", "least"), [(BOARD, 0.06, 54), (CHARUCO, 0.11, 20)])
-def test_corners_are_found_to_a_fraction_of_a_pixel(
-    board: Board, rms_px: float, least: int, rays: np.ndarray
-) -> None:
+def test_corners_are_found_to_a_fraction_of_a_pixel(board: Board, rms_px: float, least: int, rays: np.ndarray) -> None:
     rng = np.random.default_rng(1)
     errors = []
     for pose in poses(6, rng):

@@ -27,9 +27,9 @@ def error(done: Calibration, lens: Lens, pose: Pose) -> np.ndarray:
 
 
 def test_errors_are_as_large_as_the_joint_covariance_says() -> None:
-    # chi-square: e' P^-1 e of n parameters in m runs sums to chi2(n m); bounds at 0.05 % a side, about 20 % wide.
+    # chi-square: e' P^-1 e of n parameters in m runs sums to chi2(n m); bounds at 0.05 % a side, about 30 % wide.
     # One wrong scale by 1.25 of all standard errors, or a correlation left out, falls outside.
-    runs, lens, pose, scaled = 30, 0.0, 0.0, np.zeros(15)
+    runs, lens, pose, scaled = 24, 0.0, 0.0, np.zeros(15)
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         at = poses(10, rng)
@@ -109,7 +109,7 @@ def test_a_picture_whose_corners_do_not_fit_is_left_out_and_named() -> None:
     assert done.images_left_out[0] == "x.png: board not found"
     assert [line.split(",")[0] for line in done.images_left_out[1:]] == ["04.png: outlier"]
     np.testing.assert_allclose(done.matrix, clean.matrix, rtol=1e-9)
-    with pytest.raises(CalibrationError, match="04.png: expected a picture of the board on the plane, found outlier"):
+    with pytest.raises(CalibrationError, match=r"04\.png: expected a picture of the board .* found outlier"):
         calibrate(spoilt, SIZE_PX, "04.png")
 
 
