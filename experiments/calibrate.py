@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -49,7 +50,7 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
     columns, rows = int(parts[1]) - less, int(parts[2]) - less
     if min(columns, rows) < 3 - less:
         raise InputError.at("--board", f"3 or more {'squares' if less else 'inner corners'} each way", shown(text))
-    if not square_mm > 0:
+    if not 0 < square_mm < math.inf:
         raise InputError.at("--square-mm", "more than 0", str(square_mm))
     if charuco is None:
         if marker_mm is not None:
@@ -61,7 +62,10 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
     if marker_mm is None or not 0 < marker_mm < square_mm:
         found = "none" if marker_mm is None else str(marker_mm)
         raise InputError.at("--marker-mm", "a length above 0 and below --square-mm", found)
-    return Board(columns, rows, 1e-3 * square_mm, dictionary, 1e-3 * marker_mm)
+    try:
+        return Board(columns, rows, 1e-3 * square_mm, dictionary, 1e-3 * marker_mm)
+    except ValueError as error:
+        raise InputError(f"--charuco: {error}") from None
 
 
 def views_of(
@@ -70,8 +74,7 @@ def views_of(
     """What the pictures at these paths show of the board; SourceError for pictures that cannot be read."""
     views, left_out, size = [], [], (0, 0)
     # how many will come is known of files only
-    film = len(paths) == 1 and paths[0].suffix.lower() in FILMS
-    expected = SHARP_FRAMES if film else sum(len(list(p.iterdir())) if p.is_dir() else 1 for p in paths)
+    expected = sum(_expected(path) for path in paths)
     for k, (picture, image) in enumerate(grey_pictures(paths), start=1):
         size = (image.shape[1], image.shape[0])
         corners = find_board(board, image)
@@ -87,6 +90,21 @@ def views_of(
             f" found it in none of {len(left_out)}; check --board, and show the whole board, sharp and evenly lit"
         )
     return CameraViews(name, size, tuple(views), tuple(left_out))
+
+
+def _expected(path: Path) -> int:
+    if path.suffix.lower() in FILMS:
+        return SHARP_FRAMES
+    return len(list(path.iterdir())) if path.is_dir() else 1
+
+
+def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
+    """The pictures, and the one of the plane if it is a file that is not among them."""
+    if plane is None or not plane.is_file():
+        return [*pictures]
+    among = any(path.is_file() and path.samefile(plane) for path in pictures)
+    inside = any(path.is_dir() and path.samefile(plane.parent) for path in pictures)
+    return [*pictures] if among or inside else [*pictures, plane]
 
 
 def calibrate_one(views: CameraViews, plane: Path | None, out: Path, also: AlsoWrite) -> Calibration:
@@ -157,7 +175,9 @@ def command(
         raise InputError.at("calibrate", "pictures of one camera or --camera NAME=FOLDER of several", found)
     if pictures:
         picture_beside(out)
-        return [calibrate_one(views_of(board, pictures, out.stem, stage("boards")), plane, out, also)]
+        return [
+            calibrate_one(views_of(board, with_plane(pictures, plane), out.stem, stage("boards")), plane, out, also)
+        ]
     if also.opencv_yaml is not None or also.ros_yaml is not None:
         raise InputError.at("--opencv-yaml, --ros-yaml", "pictures of one camera", "--camera")
     folders = named_folders(cameras)

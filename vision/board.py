@@ -58,6 +58,10 @@ class Board:
             raise ValueError("board marker_m: expected a dictionary and a marker size together, found one of them")
         if self.dictionary is not None and self.dictionary not in DICTIONARIES:
             raise ValueError(f"board dictionary: expected one of {', '.join(DICTIONARIES)}, found {self.dictionary}")
+        if self.dictionary is not None:
+            printed, known = (self.columns + 1) * (self.rows + 1) // 2, len(_dictionary(self.dictionary).bytesList)
+            if printed > known:
+                raise ValueError(f"board dictionary: expected one of {printed} markers or more, found {known}")
         if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
             raise ValueError(f"board marker_m: expected more than 0 and less than a square, found {self.marker_m}")
 
@@ -80,6 +84,10 @@ class Corners:
 
     board_m: Floats
     seen_px: Floats
+
+
+def _dictionary(name: str) -> cv2.aruco.Dictionary:
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
 def find_board(board: Board, image: Image) -> Corners | None:
@@ -125,7 +133,7 @@ def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
 
 
 def _charuco(board: Board, grey: Image) -> Corners | None:
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
+    dictionary = _dictionary(str(board.dictionary))
     squares = (board.columns + 1, board.rows + 1)
     printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
     seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)

@@ -1,6 +1,7 @@
 """A camera calibrated from pictures of a board: lens, pose before a plane, and the joint covariance of both.
 
 World axes: x right, y up along the board that lies on the plane, z toward the camera, the origin at the board's middle.
+The lens is that of [brown1971], the way to calibrate it from planes that of [zhang2000].
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ Floats = NDArray[np.float64]
 
 FEWEST_VIEWS = 4
 LEAST_TILT_DEG = 10.0
-"""Between some two views; boards that face the same way, wherever they are, do not tell the focal length."""
+"""Between some two views; boards that face the same way, wherever they are, tell no more than one of them
+[zhang2000], section 4."""
 LARGEST_FOCAL_SD = 0.05
 """Relative standard error of a focal length beyond which the pictures are too much alike."""
 OUTLIER_SDS, OUTLIER_PX = 3.0, 0.5

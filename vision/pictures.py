@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import cv2
@@ -21,21 +21,23 @@ SHARP_FRAMES = 40
 
 
 def grey_pictures(paths: Sequence[Path]) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels (height, width) of each picture: of one film, of a folder's files by name, or of files.
+    """Name and grey levels (height, width) of each picture: of a film, then of files and folders by name.
 
-    Raises SourceError for what cannot be read, for names that come twice, and for pictures of different sizes.
+    Raises SourceError for what cannot be read, for a second film, for names that come twice, and for pictures of
+    different sizes.
     """
-    if len(paths) == 1 and paths[0].suffix.lower() in FILMS:
-        yield from sharp_frames(paths[0])
-        return
-    first: tuple[Path, Image] | None = None
-    for path in _files(paths):
-        image = grey_picture(path)
+    films = [path for path in paths if path.suffix.lower() in FILMS]
+    if len(films) > 1:
+        raise SourceError(f"{films[1]}: expected one film, found a second one after {films[0]}")
+    frames = ((films[0], name, image) for name, image in sharp_frames(films[0])) if films else ()
+    files = ((path, path.name, grey_picture(path)) for path in _files([p for p in paths if p not in films]))
+    first: tuple[str, Image] | None = None
+    for path, name, image in chain(frames, files):
         if first is None:
-            first = (path, image)
+            first = (name, image)
         if image.shape != first[1].shape:
-            raise SourceError(f"{path}: expected {_size(first[1])} as {first[0].name} has, found {_size(image)}")
-        yield path.name, image
+            raise SourceError(f"{path}: expected {_size(first[1])} as {first[0]} has, found {_size(image)}")
+        yield name, image
 
 
 def grey_picture(path: Path) -> Image:

@@ -82,6 +82,18 @@ def test_a_film_is_calibrated_from(pictures: Path, tmp_path: Path, monkeypatch: 
     assert used == [f"frame {k:06d}" for k in range(7)]
 
 
+def test_a_picture_of_the_plane_may_lie_elsewhere(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plane = tmp_path / "phantom.png"
+    plane.write_bytes((pictures / "left" / "1.png").read_bytes())
+    words = (pictures / "left", *CHESS, "--plane", plane, "--out", tmp_path / "c.toml")
+    assert softaim(monkeypatch, "calibrate", *words) == 0
+    written = tomllib.loads((tmp_path / "c.toml").read_text(encoding="utf-8"))
+    assert written["plane_image"] == "phantom.png"
+    assert len(written["images_used"]) == 8
+
+
 def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     both = [word for name in ("left", "right") for word in ("--camera", f"{name}={pictures / name}")]
     assert softaim(monkeypatch, "calibrate", *both, *CHESS, "--out", tmp_path / "rig") == 0
@@ -100,7 +112,7 @@ BAD = [
         '--board: expected columns x rows, such as 9x6, found "9by6"',
     ),
     (
-        ("{p}/left", "--board", "2x6", "--square-mm", "25"),
+        ("{p}/left", *CHESS, "--board", "2x6"),
         '--board: expected 3 or more inner corners each way, found "2x6"',
     ),
     (("{p}/left", *CHESS, "--square-mm", "0"), "--square-mm: expected more than 0, found 0.0"),
@@ -109,6 +121,10 @@ BAD = [
     (
         ("{p}/left", *CHESS, "--charuco", "4X4_50"),
         "--marker-mm: expected a length above 0 and below --square-mm,",
+    ),
+    (
+        ("{p}/left", *CHESS, "--board", "12x10", "--charuco", "4X4_50", "--marker-mm", "9"),
+        "--charuco: board dictionary",
     ),
     (("{p}/none.png", *CHESS), "none.png: expected a picture, found no such file"),
     (("{p}/left/0.png", "{t}/broken.png", *CHESS), "broken.png: expected a picture, found a file that cannot be read"),

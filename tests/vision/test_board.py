@@ -46,6 +46,24 @@ def test_corners_keep_their_names_when_the_board_is_turned(board: Board, degrees
     assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
 
 
+@pytest.mark.parametrize("board", [BOARD, Board(7, 5, 0.025)], ids=["one way up", "alike turned around"])
+@pytest.mark.parametrize("rows", [1, -1])
+@pytest.mark.parametrize("columns", [1, -1])
+def test_corners_have_one_order_whatever_order_the_search_gives(
+    board: Board, rows: int, columns: int, rays: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    pose = poses(1, rng)[0]
+    picture = drawn(board, pose, rays, rng=rng)
+    given = seen(LENS, pose, board.corners_m).reshape(board.rows, board.columns, 2)[::rows, ::columns]
+    monkeypatch.setattr(
+        "cv2.findChessboardCorners", lambda *_, **__: (True, given.reshape(-1, 1, 2).astype(np.float32))
+    )
+    corners = find_board(board, picture)
+    assert corners is not None
+    assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
+
+
 def test_a_board_that_looks_the_same_turned_around_has_its_x_to_the_right(rays: np.ndarray) -> None:
     board, rng = Board(7, 5, 0.025), np.random.default_rng(3)
     pose = turned(poses(1, rng)[0], 180.0)
@@ -70,7 +88,8 @@ def test_a_picture_without_the_board_has_none(rays: np.ndarray) -> None:
         (lambda: Board(9, 6, 0.0), "square_m: expected more than 0, found 0.0"),
         (lambda: Board(9, 6, 0.025, "4X4_50"), "marker_m: expected a dictionary and a marker size together"),
         (lambda: Board(9, 6, 0.025, "3X3_50", 0.01), "dictionary: expected one of 4X4_100, .* found 3X3_50"),
-        (lambda: Board(9, 6, 0.025, "4X4_50", 0.025), "marker_m: expected more than 0 and less than a square"),
+        (lambda: Board(11, 9, 0.025, "4X4_50", 0.01), "dictionary: expected one of 60 markers or more, found 50"),
+        (lambda: Board(8, 5, 0.025, "4X4_50", 0.025), "marker_m: expected more than 0 and less than a square"),
     ],
 )
 def test_a_board_that_cannot_be_is_refused(make: object, message: str) -> None:

@@ -28,8 +28,9 @@ def error(done: Calibration, lens: Lens, pose: Pose) -> np.ndarray:
 
 def test_errors_are_as_large_as_the_joint_covariance_says() -> None:
     # chi-square: e' P^-1 e of n parameters in m runs sums to chi2(n m); bounds at 0.05 % a side, about 30 % wide.
-    # One wrong scale by 1.25 of all standard errors, or a correlation left out, falls outside.
-    runs, lens, pose, scaled = 24, 0.0, 0.0, np.zeros(15)
+    # Standard errors 1.25 times too large fall outside. Sums and differences of two parameters, each in its standard
+    # errors, tell the correlations: one of 0.98 left out makes a difference 50 times too sure or too unsure.
+    runs, lens, pose, pairs = 24, 0.0, 0.0, np.zeros((2, 15, 15))
     for seed in range(runs):
         rng = np.random.default_rng(seed)
         at = poses(10, rng)
@@ -38,12 +39,16 @@ def test_errors_are_as_large_as_the_joint_covariance_says() -> None:
         e = error(done, LENS, at[9])
         lens += e[:9] @ np.linalg.solve(done.cov, e[:9])
         pose += e @ np.linalg.solve(done.joint_cov, e)
-        scaled += e**2 / np.diag(done.joint_cov)
+        sds = np.sqrt(np.diag(done.joint_cov))
+        z, rho = e / sds, done.joint_cov / np.outer(sds, sds)
+        for sign in (0, 1):
+            both = z[:, None] + (1 - 2 * sign) * z
+            pairs[sign] += np.where(np.eye(15), z**2, both**2 / (2 + 2 * (1 - 2 * sign) * np.where(np.eye(15), 0, rho)))
     for total, n in ((lens, 9), (pose, 15)):
         low, high = chi2.ppf([0.0005, 0.9995], n * runs)
         assert low < total < high, (total / runs, n)
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], runs)
-    assert ((scaled > low) & (scaled < high)).all(), scaled / runs
+    low, high = chi2.ppf([1e-5, 1 - 1e-5], runs)
+    assert ((pairs > low) & (pairs < high)).all(), pairs / runs
 
 
 def test_standard_errors_are_opencvs() -> None:
@@ -123,7 +128,7 @@ def test_too_few_views_are_refused_with_what_to_do() -> None:
 @pytest.mark.parametrize("tilt_deg", [0.0, 30.0])
 @pytest.mark.parametrize("moved_m", [0.0, 0.05])
 def test_boards_that_all_face_the_same_way_are_refused(tilt_deg: float, moved_m: float) -> None:
-    # Parallel planes give the same two equations for the lens however many there are (Zhang 2000, section 4).
+    # Parallel planes give the same two equations for the lens however many there are [zhang2000], section 4.
     rng = np.random.default_rng(10)
     rotation = cv2.Rodrigues(np.array([np.radians(tilt_deg), 0.0, 0.0]))[0] @ np.diag([1.0, -1.0, -1.0])
     at = [Pose(rotation, np.array([moved_m * rng.uniform(-1, 1), 0.0, 0.4 + moved_m * k])) for k in range(6)]

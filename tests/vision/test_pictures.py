@@ -58,4 +58,11 @@ def test_a_film_gives_the_sharpest_frame_of_each_part(tmp_path: Path) -> None:
     assert [name for name, _ in found] == [f"frame {k:06d}" for k in (1, 4, 7, 10)]
     assert [int(image[1, 1]) for _, image in found] == [50, 60, 70, 80]
     assert len(list(sharp_frames(tmp_path / "film.avi", 40))) == 12
-    assert [name for name, _ in grey_pictures([tmp_path / "film.avi"])][:2] == ["frame 000000", "frame 000001"]
+    beside = written(tmp_path / "plane.png", 10, (64, 48))
+    assert [name for name, _ in grey_pictures([beside, tmp_path / "film.avi"])][10:] == [
+        "frame 000010",
+        "frame 000011",
+        "plane.png",
+    ]
+    with pytest.raises(SourceError, match=r"film\.avi: expected one film, found a second one"):
+        list(grey_pictures([tmp_path / "film.avi", tmp_path / "film.avi"]))
