@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from experiments.demo import PAPER_MM, Figures
+from vision import Calibration
 
 Row = Mapping[str, float | int | None]
 
@@ -88,6 +89,30 @@ def levels_table(report: Mapping[str, Any]) -> Table:
     gained = report["log_likelihood"] - report["log_likelihood_before"]
     table.caption = f"The recording is exp({gained:.1f}) times as probable as with the levels before."
     return table
+
+
+def calibration_table(done: Calibration) -> Table:
+    """One row a constant of the lens: value and standard error."""
+    table = Table(title=f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px")
+    for head in ("constant", "value", "standard error"):
+        table.add_column(head, justify="left" if head == "constant" else "right")
+    values = [*done.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *done.distortion]
+    names = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
+    for name, value, sd in zip(names, values, [*done.matrix_sd, *done.distortion_sd], strict=True):
+        form = ".2f" if name.endswith("[px]") else ".5f"
+        table.add_row(name, format(value, form), format(sd, form))
+    return table
+
+
+def calibration_lines(done: Calibration) -> list[str]:
+    """How well the pictures fit, which were left out, and what a pixel is on the plane."""
+    across, down = done.mm_per_px
+    out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
+    return [
+        f"{len(done.images_used)} pictures used, rms {done.reprojection_rms_px:.3f} px; {out}",
+        *(f"  {line}" for line in done.images_left_out),
+        f"On the plane of {done.plane_image} a pixel at the centre is {across:.3f} x {down:.3f} mm",
+    ]
 
 
 def _mean_sd(row: Row) -> str:
