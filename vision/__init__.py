@@ -14,6 +14,7 @@ from vision.finder import MarkFinder
 from vision.following import FollowedHue
 from vision.hues import MarkHue, hue_distance
 from vision.identify import Expected, Identified, identify
+from vision.learning import learn_hue
 from vision.lens import Lens, Pose
 from vision.live import LiveFrames
 from vision.outline import Outline
@@ -64,6 +65,7 @@ __all__ = [
     "grey_pictures",
     "hue_distance",
     "identify",
+    "learn_hue",
     "paper_camera",
     "posed",
     "quiet_opencv",

@@ -61,6 +61,7 @@ class Detection:
     clipped: it touches the border of what was searched, so part of it was not seen
     covered: something hides part of it, so its centre is that of its outline
     color_bgr: of its core [grey levels]
+    size: by that of the outline it was looked for with
     """
 
     center_px: Floats
@@ -70,6 +71,7 @@ class Detection:
     clipped: bool
     covered: bool = False
     color_bgr: tuple[float, ...] = (0.0, 0.0, 0.0)
+    size: float = 1.0
 
 
 def detect_marks(
@@ -151,11 +153,12 @@ class _Piece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Center:
-    """A centre [px], (2,), its covariance [px²], (2, 2), and whether it is that of an outline, part of it hidden."""
+    """As in `Detection`, from the patch's corner."""
 
     center_px: Floats
     cov_px2: Floats
     covered: bool = False
+    size: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +196,7 @@ class _Search:
                 piece.clipped,
                 at.covered,
                 seen.color_bgr,
+                at.size,
             )
             for at in centers
         ]
@@ -207,14 +211,14 @@ class _Search:
             starts = _starts(piece, self.starts_px - piece.corner_px, self.outline)
             several = [fit_outline(seen.alpha, start, self.outline, reach=NEXT) for start in starts]
             if all(several):
-                return [_Center(one.center_px, one.cov_px2, covered=True) for one in several if one is not None]
+                return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
         if fitted is None:
             return [whole] if share >= WHOLE_AT_LEAST else []
         apart = fitted.center_px - seen.center_px
         if _squared(apart, seen.cov_px2 + fitted.cov_px2) <= APART:
-            return [whole]
+            return [replace(whole, size=fitted.size)]
         if fitted.beyond <= BEYOND:
-            return [_Center(fitted.center_px, fitted.cov_px2, covered=True)]
+            return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
         return [_Center(seen.center_px, seen.cov_px2 + np.outer(apart, apart))]
 
     def _piece(self, contour: Picture, number: int) -> _Piece | None:

@@ -62,12 +62,14 @@ class Fitted:
     center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
     share: of all directions, those in which the mark's own edge is seen
     beyond: of all directions, those in which an edge lies outside it, as for a mark that is smeared or merged
+    size: by that of the outline
     """
 
     center_px: Floats
     cov_px2: Floats
     share: float
     beyond: float
+    size: float
 
 
 def fit_outline(alpha: Floats, start_px: Floats, outline: Outline, *, reach: float = REACH) -> Fitted | None:
@@ -80,8 +82,8 @@ def fit_outline(alpha: Floats, start_px: Floats, outline: Outline, *, reach: flo
     edges, n_edges = _edges(alpha, start_px, outline.shape_px, reach)
     if n_edges < LEAST_SHARE * N_RAYS:
         return None
-    center, cov, share, beyond = _fitted(edges[:n_edges], start_px, outline.shape_px, outline.size_sd)
-    return Fitted(center, cov, share, beyond) if share >= LEAST_SHARE else None
+    center, cov, share, beyond, size = _fitted(edges[:n_edges], start_px, outline.shape_px, outline.size_sd)
+    return Fitted(center, cov, share, beyond, size) if share >= LEAST_SHARE else None
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -206,7 +208,7 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
-    """Centre, covariance, share and beyond: of the mark as a whole or else of the best circle through three edges."""
+    """Centre, covariance, share, beyond, size: of the mark as a whole, or else of the best circle through three edges."""
     scale = np.sqrt(abs(np.linalg.det(shape)))
     middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
     fit, normal, variance, share, beyond = _refined(edges, middle, size_sd, scale)
@@ -214,8 +216,8 @@ def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
         start_at = _candidate(edges, size_sd, 0.4 / scale)
         fit, normal, variance, share, beyond = _refined(edges, start_at, size_sd, scale)
     if share == 0.0:
-        return start, np.eye(2), share, beyond
+        return start, np.eye(2), share, beyond, 1.0
     # Errors of neighbouring edges hang together; the corners where the covered part begins pull a little, too.
     together = max(1.0, BLUR_PX * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
     inside = np.ascontiguousarray(np.linalg.inv(normal)[:2, :2])
-    return start + shape @ fit[:2], variance * together * shape @ inside @ shape.T, share, beyond
+    return start + shape @ fit[:2], variance * together * shape @ inside @ shape.T, share, beyond, fit[2]
