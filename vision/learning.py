@@ -12,7 +12,7 @@ from vision.hues import MarkHue
 Image = NDArray[np.uint8]
 
 ALIKE = 0.5
-"""Pixels of one mark differ in the shares of colours by at most so much of what sets its middle off from grey; chosen."""
+"""By how much pixels of one mark may differ in the shares of colours, by what sets its middle off from grey; chosen."""
 FEWEST_PIXELS = 12
 SDS = 3.0
 """Standard deviations of its pixels' hues that a kind of mark reaches; chosen."""

@@ -208,7 +208,7 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
-    """Centre, covariance, share, beyond, size: of the mark as a whole, or else of the best circle through three edges."""
+    """Centre, covariance, share, beyond, size: of the whole mark, or else of the best circle through three edges."""
     scale = np.sqrt(abs(np.linalg.det(shape)))
     middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
     fit, normal, variance, share, beyond = _refined(edges, middle, size_sd, scale)

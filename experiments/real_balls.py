@@ -1,0 +1,178 @@
+"""Balls really filmed, followed by their colour and outline, and compared with centres that people labelled by eye.
+
+    python -m experiments.real_balls ../shared/data --out DIR
+
+The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
+trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
+and one carried by a hand that half covers it. Hues are learned from one place in one frame. DIR gets a table for each
+film, a row a frame, and real-balls.json. Last figures: docs/real-film.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import filterpy.kalman as filterpy
+import numpy as np
+import pandas as pd
+from filterpy.common import Q_continuous_white_noise
+from numpy.typing import NDArray
+
+from experiments.errors import InputError
+from experiments.outputs import output_folder, write_whole
+from vision import Detection, Expected, Frame, MarkFinder, VideoFileFrames, learn_hue
+
+Floats = NDArray[np.float64]
+
+LABELS = Path(__file__).parent / "labels" / "balls.csv"
+"""film, frame, u_px, v_px, radius_px, covered, blurred, by: centres of balls, labelled by eye."""
+
+FOLLOW_SIZE = 0.2
+"""Share of the newest whole sight in what is believed of the ball's size; chosen."""
+
+GONE = 10
+"""Frames unseen after which the ball is looked for anywhere; chosen."""
+FASTEST_PX_S = 1500.0
+"""Standard deviation of the velocity at the first sight [px/s]; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A film and one place in it that shows the ball.
+
+    path: below the folder of real pictures; at: frame, u, v [px] of a click on the ball; radius_px: of the ball there
+    jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
+    """
+
+    path: str
+    at: tuple[int, float, float]
+    radius_px: float
+    jolt_px: float
+
+
+FILMS = {
+    "red-pendulum": Film("red-pendulum/ball.mp4", (150, 229.0, 536.0), 17.0, 3000.0),
+    "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0),
+    "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0),
+}
+
+
+class Follower:
+    """Where one ball of a film is: a Kalman filter of constant velocity, sightings found where it expects them.
+
+    State: the filter, None while the ball has never been seen or is out of view; the ball's radius [px]; unseen, frames.
+    """
+
+    def __init__(self, film: Film, frame: Frame) -> None:
+        self.finder = MarkFinder([learn_hue(frame.image, film.at[1:])])
+        self.radius_px = film.radius_px
+        self.film = film
+        self.filter: filterpy.KalmanFilter | None = None
+        self.time_s = 0.0
+        self.unseen = 0
+
+    def see(self, frame: Frame) -> Detection | None:
+        """The ball in the next frame; None where it is not seen."""
+        height, width = frame.image.shape[:2]
+        dt, self.time_s = frame.exposure_s - self.time_s, frame.exposure_s
+        if self.filter is None:
+            mean, cov = np.array([width / 2.0, height / 2.0]), np.diag([width**2, height**2]) / 4.0
+        else:
+            self.filter.F = np.kron(np.array([[1.0, dt], [0.0, 1.0]]), np.eye(2))
+            noise = Q_continuous_white_noise(2, dt, spectral_density=self.film.jolt_px**2)
+            self.filter.predict(Q=np.kron(noise, np.eye(2)))
+            mean, cov = self.filter.x[:2], self.filter.P[:2, :2]
+        (hue,) = self.finder.hues
+        found = self.finder.find(frame.image, [Expected("ball", mean, cov, hue, self.radius_px * np.eye(2))])
+        if not found:
+            self.unseen += 1
+            if self.unseen > GONE:
+                self.filter = None
+            return None
+        self.unseen = 0
+        seen = found[0].detection
+        if self.filter is None:
+            self.filter = _started(seen)
+        else:
+            self.filter.update(seen.center_px, R=seen.cov_px2, H=np.eye(2, 4))
+        if not seen.covered and not seen.clipped:
+            self.radius_px *= seen.size**FOLLOW_SIZE
+        return seen
+
+
+def _started(seen: Detection) -> filterpy.KalmanFilter:
+    started = filterpy.KalmanFilter(4, 2)
+    started.x = np.array([*seen.center_px, 0.0, 0.0])
+    started.P = np.zeros((4, 4))
+    started.P[:2, :2], started.P[2:, 2:] = seen.cov_px2, FASTEST_PX_S**2 * np.eye(2)
+    return started
+
+
+def followed(path: Path, film: Film) -> pd.DataFrame:
+    """A row a frame: frame, seen, u_px, v_px, the covariance uu_px2 uv_px2 vv_px2, covered, clipped, radius_px."""
+    with VideoFileFrames(path) as frames:
+        clicked = next((frame for frame in frames if frame.index == film.at[0]), None)
+    if clicked is None:
+        raise InputError(f"{path}: expected a frame {film.at[0]}, found fewer")
+    follower = Follower(film, clicked)
+    rows = []
+    with VideoFileFrames(path) as frames:
+        for frame in frames:
+            seen = follower.see(frame)
+            row: dict[str, float | int | bool] = {"frame": frame.index, "seen": seen is not None}
+            if seen is not None:
+                (uu, uv), (_, vv) = seen.cov_px2
+                row |= {"u_px": seen.center_px[0], "v_px": seen.center_px[1], "uu_px2": uu, "uv_px2": uv, "vv_px2": vv}
+                row |= {"covered": seen.covered, "clipped": seen.clipped, "radius_px": follower.radius_px * seen.size}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
+    """How far the ball is found from where it was labelled [px]: root mean square of an axis, and what is covered."""
+    both = labels.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
+    off = both[["u_px", "v_px"]].to_numpy() - both[["u_px_label", "v_px_label"]].to_numpy()
+    variance = both[["uu_px2", "vv_px2"]].to_numpy(dtype=float)
+    return {
+        "labels": len(labels),
+        "found": len(both),
+        "rms_px": float(np.sqrt((off**2).mean())),
+        "mean_u_px": float(off[:, 0].mean()),
+        "mean_v_px": float(off[:, 1].mean()),
+        "mean_px": float(np.hypot(*off.T).mean()),
+        "sd_px": float(np.hypot(*off.T).std()),
+        "sigma_px": float(np.sqrt(variance.mean())),
+    }
+
+
+def report(data: Path, out: Path) -> dict[str, dict[str, float]]:
+    """Follow the ball of every film, write the tables, and say how near the labels it was found."""
+    labels = pd.read_csv(LABELS)
+    figures = {}
+    for name, film in FILMS.items():
+        sys.stderr.write(f"{name}\n")
+        rows = followed(data / film.path, film)
+        write_whole(out / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
+        figures[name] = against_labels(rows, labels[labels.film == name])
+    return figures
+
+
+def main() -> None:
+    """Follow the balls and print how near the labels they were found."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("data", type=Path, help="folder of the real pictures")
+    parser.add_argument("--out", type=Path, required=True)
+    chosen = parser.parse_args()
+    with output_folder(chosen.out, force=True, inputs=[chosen.data]) as folder:
+        figures = report(chosen.data, folder)
+        write_whole(folder / "real-balls.json", json.dumps(figures, indent=1) + "\n")
+    for name, row in figures.items():
+        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.3g}' for key, value in row.items())}\n")
+
+
+if __name__ == "__main__":
+    main()
