@@ -7,34 +7,57 @@ end in _px; the plane is in metres.
 from vision.camera import PlaneCamera, squarely
 from vision.detect import Detection, HueError, detect_marks
 from vision.draw import Disc, Lighting, distractors, draw_frame, paper_camera
+from vision.every_frame import EveryFrame, FrameFile
+from vision.exposure_times import DeviceTimes, ExposureRule, FilmTimes, told_times
 from vision.hues import MarkHue, hue_distance
 from vision.identify import Expected, Identified, identify
-from vision.live import LiveFrames
+from vision.live import Capture, LiveFrames
+from vision.open_source import from_file, open_source, shown_source
+from vision.picture_folder import PictureFolderFrames
+from vision.playback import Playback
+from vision.source_events import EventKind, Source, SourceEvent
 from vision.sources import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames
 from vision.video import VideoWriter, compress
+from vision.watch import Watch
 
 __all__ = [
+    "Capture",
     "Detection",
+    "DeviceTimes",
     "Disc",
+    "EventKind",
+    "EveryFrame",
     "Expected",
+    "ExposureRule",
+    "FilmTimes",
     "FolderFrames",
     "Frame",
+    "FrameFile",
     "HueError",
     "Identified",
     "Lighting",
     "LiveFrames",
     "MarkHue",
+    "PictureFolderFrames",
     "PlaneCamera",
+    "Playback",
+    "Source",
     "SourceError",
+    "SourceEvent",
     "VideoFileFrames",
     "VideoWriter",
+    "Watch",
     "compress",
     "count_frames",
     "detect_marks",
     "distractors",
     "draw_frame",
+    "from_file",
     "hue_distance",
     "identify",
+    "open_source",
     "paper_camera",
+    "shown_source",
     "squarely",
+    "told_times",
 ]
