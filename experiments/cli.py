@@ -21,6 +21,7 @@ app = typer.Typer(
 
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if missing.", show_default=False)]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
+Fps = Annotated[float | None, typer.Option("--fps", min=0.001, help="Of a folder of pictures: how many a second.")]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 
 
@@ -170,16 +171,19 @@ def demo(out: Out = Path("demo"), force: Force = False) -> None:
 
 @app.command()
 def live(
-    source: Annotated[str, typer.Option("--source", help="Camera index, film, recording, or phantom.")],
+    source: Annotated[
+        str, typer.Option("--source", help="Camera index, device, film, folder, stream, recording, or phantom.")
+    ],
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
     duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
+    fps: Fps = None,
     force: Force = False,
 ) -> None:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
     from experiments.live import live as run
 
-    run(source, scene, out, duration_s=duration, force=force)
+    run(source, scene, out, duration_s=duration, fps=fps, force=force)
 
 
 @app.command()

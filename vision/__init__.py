@@ -12,7 +12,7 @@ from vision.exposure_times import DeviceTimes, ExposureRule, FilmTimes, told_tim
 from vision.hues import MarkHue, hue_distance
 from vision.identify import Expected, Identified, identify
 from vision.live import Capture, LiveFrames
-from vision.open_source import from_file, open_source, shown_source
+from vision.open_source import EVERY, from_file, open_source, shown_source
 from vision.picture_folder import PictureFolderFrames
 from vision.playback import Playback
 from vision.source_events import EventKind, Source, SourceEvent
@@ -21,6 +21,7 @@ from vision.video import VideoWriter, compress
 from vision.watch import Watch
 
 __all__ = [
+    "EVERY",
     "Capture",
     "Detection",
     "DeviceTimes",

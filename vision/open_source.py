@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,8 @@ def open_source(
 
     Raises SourceError for what is not there. A device that does not open is told by the first `next`.
     """
-    path, ends = Path(spec), _never
+    path = Path(spec)
+    ends: Callable[[Any], bool] = _never
     if spec.isascii() and spec.isdecimal():
         if int(spec) > LAST_CAMERA:
             raise SourceError(f"{spec}: expected a camera index from 0 to {LAST_CAMERA}, found more")
