@@ -15,14 +15,26 @@ from vision.live import Capture, LiveFrames
 from vision.open_source import EVERY, from_file, open_source, shown_source
 from vision.picture_folder import PictureFolderFrames
 from vision.playback import Playback
+from vision.segments import (
+    NOMINAL_FPS,
+    SUFFIX,
+    SegmentFrames,
+    SegmentWriter,
+    count_segment_frames,
+    join_segments,
+    segments_in,
+)
 from vision.source_events import EventKind, Source, SourceEvent
 from vision.sources import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames
-from vision.video import VideoWriter, compress
+from vision.video import Codec, VideoWriter, compress
 from vision.watch import Watch
 
 __all__ = [
     "EVERY",
+    "NOMINAL_FPS",
+    "SUFFIX",
     "Capture",
+    "Codec",
     "Detection",
     "DeviceTimes",
     "Disc",
@@ -42,6 +54,8 @@ __all__ = [
     "PictureFolderFrames",
     "PlaneCamera",
     "Playback",
+    "SegmentFrames",
+    "SegmentWriter",
     "Source",
     "SourceError",
     "SourceEvent",
@@ -50,14 +64,17 @@ __all__ = [
     "Watch",
     "compress",
     "count_frames",
+    "count_segment_frames",
     "detect_marks",
     "distractors",
     "draw_frame",
     "from_file",
     "hue_distance",
     "identify",
+    "join_segments",
     "open_source",
     "paper_camera",
+    "segments_in",
     "shown_source",
     "squarely",
     "told_times",
