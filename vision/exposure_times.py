@@ -14,8 +14,8 @@ import numpy as np
 
 TRUSTED_AFTER = 30
 """Frames in a row whose own times must prove sane before they are used; chosen."""
-MOST_OFF_S = 0.25
-"""How far a device's times may be from the clock's: a few buffered frames; chosen."""
+MOST_OFF_S = 0.05
+"""How far a device's times may wander beside the clock's within the frames remembered; chosen."""
 REMEMBERED = 300
 """Frames over which the earliest arrival ties the device's clock to ours: 10 s at 30 frames/s; chosen."""
 ROUNDING_S = 1.1e-3
@@ -35,7 +35,7 @@ class DeviceTimes:
     """Exposure times of a device's frames: half a frame interval, the usual one, before the frame was complete.
 
     A frame is complete when grab() gives it; or when the device says, by CAP_PROP_POS_MSEC, if that has proved sane
-    over 30 frames in a row: increasing, and beside the time of grab() by the same to 0.25 s. The device's clock is tied
+    over 30 frames in a row: increasing, and beside the time of grab() by the same to 0.05 s. The device's clock is tied
     to ours by the earliest arrival in 300 frames, for a frame can come late and never early; a clock that drifts is
     followed so. Once it has proved sane, up to 30 frames in a row may come later than that, as from a device's queue
     after a pause; a clock that goes back, stands or runs ahead is used no more until it proves sane again. Half an
@@ -67,16 +67,16 @@ class DeviceTimes:
         increasing = bool(np.isfinite(told_s)) and told_s > self._told_s
         self._told_s = told_s if np.isfinite(told_s) else -np.inf
         offset_s = grabbed_s - told_s
-        beyond_s = offset_s - min(self._offsets, default=offset_s)
-        if increasing and self.trusts_device and beyond_s > MOST_OFF_S and self._late < TRUSTED_AFTER:
+        lowest_s, highest_s = min(self._offsets, default=offset_s), max(self._offsets, default=offset_s)
+        if increasing and self.trusts_device and offset_s > lowest_s + MOST_OFF_S and self._late < TRUSTED_AFTER:
             self._late += 1
             return
         self._late = 0
-        if not increasing or abs(beyond_s) > MOST_OFF_S:
+        if increasing and max(highest_s, offset_s) - min(lowest_s, offset_s) <= MOST_OFF_S:
+            self._sane += 1
+        else:
             self._sane = 0
             self._offsets.clear()
-        else:
-            self._sane += 1
         if np.isfinite(told_s):
             self._offsets.append(offset_s)
 

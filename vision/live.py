@@ -28,6 +28,8 @@ MOST_RIVALS = 4
 """Threads that may hang at once: each holds a thread and perhaps a device until it comes back; chosen."""
 LOOK_EACH_S = 0.02
 """How often a waiting reader looks for faults; chosen."""
+CLOSE_S = 0.5
+"""How long `close` waits for the reading threads; one that hangs is left behind; chosen."""
 
 
 class Capture(Protocol):
@@ -275,11 +277,11 @@ class LiveFrames:
                 self._events += self._watch.saw_failure(self._clock(), why)
 
     def close(self) -> None:
-        """Stop; a reading thread lets go of the device as soon as it comes back from it, for which 0.5 s are waited."""
+        """Stop; a reading thread lets go of the device as soon as it comes back from it."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()
-            self._changed.wait_for(lambda: not self._readers, timeout=0.5)
+            self._changed.wait_for(lambda: not self._readers, timeout=CLOSE_S)
 
     def __enter__(self) -> Self:
         return self
