@@ -51,8 +51,8 @@ class Recorder:
         self._began = 0.0
         try:
             (folder / SEGMENTS).mkdir(parents=True)
-            self._rows = (folder / "frames.csv").open("xb", buffering=0)
-            self._rows.write(b"frame,exposure_s\n")
+            with (folder / "frames.csv").open("xb") as rows:
+                rows.write(b"frame,exposure_s\n")
         except OSError as error:
             raise InputError.refused(folder, "a folder that can be written", error) from error
         self._pieces = vision.SegmentWriter(folder / SEGMENTS, size_px, codec)
@@ -83,18 +83,15 @@ class Recorder:
         """Name the piece that is being written, then write its rows; both are on the disk."""
         try:
             self._pieces.finish()
-            rows = (f"{self.n_rows + k},{time_s:.9f}\n" for k, time_s in enumerate(self._times))
-            self._rows.write("".join(rows).encode("ascii"))
-            os.fsync(self._rows.fileno())
+            with (self.folder / "frames.csv").open("ab") as rows:
+                told = (f"{self.n_rows + k},{time_s:.9f}\n" for k, time_s in enumerate(self._times))
+                rows.write("".join(told).encode("ascii"))
+                rows.flush()
+                os.fsync(rows.fileno())
         except OSError as error:
             raise InputError.refused(self.folder, "room to write", error) from error
         self.n_rows += len(self._times)
         self._times = []
-
-    def close(self) -> None:
-        """Finish the last piece."""
-        self.finish_piece()
-        self._rows.close()
 
 
 def record(
@@ -135,7 +132,7 @@ def record(
     finally:
         tell_events(frames)
         if recorder is not None:
-            recorder.close()
+            recorder.finish_piece()
     return 0 if recorder is None else recorder.n_rows
 
 
