@@ -31,6 +31,8 @@ COAST_S = 0.1
 """How long a frame is waited for before the target is told without one [s]; chosen."""
 BEHIND_S, BEHIND_FRAMES = 0.25, 2.0
 """The filter goes on without a frame that is late by so long [s] and so many frame intervals; chosen."""
+UNKNOWN_S = 2.0
+"""By so long before two frames told the interval: a slow camera's must not always be late; chosen."""
 
 
 class Session:
@@ -64,6 +66,10 @@ class Session:
             raise InputError(
                 f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
             )
+        if self._last_s is not None:
+            now = 1.0 / max(frame.exposure_s - self._last_s, 1e-6)
+            self._fps = now if self._fps is None else (1.0 - SMOOTHING) * self._fps + SMOOTHING * now
+        self._last_s = frame.exposure_s
         told_s = self.line.filter.time_s
         if size_px != (width, height) or (told_s is not None and frame.exposure_s < told_s):
             self.n_unused += 1
@@ -73,10 +79,6 @@ class Session:
         latency_ms = 1e3 * (time.monotonic() - frame.exposure_s)
         self.latencies_ms.append(latency_ms)
         self.n_frames += 1
-        if self._last_s is not None:
-            now = 1.0 / max(frame.exposure_s - self._last_s, 1e-6)
-            self._fps = now if self._fps is None else (1.0 - SMOOTHING) * self._fps + SMOOTHING * now
-        self._last_s = frame.exposure_s
         self._show(told(estimate, self._fps, latency_ms))
         return True
 
@@ -89,7 +91,7 @@ class Session:
         if tissue.time_s is None or self._last_s is None:
             self._show("no frame yet")
             return
-        behind_s = now_s - BEHIND_S - (BEHIND_FRAMES / self._fps if self._fps else 0.0)
+        behind_s = now_s - (UNKNOWN_S if self._fps is None else BEHIND_S + BEHIND_FRAMES / self._fps)
         if behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
             self.n_coasted += 1
