@@ -123,7 +123,7 @@ def record(
                 continue
             if recorder is None:
                 first_s = frame.exposure_s
-                recorder = _begun(folder, frame, scene, scene_path, codec)
+                recorder = _begun(folder, frame, scene, scene_path, codec, clock)
             elif frame.exposure_s - first_s >= seconds:
                 break
             recorder.take(frame)
@@ -137,7 +137,12 @@ def record(
 
 
 def _begun(
-    folder: Path, frame: vision.Frame, scene: Scene | None, scene_path: Path | None, codec: vision.Codec
+    folder: Path,
+    frame: vision.Frame,
+    scene: Scene | None,
+    scene_path: Path | None,
+    codec: vision.Codec,
+    clock: Callable[[], float],
 ) -> Recorder:
     height, width = frame.image.shape[:2]
     if scene is not None and scene.cameras[0].size_px != (width, height):
@@ -146,7 +151,7 @@ def _begun(
             f"[{width}, {height}], as the frames have",
             str(list(scene.cameras[0].size_px)),
         )
-    recorder = Recorder(folder, (width, height), codec)
+    recorder = Recorder(folder, (width, height), codec, clock=clock)
     if scene_path is not None:
         write_whole(folder / "scene.toml", scene_path.read_bytes())
     elif scene is not None:

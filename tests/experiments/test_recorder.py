@@ -180,17 +180,23 @@ def test_a_recording_ends_with_its_source_or_its_seconds(tmp_path: Path) -> None
 
 
 def test_a_piece_is_finished_though_no_frame_comes(tmp_path: Path) -> None:
-    now = [0.0]
-    recorder = Recorder(tmp_path / "rec", SIZE, clock=lambda: now[0])
-    for frame in noise(3):
-        recorder.take(frame)
-    now[0] = 0.99
-    recorder.look()
-    assert recorder.n_rows == 0
-    now[0] = 1.0
-    recorder.look()
-    assert recorder.n_rows == 3
-    assert len(read_frames(tmp_path / "rec" / "frames.csv")) == 3
+    """Three frames, then none while the test's clock goes on by 0.1 s a wait."""
+    now, rows = [0.0], {}
+
+    class Silent(EveryFrame):
+        ended = False
+
+        def next(self, timeout_s: float = 0.0) -> Frame | None:
+            frame = next(self._coming, None)
+            if frame is None:
+                now[0] += timeout_s
+                rows[round(now[0], 1)] = len((tmp_path / "rec" / "frames.csv").read_text().splitlines()) - 1
+            return frame
+
+    assert record(Silent(Frames(*noise(3))), tmp_path / "rec", seconds=1.95, clock=lambda: now[0]) == 3
+    assert rows[1.0] == 0
+    assert rows[1.2] == 3
+    assert max(rows) == 2.0
 
 
 def test_another_size_or_a_time_that_goes_back_ends_it_and_what_came_is_kept(tmp_path: Path) -> None:

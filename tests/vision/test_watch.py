@@ -20,7 +20,7 @@ def kinds(events: list) -> list[EventKind]:
 
 
 def test_silence_is_told_once_when_its_time_is_over_and_then_its_end() -> None:
-    watch, last = fed(10, 0.03)
+    watch, last = fed(2, 0.03)
     assert watch.check(last + 0.5) == []
     (blocked,) = watch.check(last + 0.51)
     assert (blocked.kind, blocked.time_s, blocked.text) == (EventKind.BLOCKED, last + 0.51, "no answer for 0.51 s")
@@ -53,6 +53,12 @@ def test_pictures_may_repeat_where_that_is_said() -> None:
     watch, last = fed(3, 0.03, frozen_s=None)
     watch.saw_repeat(last + 0.6)
     assert watch.check(last + 0.7) == []
+
+
+def test_silence_is_no_frozen_picture() -> None:
+    watch, last = fed(3, 0.03, blocked_s=2.0)
+    assert watch.check(last + 1.9) == []
+    assert kinds(watch.check(last + 2.1)) == [EventKind.BLOCKED]
 
 
 def test_a_slow_camera_is_not_blocked_between_its_frames() -> None:
