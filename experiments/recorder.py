@@ -68,6 +68,7 @@ class Recorder:
             raise InputError.at(self.folder, f"a frame after {self._last_s:.9f} s", f"{frame.exposure_s:.9f} s")
         if self._times and frame.exposure_s - self._times[0] >= PIECE_S:
             self.finish_piece()
+        self.look()  # where frames are written more slowly than they come
         if not self._times:
             self._began = self._clock()
         self._pieces.write(frame.image)
@@ -75,7 +76,7 @@ class Recorder:
         self._last_s = frame.exposure_s
 
     def look(self) -> None:
-        """Finish the piece if its second is over, though no frame came."""
+        """Finish the piece if it was begun a second ago."""
         if self._times and self._clock() - self._began >= PIECE_S:
             self.finish_piece()
 

@@ -86,7 +86,7 @@ def noise(n: int, interval_s: float = INTERVAL) -> list[Frame]:
 
 def left_by_a_kill(folder: Path, n: int = 75) -> Path:
     """What is there of n frames before the last piece is finished, with a scene."""
-    recorder = Recorder(folder, SIZE)
+    recorder = Recorder(folder, SIZE, clock=lambda: 0.0)
     for frame in noise(n):
         recorder.take(frame)
     write_scene(small_scene(), folder / "scene.toml")
@@ -173,7 +173,7 @@ def test_a_join_killed_before_its_end_or_after_can_be_done_again(tmp_path: Path)
 
 
 def test_a_recording_ends_with_its_source_or_its_seconds(tmp_path: Path) -> None:
-    assert record(EveryFrame(Frames(*noise(50))), tmp_path / "all") == 50
+    assert record(EveryFrame(Frames(*noise(50))), tmp_path / "all", clock=lambda: 0.0) == 50
     assert record(EveryFrame(Frames(*noise(50))), tmp_path / "some", seconds=1.0) == 30
     assert read_frames(tmp_path / "all" / "frames.csv") == pytest.approx([5.0 + INTERVAL * k for k in range(50)])
     assert len(list((tmp_path / "all" / "segments").iterdir())) == 2
@@ -197,6 +197,17 @@ def test_a_piece_is_finished_though_no_frame_comes(tmp_path: Path) -> None:
     assert rows[1.0] == 0
     assert rows[1.2] == 3
     assert max(rows) == 2.0
+
+
+def test_a_piece_is_finished_by_the_clock_where_writing_is_slow(tmp_path: Path) -> None:
+    now = [0.0]
+    recorder = Recorder(tmp_path / "rec", SIZE, clock=lambda: now[0])
+    rows = []
+    for frame in noise(9):
+        recorder.take(frame)
+        rows.append(recorder.n_rows)
+        now[0] += 0.25
+    assert rows == [0, 0, 0, 0, 4, 4, 4, 4, 8]
 
 
 def test_another_size_or_a_time_that_goes_back_ends_it_and_what_came_is_kept(tmp_path: Path) -> None:
