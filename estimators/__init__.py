@@ -7,7 +7,7 @@ from estimators.consistency import anees, chi_square_bounds, coverage, mean_boun
 from estimators.ensemble import EnsembleKalmanFilter
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.extended import ExtendedKalmanFilter
-from estimators.health import Health
+from estimators.health import Health, after_frame
 from estimators.identification import IdentificationError, Identified, identify, principal
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.mixture import InteractingMixture, mixed
@@ -60,6 +60,7 @@ __all__ = [
     "TissueModel",
     "Tuned",
     "UnscentedKalmanFilter",
+    "after_frame",
     "anees",
     "autocorrelation",
     "calibration_curve",

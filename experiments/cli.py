@@ -21,6 +21,7 @@ app = typer.Typer(
 
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if missing.", show_default=False)]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
+Fps = Annotated[float | None, typer.Option("--fps", min=0.001, help="Of a folder of pictures: how many a second.")]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 
 
@@ -199,16 +200,48 @@ def demo(out: Out = Path("demo"), force: Force = False) -> None:
 
 @app.command()
 def live(
-    source: Annotated[str, typer.Option("--source", help="Camera index, film, recording, or phantom.")],
+    source: Annotated[
+        str, typer.Option("--source", help="Camera index, device, film, folder, stream, recording, or phantom.")
+    ],
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
     duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
+    fps: Fps = None,
     force: Force = False,
 ) -> None:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
     from experiments.live import live as run
 
-    run(source, scene, out, duration_s=duration, force=force)
+    run(source, scene, out, duration_s=duration, fps=fps, force=force)
+
+
+@app.command()
+def record(
+    source: Annotated[
+        str | None, typer.Argument(help="Camera index, device, film, folder, stream, recording, or phantom.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into it.")] = None,
+    codec: Annotated[str, typer.Option("--codec", help="FFV1 loses nothing; MJPG is small.")] = "FFV1",
+    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after so many seconds.")] = None,
+    fps: Fps = None,
+    recover: Annotated[
+        Path | None, typer.Option("--recover", help="Join what a recording that was killed has left, in place.")
+    ] = None,
+) -> None:
+    """Write frames and their times as they come, until Ctrl-C: a recording, whole up to the last second if killed."""
+    from experiments.errors import InputError
+    from experiments.recorder import join, record_source
+
+    if (recover is None) == (source is None) or (recover is None) == (out is None):
+        raise InputError("record: expected SOURCE and --out REC, or --recover REC, found neither or both")
+    if recover is not None:
+        with progress() as stage:
+            n_frames = join(recover, stage("join"))
+        print(f"{n_frames} frames in {recover}")
+    elif source is not None and out is not None:
+        with progress() as stage:
+            print(record_source(source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=stage))
 
 
 @app.command()

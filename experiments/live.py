@@ -11,170 +11,40 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Protocol
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 import vision
-from dynamics import adaptive, pack, unpack
-from estimators import MarkMeasurement, TargetEstimate
+from estimators import MarkMeasurement, TargetEstimate, after_frame
 from experiments.errors import InputError
 from experiments.estimate_rows import header, row
+from experiments.frame_sources import open_source
 from experiments.line import FILTER, Line
 from experiments.outputs import output_folder
-from experiments.recording import open_recording
-from experiments.scenario import Scenario, read_scenario
-from experiments.scene import Scene, read_scene
-from experiments.simulate import draw, poke_force, scene_of, tremor_force
+from experiments.scene import Scene
 
-Floats = NDArray[np.float64]
 SMOOTHING = 0.1
 """Share of the newest frame in the running frames per second and latency shown; chosen."""
-LAST_CAMERA = 99
-"""Greatest camera index: OpenCV takes the hundreds for the number of a programming interface."""
-
-
-class Capture(Protocol):
-    """What a source of frames must do, as cv2.VideoCapture does."""
-
-    def read(self) -> tuple[bool, NDArray[np.uint8] | None]:
-        """Wait for the next frame; False at the end."""
-
-    def release(self) -> None:
-        """Let go of the device."""
-
-
-class PhantomCamera:
-    """A camera before the poked phantom, moved by SciPy's DOP853 in real time and drawn as asked for.
-
-    State: the phantom's state (n_state,) at time_s since the camera was opened.
-    """
-
-    def __init__(self, scenario: Scenario, *, hours: float = 1.0) -> None:
-        self.scenario = scenario
-        self.scene = scene_of(scenario)
-        self._rng = np.random.default_rng(scenario.seed)
-        network, duration_s = self.scene.network, 3600.0 * hours
-        self._forces = [tremor_force(network, scenario.tremor, duration_s, self._rng)] if scenario.tremor else []
-        if scenario.pokes:
-            self._forces.append(poke_force(network, scenario.pokes, duration_s, self._rng))
-        rest = network.positions[network.free]
-        self._state = pack(rest, np.zeros_like(rest))
-        self._strays = vision.distractors(
-            scenario.camera.distractors, self.scene.cameras[0].size_px, self._rng, [scenario.marks.hue_deg]
-        )
-        self._lighting = vision.Lighting()
-        self._end_s = duration_s
-        self._opened = time.monotonic()
-        self.time_s = 0.0
-
-    def read(self) -> tuple[bool, NDArray[np.uint8] | None]:
-        """The frame due next, or the one due now if drawing fell behind."""
-        interval = self.scenario.frame_interval_s
-        due = self.time_s + interval
-        late = time.monotonic() - self._opened - due
-        if late < 0:
-            time.sleep(-late)
-        else:
-            due += interval * np.floor(late / interval)
-        if due >= self._end_s:
-            return False, None
-        self._move(due)
-        network = self.scene.network
-        positions = network.positions.copy()
-        positions[network.free] = unpack(self._state, network.dim)[0]
-        return True, draw(self.scene, positions, self._lighting, self._rng, strays=self._strays)
-
-    def _move(self, due: float) -> None:
-        nothing = np.zeros((len(self.scene.network.free), self.scene.network.dim))
-        self._state = adaptive(
-            self.scene.network,
-            self._state,
-            [self.time_s, due],
-            force=lambda t: sum((force(t) for force in self._forces), nothing),
-            rtol=1e-5,
-            atol=1e-8,
-            max_step_s=1.0 / 60.0,
-        )[-1]
-        self.time_s = due
-
-    def release(self) -> None:
-        """Nothing to let go of."""
-
-
-class RecordingCamera:
-    """A recording played at its own pace. State: the frames still to come, when the first was shown."""
-
-    def __init__(self, folder: Path) -> None:
-        recording = open_recording(folder)
-        if recording.marks is not None:
-            raise InputError(
-                f"{folder}: expected a recording with a video, found marks.csv, which has no frames to show"
-            )
-        self.scene = recording.scene
-        self._frames = recording.open_frames()
-        self._coming = iter(self._frames)
-        self._began: float | None = None
-        self._first_s = float(recording.exposures_s[0])
-
-    def read(self) -> tuple[bool, NDArray[np.uint8] | None]:
-        """The next frame, when it is due."""
-        frame = next(self._coming, None)
-        if frame is None:
-            return False, None
-        if self._began is None:
-            self._began = time.monotonic()
-        wait = self._began + frame.exposure_s - self._first_s - time.monotonic()
-        if wait > 0:
-            time.sleep(wait)
-        return True, frame.image
-
-    def release(self) -> None:
-        """Close the video."""
-        self._frames.close()
-
-
-def open_source(source: str, scene_path: Path | None) -> tuple[Scene, vision.LiveFrames]:
-    """Scene and frames of what --source names: phantom, a recording, a film, a camera index. Raises InputError."""
-    if source == "phantom":
-        phantom = PhantomCamera(read_scenario("webcam"))
-        return phantom.scene, vision.LiveFrames(lambda: phantom)
-    path = Path(source)
-    if path.is_dir():
-        camera = RecordingCamera(path)
-        scene = camera.scene if scene_path is None else _filmed_scene(scene_path)
-        return scene, vision.LiveFrames(lambda: camera)
-    if scene_path is None:
-        raise InputError(f"--source {source}: expected --scene scene.toml beside a camera or a film, found none")
-    scene = _filmed_scene(scene_path)
-    if source.isdecimal():
-        if int(source) > LAST_CAMERA:
-            raise InputError(f"--source {source}: expected a camera index from 0 to {LAST_CAMERA}, found more")
-        return scene, vision.LiveFrames(lambda: cv2.VideoCapture(int(source)))
-    if not path.is_file():
-        raise InputError(
-            f"--source {source}: expected phantom, a camera index, a film or a recording, found none of them"
-        )
-    return scene, vision.LiveFrames(lambda: cv2.VideoCapture(str(path)), paced=True)
-
-
-def _filmed_scene(path: Path) -> Scene:
-    scene = read_scene(path)
-    if not scene.cameras:
-        raise InputError(f"{path}: camera: expected one, found none")
-    return scene
+COAST_S = 0.1
+"""How long a frame is waited for before the target is told without one [s]; chosen."""
+BEHIND_S, BEHIND_FRAMES = 0.25, 2.0
+"""The filter goes on without a frame that is late by so long [s] and so many frame intervals; chosen."""
+UNKNOWN_S = 2.0
+"""By so long before two frames told the interval: a slow camera's must not always be late; chosen."""
 
 
 class Session:
-    """One live run. State: the line, rows of estimates.csv written so far, frames and statuses counted."""
+    """One live run.
+
+    State: the line, rows of estimates.csv written so far; frames, statuses, rows without a frame, late frames counted.
+    """
 
     def __init__(self, scene: Scene, rows: Path, show: Callable[[str], None]) -> None:
         _warm_up(scene)
         self.line = Line(scene, baseline=False)
-        self.n_frames = 0
+        self.n_frames = self.n_coasted = self.n_unused = 0
         self.statuses: Counter[str] = Counter()
         self.latencies_ms: list[float] = []
         self._show = show
@@ -184,26 +54,56 @@ class Session:
         self._fps: float | None = None
         self._last_s: float | None = None
 
-    def take(self, frame: vision.Frame) -> None:
-        """Estimate, write and show one frame; InputError where it is not of the size that the scene's camera gives."""
+    def take(self, frame: vision.Frame) -> bool:
+        """Estimate, write and show one frame; whether it could be used.
+
+        A frame older than what was told without it cannot, nor one of a size that the scene's camera does not give.
+        Raises InputError where the first frame has another size.
+        """
         height, width = frame.image.shape[:2]
         size_px = self.line.scene.cameras[0].size_px
-        if size_px != (width, height):
+        if size_px != (width, height) and not self.n_frames:
             raise InputError(
                 f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
             )
-        estimate = self.line.see(frame.exposure_s, frame.image).estimates[FILTER]
-        self._csv.writerow(row(estimate))
-        self._file.flush()
-        latency_ms = 1e3 * (time.monotonic() - frame.exposure_s)
-        self.latencies_ms.append(latency_ms)
-        self.statuses[str(estimate.status)] += 1
-        self.n_frames += 1
         if self._last_s is not None:
             now = 1.0 / max(frame.exposure_s - self._last_s, 1e-6)
             self._fps = now if self._fps is None else (1.0 - SMOOTHING) * self._fps + SMOOTHING * now
         self._last_s = frame.exposure_s
+        told_s = self.line.filter.time_s
+        if size_px != (width, height) or (told_s is not None and frame.exposure_s < told_s):
+            self.n_unused += 1
+            return False
+        estimate = self.line.see(frame.exposure_s, frame.image).estimates[FILTER]
+        self._write(estimate)
+        latency_ms = 1e3 * (time.monotonic() - frame.exposure_s)
+        self.latencies_ms.append(latency_ms)
+        self.n_frames += 1
         self._show(told(estimate, self._fps, latency_ms))
+        return True
+
+    def coast(self, now_s: float) -> None:
+        """Show where the target is by now [s] though no frame came.
+
+        The filter itself stays behind, for a frame may yet come; what it goes through without one is written.
+        """
+        tissue = self.line.filter
+        if tissue.time_s is None or self._last_s is None:
+            self._show("no frame yet")
+            return
+        behind_s = now_s - (UNKNOWN_S if self._fps is None else BEHIND_S + BEHIND_FRAMES / self._fps)
+        if behind_s > tissue.time_s:
+            self._write(self.line.take(behind_s, []).estimates[FILTER])
+            self.n_coasted += 1
+        if now_s > tissue.time_s:
+            status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
+            ahead = replace(tissue.predict_at(now_s), status=status)
+            self._show(told(ahead, self._fps, 1e3 * (now_s - self._last_s)))
+
+    def _write(self, estimate: TargetEstimate) -> None:
+        self._csv.writerow(row(estimate))
+        self._file.flush()
+        self.statuses[str(estimate.status)] += 1
 
     def close(self) -> None:
         """End the table."""
@@ -235,41 +135,69 @@ def told(estimate: TargetEstimate, fps: float | None, latency_ms: float) -> str:
 
 
 def live(
-    source: str, scene_path: Path | None, out: Path | None, *, duration_s: float | None = None, force: bool = False
+    source: str,
+    scene_path: Path | None,
+    out: Path | None,
+    *,
+    duration_s: float | None = None,
+    fps: float | None = None,
+    force: bool = False,
 ) -> None:
     """Follow the target until the source ends, the duration is over or Ctrl-C; then write estimates.csv.
 
-    Rows are written as they come, in a folder beside `out` that takes its name at the end. Raises InputError.
+    Rows are written as they come, in a folder beside `out` that takes its name at the end. While no frame comes the
+    target is predicted; what happens to the source is told on standard error. Raises InputError.
     """
     folder_path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
-    scene, frames = open_source(source, scene_path)
+    name = f"--source {vision.shown_source(source)}"
+    scene, frames = open_source(source, scene_path, live=True, fps=fps)
     fault: Exception | None = None
-    with output_folder(folder_path, force=force) as folder, frames, status_line() as show:
-        session = Session(scene, folder / "estimates.csv", show)
-        began = time.monotonic()
-        try:
-            for frame in frames:
-                session.take(frame)
-                if duration_s is not None and time.monotonic() - began >= duration_s:
-                    break
-        except KeyboardInterrupt:
-            pass  # Ctrl-C is how a live run ends
-        except (vision.SourceError, InputError) as error:
+    with frames:
+        if scene is None:
+            raise InputError.at(name, "--scene scene.toml beside it", "none")
+        with output_folder(folder_path, force=force) as folder, status_line() as show:
+            session = Session(scene, folder / "estimates.csv", show)
+            try:
+                follow(session, frames, np.inf if duration_s is None else duration_s)
+            except KeyboardInterrupt:
+                pass  # Ctrl-C is how a live run ends
+            except (vision.SourceError, InputError) as error:
+                if not session.n_frames:
+                    raise InputError(f"{name}: {error}") from error
+                fault = error  # what was estimated until then is kept
+            finally:
+                tell_events(frames)
+                session.close()
             if not session.n_frames:
-                raise InputError(f"--source {source}: {error}") from error
-            fault = error  # what was estimated until then is kept
-        finally:
-            session.close()
-        if not session.n_frames:
-            raise InputError(f"--source {source}: expected frames, found none")
+                raise InputError.at(name, "frames", "none")
     counted = ", ".join(f"{n} {status}" for status, n in session.statuses.items())
     print(
-        f"{session.n_frames} frames ({counted}), {frames.frames_dropped} dropped; "
+        f"{session.n_frames} frames and {session.n_coasted} moments without one ({counted}), "
+        f"{frames.frames_dropped} dropped, {session.n_unused} not used; "
         f"latency median {np.median(session.latencies_ms):.1f} ms, worst {max(session.latencies_ms):.1f} ms"
     )
     print(f"Estimates in {folder_path / 'estimates.csv'}")
     if fault is not None:
-        raise InputError(f"--source {source}: {fault}")
+        raise InputError(f"{name}: {fault}")
+
+
+def follow(
+    session: Session, frames: vision.Source, duration_s: float, clock: Callable[[], float] = time.monotonic
+) -> None:
+    """Take frames as they come, and coast where none does, until they end or for so long [s] by their clock."""
+    began = clock()
+    while not frames.ended and clock() - began < duration_s:
+        frame = frames.next(COAST_S)
+        tell_events(frames)
+        if (frame is None or not session.take(frame)) and not frames.ended:
+            session.coast(clock())
+
+
+def tell_events(frames: vision.Source) -> None:
+    """What happened to the source, a line each, on standard error."""
+    for event in frames.take_events():
+        clear = "\r\x1b[K" if sys.stderr.isatty() else ""
+        print(f"{clear}softaim: {event.time_s:.2f} s: {event.kind}: {event.text}", file=sys.stderr, flush=True)
 
 
 @contextmanager

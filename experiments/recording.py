@@ -11,19 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import InputError, shown
+from experiments.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
 from experiments.scene import Scene, read_scene
 from experiments.tables import Table, read_table, write_table
-from vision import FolderFrames, SourceError, VideoFileFrames, count_frames
+from vision import SourceError
 
 Floats = NDArray[np.float64]
 
-VIDEOS = ("video.avi", "video.mp4", "video.mkv")
-FRAMES, MARKS = "frames", "marks.csv"
 SAME_TIME_S = 1e-9
 """Times that differ by less are one time: no file is written finer than this."""
 
 AXES = ("x_mm", "y_mm", "z_mm")
-ONE_CAMERA = "one camera is read for now"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +78,7 @@ class Recording:
 
     folder: where it is
     exposures_s: one for each frame, increasing [s], (n_frames,)
-    source: the video file or the folder of pictures; None where marks.csv takes their place
+    source: the video file, or the folder of pictures or of a film's pieces; None where marks.csv takes their place
     marks: for each frame the marks that another tracker found; None where there are pictures
     truth: where nodes really were, if that is known
     fixes: direct sightings of the target, in order of time
@@ -94,34 +92,30 @@ class Recording:
     truth: Truth | None
     fixes: tuple[Fix, ...]
 
-    def open_frames(self) -> VideoFileFrames | FolderFrames:
+    def open_frames(self) -> Pictures:
         """The frames from the first on; InputError if there are none to open, or they cannot be opened."""
         if self.source is None:
             raise InputError.at(self.folder, "a video or frames", f"{MARKS}, which has no frames to show")
-        opened = FolderFrames if self.source.name == FRAMES else VideoFileFrames
-        try:
-            return opened(self.source, self.exposures_s.tolist())
-        except SourceError as error:
-            raise InputError(str(error)) from error
+        return open_pictures(self.source, self.exposures_s.tolist())
 
 
 def open_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError."""
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
-    source = _source(folder)
+    source = source_in(folder)
     scene_path = folder / "scene.toml" if scene_path is None else scene_path
     scene = read_scene(scene_path)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:
-        exposures_s, marks = _read_marks(source, scene, _read_frames(frames_csv) if frames_csv.exists() else None)
+        exposures_s, marks = _read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
     else:
         if len(scene.cameras) != 1:
             raise InputError.at(
                 f"{scene_path}: camera", f"one for {source.name} ({ONE_CAMERA})", str(len(scene.cameras))
             )
-        exposures_s = _read_frames(frames_csv)
+        exposures_s = read_frames(frames_csv, torn=source.name == SEGMENTS)
     truth_csv, fixes_csv = folder / "truth.csv", folder / "fixes.csv"
     recording = Recording(
         folder=folder,
@@ -140,49 +134,25 @@ def open_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     return recording
 
 
-def _source(folder: Path) -> Path:
-    names = (*VIDEOS, FRAMES, MARKS)
-    several = sorted(path.name for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)
-    if several:
-        raise InputError.at(folder, f"{', '.join(VIDEOS[:-1])} or {VIDEOS[-1]} ({ONE_CAMERA})", " and ".join(several))
-    present = [name for name in names if (folder / name).exists()]
-    if len(present) != 1:
-        found = " and ".join(f"{name}/" if name == FRAMES else name for name in present)
-        raise InputError.at(folder, f"one of {', '.join(VIDEOS)}, {FRAMES}/ or {MARKS}", found or "none")
-    source = folder / present[0]
-    if source.is_dir() != (source.name == FRAMES):
-        kinds = ("a file", "a folder")
-        raise InputError.at(source, kinds[source.name == FRAMES], kinds[source.is_dir()])
-    return source
-
-
 def _check_frames(recording: Recording, source: Path, scene_path: Path) -> None:
-    """Raise InputError now for what would otherwise be found at the end of a long run.
-
-    A film is counted by going through it, for what its header says is not always true: a fraction of the time that
-    tracking it takes.
-    """
-    name, n_rows = source.name, len(recording.exposures_s)
-    if name == FRAMES:
-        n_frames, what = len(list(source.glob("*.png"))), f"pictures {name}/*.png"
-    else:
-        n_frames, what = count_frames(source), f"frames of {name}"
-    if n_frames != n_rows:
+    """Raise InputError now for what would otherwise be found at the end of a long run."""
+    n_rows = len(recording.exposures_s)
+    n_frames, what = count_pictures(source)
+    # A recorder that was killed may have finished a piece whose rows it did not come to write.
+    if n_frames < n_rows or (n_frames > n_rows and source.name != SEGMENTS):
         rows = f"a row for each of the {n_frames} {what}"
         raise InputError.at(recording.folder / "frames.csv", rows, f"{n_rows} rows")
-    for k in range(n_frames) if name == FRAMES else ():
-        if not (source / f"{k:06d}.png").is_file():
-            raise InputError.at(source / f"{k:06d}.png", f"a picture for frame {k}", "none")
     with recording.open_frames() as frames:
         height, width = next(iter(frames)).image.shape[:2]
     size_px = recording.scene.cameras[0].size_px
     if size_px != (width, height):
-        expected = f"[{width}, {height}], as the pictures of {name} have"
+        expected = f"[{width}, {height}], as the pictures of {source.name} have"
         raise InputError.at(f"{scene_path}: camera[0].size_px", expected, shown(list(size_px)))
 
 
-def _read_frames(path: Path) -> Floats:
-    table = read_table(path, ["frame", "exposure_s"], refused={"camera": ONE_CAMERA})
+def read_frames(path: Path, *, torn: bool = False) -> Floats:
+    """Exposure times of frames.csv [s], (n_frames,); torn: the last line may have been cut off. Raises InputError."""
+    table = read_table(path, ["frame", "exposure_s"], refused={"camera": ONE_CAMERA}, torn=torn)
     if not table.n_rows:
         raise InputError.at(path, "a row for each frame", "none")
     table.check_each("frame", np.arange(table.n_rows, dtype=float))

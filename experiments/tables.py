@@ -77,14 +77,18 @@ def read_table(
     texts: Sequence[str] = (),
     *,
     refused: Mapping[str, str] | None = None,
+    torn: bool = False,
 ) -> Table:
     """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are let be.
 
     refused: what to say of columns that might be met and are not read, by name
+    torn: the writer may have been killed in the last line: it is left out if it has no end
 
     Raises InputError for anything else; for a number that is not finite too.
     """
     text = read_text(path)
+    if torn:
+        text = text[: text.rfind("\n") + 1]
     if not text.strip():
         raise InputError.at(path, f"columns {', '.join([*numbers, *texts])}", "an empty file")
     reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)

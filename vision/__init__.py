@@ -10,34 +10,61 @@ from vision.calibration import Calibration, View, board_text, calibrate, rms
 from vision.camera import PlaneCamera, posed, squarely
 from vision.detect import Detection, HueError, detect_marks
 from vision.draw import Disc, Lighting, distractors, draw_frame, paper_camera
+from vision.every_frame import EveryFrame, FrameFile
+from vision.exposure_times import DeviceTimes, ExposureRule, FilmTimes, told_times
 from vision.finder import MarkFinder
 from vision.following import FollowedHue
 from vision.hues import MarkHue, hue_distance
 from vision.identify import Expected, Identified, identify
 from vision.learning import learn_hue
 from vision.lens import Lens, Pose
-from vision.live import LiveFrames
+from vision.live import Capture, LiveFrames
+from vision.open_source import EVERY, from_file, open_source, shown_source
 from vision.outline import Outline
+from vision.picture_folder import PictureFolderFrames
 from vision.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures, sharp_frames
+from vision.playback import Playback
 from vision.rig import CameraViews, calibrate_together
+from vision.segments import (
+    NOMINAL_FPS,
+    SUFFIX,
+    SegmentFrames,
+    SegmentWriter,
+    count_segment_frames,
+    join_segments,
+    segments_in,
+)
+from vision.source_events import EventKind, Source, SourceEvent
 from vision.sources import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
-from vision.video import VideoWriter, compress
+from vision.video import Codec, VideoWriter, compress
+from vision.watch import Watch
 
 __all__ = [
     "DICTIONARIES",
+    "EVERY",
     "FILMS",
+    "NOMINAL_FPS",
     "SHARP_FRAMES",
+    "SUFFIX",
     "Board",
     "Calibration",
     "CalibrationError",
     "CameraViews",
+    "Capture",
+    "Codec",
     "Corners",
     "Detection",
+    "DeviceTimes",
     "Disc",
+    "EventKind",
+    "EveryFrame",
     "Expected",
+    "ExposureRule",
+    "FilmTimes",
     "FolderFrames",
     "FollowedHue",
     "Frame",
+    "FrameFile",
     "HueError",
     "Identified",
     "Lens",
@@ -46,30 +73,44 @@ __all__ = [
     "MarkFinder",
     "MarkHue",
     "Outline",
+    "PictureFolderFrames",
     "PlaneCamera",
+    "Playback",
     "Pose",
+    "SegmentFrames",
+    "SegmentWriter",
+    "Source",
     "SourceError",
+    "SourceEvent",
     "VideoFileFrames",
     "VideoWriter",
     "View",
+    "Watch",
     "board_text",
     "calibrate",
     "calibrate_together",
     "compress",
     "count_frames",
+    "count_segment_frames",
     "detect_marks",
     "distractors",
     "draw_frame",
     "find_board",
+    "from_file",
     "grey_picture",
     "grey_pictures",
     "hue_distance",
     "identify",
+    "join_segments",
     "learn_hue",
+    "open_source",
     "paper_camera",
     "posed",
     "quiet_opencv",
     "rms",
+    "segments_in",
     "sharp_frames",
+    "shown_source",
     "squarely",
+    "told_times",
 ]

@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.exposure_times import FilmTimes
+
 Image = NDArray[np.uint8]
 
 # FFmpeg's own lines go past OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
@@ -47,8 +49,9 @@ def quiet_opencv() -> Iterator[None]:
 class VideoFileFrames:
     """The frames of a film, as fast as they are asked for.
 
-    Without exposures_s [s], exposures follow from the film's own frame rate. State: the open film.
-    Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number.
+    Without exposures_s [s], exposures are the film's own: see `FilmTimes`. State: the open film.
+    Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number, or the film
+    has no times.
     """
 
     def __init__(self, path: str | Path, exposures_s: Sequence[float] | None = None) -> None:
@@ -57,13 +60,15 @@ class VideoFileFrames:
         self._capture = _opened(self.path)
 
     def __iter__(self) -> Iterator[Frame]:
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        if self._exposures is None and not (np.isfinite(rate) and rate > 0):
-            raise SourceError(f"{self.path}: expected exposure times or a frame rate in the film, found neither")
+        film_times = FilmTimes(self._capture.get(cv2.CAP_PROP_FPS))
         index = 0
         while (image := self._next_image()) is not None:
             if self._exposures is None:
-                yield Frame(index, index / rate, image)
+                try:
+                    exposure_s = film_times(1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC))
+                except ValueError as error:
+                    raise SourceError(f"{self.path}: {error}") from None
+                yield Frame(index, exposure_s, image)
             elif index < len(self._exposures):
                 yield Frame(index, self._exposures[index], image)
             else:

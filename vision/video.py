@@ -57,10 +57,13 @@ class VideoWriter:
         self._writer.write(image)
         self.n_frames += 1
 
-    def close(self) -> None:
-        """Finish the film and give it its name."""
+    def close(self, *, sync: bool = False) -> None:
+        """Finish the film and give it its name; with sync once it is on the disk."""
         if self._writer.isOpened():
             self._writer.release()
+            if sync:
+                with self._partial.open("rb") as file:
+                    os.fsync(file.fileno())
             os.replace(self._partial, self.path)
 
     def discard(self) -> None:

@@ -1,0 +1,62 @@
+"""The pictures of a recording: a film, numbered files, or the pieces of a film that is being recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.errors import InputError
+from vision import FolderFrames, SegmentFrames, SourceError, VideoFileFrames, count_frames, count_segment_frames
+
+VIDEOS = ("video.avi", "video.mp4", "video.mkv")
+FRAMES, MARKS, SEGMENTS = "frames", "marks.csv", "segments"
+FOLDERS = (FRAMES, SEGMENTS)
+ONE_CAMERA = "one camera is read for now"
+
+Pictures = VideoFileFrames | FolderFrames | SegmentFrames
+
+
+def source_in(folder: Path) -> Path:
+    """The one film, folder or marks.csv in a recording's folder; InputError where there is none or more."""
+    several = sorted(path.name for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)
+    if several:
+        raise InputError.at(folder, f"{', '.join(VIDEOS[:-1])} or {VIDEOS[-1]} ({ONE_CAMERA})", " and ".join(several))
+    names = (*VIDEOS, FRAMES, MARKS, SEGMENTS)
+    present = [name for name in names if (folder / name).exists()]
+    if SEGMENTS in present and any(name in VIDEOS for name in present):
+        present.remove(SEGMENTS)  # they have been joined, and are about to go
+    if len(present) != 1:
+        found = " and ".join(f"{name}/" if name in FOLDERS else name for name in present)
+        raise InputError.at(folder, f"one of {', '.join(VIDEOS)}, {FRAMES}/ or {MARKS}", found or "none")
+    source = folder / present[0]
+    if source.is_dir() != (source.name in FOLDERS):
+        kinds = ("a file", "a folder")
+        raise InputError.at(source, kinds[source.name in FOLDERS], kinds[source.is_dir()])
+    return source
+
+
+def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
+    """The frames with these exposure times [s]; InputError if they cannot be opened."""
+    try:
+        if source.name == FRAMES:
+            return FolderFrames(source, exposures_s)
+        return (SegmentFrames if source.name == SEGMENTS else VideoFileFrames)(source, exposures_s)
+    except SourceError as error:
+        raise InputError(str(error)) from error
+
+
+def count_pictures(source: Path) -> tuple[int, str]:
+    """How many frames there are, and what to call them; InputError, SourceError where some are missing.
+
+    A film is counted by going through it, for what its header says is not always true: a fraction of the time that
+    tracking it takes.
+    """
+    if source.name == SEGMENTS:
+        return count_segment_frames(source), f"frames of {SEGMENTS}/"
+    if source.name != FRAMES:
+        return count_frames(source), f"frames of {source.name}"
+    n_frames = len(list(source.glob("*.png")))
+    for k in range(n_frames):
+        if not (source / f"{k:06d}.png").is_file():
+            raise InputError.at(source / f"{k:06d}.png", f"a picture for frame {k}", "none")
+    return n_frames, f"pictures {FRAMES}/*.png"
