@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,17 +14,13 @@ from pydantic import Field
 
 from experiments.errors import InputError, shown
 from experiments.outputs import write_whole
-from experiments.scene_file import VERSION, Name, NotNegative, Positive, Strict, read_toml
+from experiments.scene_file import VERSION, Name, NotNegative, Positive, Row, Square, Strict, Three, read_toml
 from vision import Calibration, Lens, Pose
 
 Floats = NDArray[np.float64]
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
 """Takes a row of uncertainty in metres to that of the file."""
-
-Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-Square = Annotated[list[Three], Field(min_length=3, max_length=3)]
-Row = Annotated[list[float], Field(min_length=15, max_length=15)]
 
 
 class CameraFile(Strict):
@@ -69,6 +65,22 @@ class CalibratedCamera:
     mm_per_px: tuple[float, float]
 
 
+def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float]) -> Lens:
+    """The lens of a file; ValueError, `key: expected …, found …`."""
+    A = np.array(matrix, dtype=float)
+    if not (A[0, 0] > 0 and A[1, 1] > 0 and (A[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()):
+        raise ValueError(f"matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {shown(matrix)}")
+    return Lens(A, np.array(distortion, dtype=float))
+
+
+def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[float]) -> Pose:
+    """The pose of a file; ValueError, `key: expected …, found …`."""
+    R = np.array(rotation, dtype=float)
+    if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
+        raise ValueError(f"rotation: expected a rotation matrix, found {shown(rotation)}")
+    return Pose(R, 1e-3 * np.array(translation_mm, dtype=float))
+
+
 def write_camera_toml(calibration: Calibration, path: Path) -> None:
     """Write `camera.toml`, whole or not at all; raises InputError."""
     c = calibration
@@ -95,13 +107,10 @@ def write_camera_toml(calibration: Calibration, path: Path) -> None:
 def read_camera_toml(path: Path) -> CalibratedCamera:
     """The camera of a file; raises InputError, `camera.toml: key: expected …, found …`, for the first fault."""
     file = read_toml(path, CameraFile)
-    matrix, rotation = np.array(file.matrix), np.array(file.rotation)
-    if not (
-        matrix[0, 0] > 0 and matrix[1, 1] > 0 and (matrix[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()
-    ):
-        raise InputError.at(f"{path}: matrix", "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", shown(file.matrix))
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
-        raise InputError.at(f"{path}: rotation", "a rotation matrix", shown(file.rotation))
+    try:
+        lens, pose = checked_lens(file.matrix, file.distortion), checked_pose(file.rotation, file.translation_mm)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
     if len(file.reprojection_rms_px_each) != len(file.images_used):
         raise InputError.at(
             f"{path}: reprojection_rms_px_each",
@@ -111,8 +120,8 @@ def read_camera_toml(path: Path) -> CalibratedCamera:
     return CalibratedCamera(
         name=file.name,
         size_px=(file.size_px[0], file.size_px[1]),
-        lens=Lens(matrix, np.array(file.distortion)),
-        pose=Pose(rotation, 1e-3 * np.array(file.translation_mm)),
+        lens=lens,
+        pose=pose,
         uncertainty=np.array(file.uncertainty) / TO_MM,
         reprojection_rms_px=file.reprojection_rms_px,
         mm_per_px=(file.mm_per_px[0], file.mm_per_px[1]),

@@ -19,6 +19,9 @@ Floats = NDArray[np.float64]
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
+SIZE_SD = 0.05
+"""How far a mark's size may be off what the scene says: print, tilt, light that spills over; chosen."""
+
 USUAL_BIAS = FixBias(sd_m=1e-3)
 """What fixes are off by together where the scene does not say: an ultrasound probe's calibration; chosen."""
 
@@ -107,8 +110,8 @@ class Line:
         camera, mark = self.scene.cameras[0], self._marks[node]
         mean, cov = belief(node)
         center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
-        shape_px = camera.outline(mean, mark.diameter_m / 2.0)
-        return vision.Expected(node, center_px, cov_px2, mark.hue_deg, shape_px)
+        outline = vision.Outline(camera.disc_shape(mean, mark.diameter_m / 2.0), SIZE_SD, mark.even)
+        return vision.Expected(node, center_px, cov_px2, mark.hue_deg, outline)
 
     def _estimated(
         self, exposure_s: float, marks: tuple[MarkMeasurement, ...], detect_s: float, predict_s: float

@@ -24,15 +24,12 @@ from numpy.typing import NDArray
 
 from experiments.errors import InputError
 from experiments.outputs import output_folder, write_whole
-from vision import Detection, Expected, Frame, MarkFinder, VideoFileFrames, learn_hue
+from vision import Detection, Expected, Frame, MarkFinder, Outline, VideoFileFrames, learn_hue
 
 Floats = NDArray[np.float64]
 
 LABELS = Path(__file__).parent / "labels" / "balls.csv"
 """film, frame, u_px, v_px, radius_px, covered, blurred, by: centres of balls, labelled by eye."""
-
-FOLLOW_SIZE = 0.2
-"""Share of the newest whole sight in what is believed of the ball's size; chosen."""
 
 GONE = 10
 """Frames unseen after which the ball is looked for anywhere; chosen."""
@@ -44,31 +41,34 @@ FASTEST_PX_S = 1500.0
 class Film:
     """A film and one place in it that shows the ball.
 
-    path: below the folder of real pictures; at: frame, u, v [px] of a click on the ball; radius_px: of the ball there
+    path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
     jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
+    size_sd, follow_size: how far its size may be off, as a share of it, and what share of that a new sight corrects
     """
 
     path: str
-    at: tuple[int, float, float]
+    click: tuple[int, float, float]
     radius_px: float
     jolt_px: float
+    size_sd: float
+    follow_size: float
 
 
 FILMS = {
-    "red-pendulum": Film("red-pendulum/ball.mp4", (150, 229.0, 536.0), 17.0, 3000.0),
-    "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0),
-    "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0),
+    "red-pendulum": Film("red-pendulum/ball.mp4", (150, 229.0, 536.0), 19.5, 3000.0, 0.03, 0.02),
+    "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0, 0.1, 0.1),
+    "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0, 0.1, 0.3),
 }
 
 
 class Follower:
     """Where one ball of a film is: a Kalman filter of constant velocity, sightings found where it expects them.
 
-    State: the filter, None while the ball has never been seen or is out of view; the ball's radius [px]; unseen, frames.
+    State: the filter, None while the ball has not been seen or is out of view; the ball's radius [px]; unseen, frames.
     """
 
     def __init__(self, film: Film, frame: Frame) -> None:
-        self.finder = MarkFinder([learn_hue(frame.image, film.at[1:])])
+        self.finder = MarkFinder([learn_hue(frame.image, film.click[1:])])
         self.radius_px = film.radius_px
         self.film = film
         self.filter: filterpy.KalmanFilter | None = None
@@ -87,7 +87,10 @@ class Follower:
             self.filter.predict(Q=np.kron(noise, np.eye(2)))
             mean, cov = self.filter.x[:2], self.filter.P[:2, :2]
         (hue,) = self.finder.hues
-        found = self.finder.find(frame.image, [Expected("ball", mean, cov, hue, self.radius_px * np.eye(2))])
+        found = self.finder.find(
+            frame.image,
+            [Expected("ball", mean, cov, hue, Outline(self.radius_px * np.eye(2), self.film.size_sd, even=False))],
+        )
         if not found:
             self.unseen += 1
             if self.unseen > GONE:
@@ -99,8 +102,8 @@ class Follower:
             self.filter = _started(seen)
         else:
             self.filter.update(seen.center_px, R=seen.cov_px2, H=np.eye(2, 4))
-        if not seen.covered and not seen.clipped:
-            self.radius_px *= seen.size**FOLLOW_SIZE
+        if not seen.clipped:
+            self.radius_px *= seen.size**self.film.follow_size
         return seen
 
 
@@ -115,9 +118,9 @@ def _started(seen: Detection) -> filterpy.KalmanFilter:
 def followed(path: Path, film: Film) -> pd.DataFrame:
     """A row a frame: frame, seen, u_px, v_px, the covariance uu_px2 uv_px2 vv_px2, covered, clipped, radius_px."""
     with VideoFileFrames(path) as frames:
-        clicked = next((frame for frame in frames if frame.index == film.at[0]), None)
+        clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
     if clicked is None:
-        raise InputError(f"{path}: expected a frame {film.at[0]}, found fewer")
+        raise InputError(f"{path}: expected a frame {film.click[0]}, found fewer")
     follower = Follower(film, clicked)
     rows = []
     with VideoFileFrames(path) as frames:

@@ -13,14 +13,12 @@ from dynamics import MassSpringNetwork, NetworkError, Uncertainty
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
 from experiments.outputs import write_whole
-from experiments.scene_file import VERSION, CameraTable, NetworkTable, NodeTable, SceneFile, read_toml
+from experiments.scene_camera import camera_lines, camera_of
+from experiments.scene_file import VERSION, CameraTable, MarkTable, NetworkTable, NodeTable, SceneFile, read_toml
 from experiments.scene_filter import filter_table, settings_of, uncertainty_names, uncertainty_of
 from vision import MarkHue, PlaneCamera
 
 Floats = NDArray[np.float64]
-
-METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
-"""Takes points of the plane in metres, homogeneous, to the millimetres of a scene file's homography."""
 
 
 class SceneError(ValueError):
@@ -29,17 +27,25 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A coloured spot on a node: its hue [degrees], its diameter [m]; not measured means seen for scoring only."""
+    """A coloured spot on a node: its hue [degrees], its diameter [m]; not measured means seen for scoring only.
+
+    half_width_deg, min_saturation, min_value: what counts as its colour, as `MarkHue` has it
+    even: of one colour, unlike a ball with its shading
+    """
 
     node: str
     hue_deg: float
     diameter_m: float
     measured: bool = True
+    half_width_deg: float = 18.0
+    min_saturation: float = 0.4
+    min_value: float = 0.2
+    even: bool = True
 
     @property
     def hue(self) -> MarkHue:
         """What colours count as this mark's."""
-        return MarkHue(self.hue_deg)
+        return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,14 +129,27 @@ def read_scene(path: Path) -> Scene:
         network = _network(file.network)
         return Scene(
             network=network,
-            marks=tuple(Mark(m.node, m.hue_deg, 1e-3 * m.diameter_mm, m.measured) for m in file.mark),
+            marks=tuple(_mark(m) for m in file.mark),
             target=Target(file.target.node, 1e-3 * file.target.radius_mm),
-            cameras=tuple(_camera(i, camera) for i, camera in enumerate(file.camera)),
+            cameras=tuple(_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
         )
     except (SceneError, NetworkError) as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _mark(table: MarkTable) -> Mark:
+    return Mark(
+        table.node,
+        table.hue_deg,
+        1e-3 * table.diameter_mm,
+        table.measured,
+        table.half_width_deg,
+        table.min_saturation,
+        table.min_value,
+        table.even,
+    )
 
 
 def _network(table: NetworkTable) -> MassSpringNetwork:
@@ -197,16 +216,13 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
     return i, j
 
 
-def _camera(i: int, table: CameraTable) -> PlaneCamera:
-    size_px = (table.size_px[0], table.size_px[1])
-    homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
+def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
     try:
-        return PlaneCamera(table.name, size_px, homography, calibration_sd_px=table.calibration_sd_px)
-    except ValueError:  # all else that it checks, the file's model has checked
-        raise SceneError(
-            f"camera[{i}].plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
-            f" found {shown(table.plane_to_px)}"
-        ) from None
+        return camera_of(table, folder)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise SceneError(f"camera[{i}].{error}") from None
 
 
 def write_scene(scene: Scene, path: Path) -> None:
@@ -229,6 +245,9 @@ def write_scene(scene: Scene, path: Path) -> None:
     for mark in scene.marks:
         lines += ["", "[[mark]]", f"node = {_text(mark.node)}", f"hue_deg = {_number(mark.hue_deg)}"]
         lines += [f"diameter_mm = {_number(1e3 * mark.diameter_m)}", f"measured = {_bool(mark.measured)}"]
+        lines += [f"half_width_deg = {_number(mark.half_width_deg)}"]
+        lines += [f"min_saturation = {_number(mark.min_saturation)}", f"min_value = {_number(mark.min_value)}"]
+        lines += [f"even = {_bool(mark.even)}"]
     lines += ["", "[target]", f"node = {_text(scene.target.node)}"]
     lines += [f"radius_mm = {_number(1e3 * scene.target.radius_m)}"]
     if scene.uncertainty is not None:
@@ -239,10 +258,7 @@ def write_scene(scene: Scene, path: Path) -> None:
         lines += ["", "[filter]"]
         lines += [f"{key} = {_bool(v) if isinstance(v, bool) else _number(v)}" for key, v in keys.items()]
     for camera in scene.cameras:
-        lines += ["", "[[camera]]", f"name = {_text(camera.name)}"]
-        lines += [f"size_px = [{camera.size_px[0]}, {camera.size_px[1]}]", "plane_to_px = ["]
-        lines += [f"    {_list(row)}," for row in camera.plane_to_px @ np.linalg.inv(METRES_TO_MM)]
-        lines += ["]", f"calibration_sd_px = {_number(camera.calibration_sd_px)}"]
+        lines += camera_lines(camera)
     write_whole(path, "\n".join(lines) + "\n")
 
 

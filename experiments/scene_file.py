@@ -75,6 +75,10 @@ class MarkTable(Strict):
     hue_deg: Annotated[float, Field(ge=0, lt=360)]
     diameter_mm: Positive
     measured: bool = True
+    half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
+    min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
+    min_value: Annotated[float, Field(gt=0, lt=1)] = 0.2
+    even: bool = True
 
 
 class TargetTable(Strict):
@@ -84,23 +88,43 @@ class TargetTable(Strict):
     radius_mm: Positive
 
 
-class CameraTable(Strict):
-    """`[[camera]]` before a flat scene."""
+Three = Annotated[list[float], Field(min_length=3, max_length=3)]
+Square = Annotated[list[Three], Field(min_length=3, max_length=3)]
+Row = Annotated[list[float], Field(min_length=15, max_length=15)]
 
-    name: Name
-    size_px: Annotated[list[Annotated[int, Field(gt=0)]], Field(min_length=2, max_length=2)]
-    plane_to_px: Annotated[
-        list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(min_length=3, max_length=3)
-    ]
+
+class CameraTable(Strict):
+    """`[[camera]]` before a flat scene: a homography, or a lens and where it stands, or the file that tells both."""
+
+    name: Name | None = None
+    size_px: Annotated[list[Annotated[int, Field(gt=0)]], Field(min_length=2, max_length=2)] | None = None
+    plane_to_px: Square | None = None
+    matrix: Square | None = None
+    distortion: Annotated[list[float], Field(min_length=5, max_length=5)] | None = None
+    rotation: Square | None = None
+    translation_mm: Three | None = None
+    uncertainty: list[Row] | None = None
+    file: Name | None = None
     calibration_sd_px: NotNegative = 0.0
 
-    @model_validator(mode="before")
-    @classmethod
-    def _flat(cls, data: Any) -> Any:
-        for key in ("matrix", "distortion", "rotation", "translation_mm"):
-            if isinstance(data, dict) and key in data:
-                raise ValueError(f"cameras in space are not read yet; expected plane_to_px, found {key}")
-        return data
+    @model_validator(mode="after")
+    def _one_form(self) -> CameraTable:
+        forms = {
+            "plane_to_px": ("name", "size_px", "plane_to_px"),
+            "matrix": ("name", "size_px", "matrix", "distortion", "rotation", "translation_mm"),
+            "file": ("file",),
+        }
+        given = [key for key in forms if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"expected one of {', '.join(forms)}, found {' and '.join(given) or 'none'}")
+        needed = forms[given[0]]
+        allowed = {*needed, "uncertainty"} if given[0] == "matrix" else set(needed)
+        for key in type(self).model_fields:
+            if key in needed and getattr(self, key) is None:
+                raise ValueError(f"{key}: expected this key beside {given[0]}, found none")
+            if key not in allowed and key != "calibration_sd_px" and getattr(self, key) is not None:
+                raise ValueError(f"{key}: expected no such key beside {given[0]}, found one")
+        return self
 
 
 class UncertaintyTable(Strict):

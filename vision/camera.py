@@ -101,7 +101,7 @@ class PlaneCamera:
         J = self._seen_from(self.project(np.reshape(point_m, (1, 2))))[1][0]
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
-    def outline(self, point_m: ArrayLike, radius_m: float) -> Floats:
+    def disc_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
         """What a disc at that point of the plane looks like, as `Outline.shape_px`, (2, 2) [px]."""
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
@@ -120,17 +120,27 @@ class PlaneCamera:
         middles = (weights[:, :, None] * places).sum(axis=1) / weights.sum(axis=1, keepdims=True)
         return np.asarray(middles - places[:, 0], dtype=np.float64)
 
+    @property
+    def pose(self) -> Pose:
+        """Where a camera with a lens stands, from the plane's axes (z = 0) to its own; ValueError without a lens."""
+        if self.lens is None:
+            raise ValueError(f"camera {self.name}: expected a lens, found none")
+        # H = s K [r1 r2 t]: columns of a rotation have length 1
+        B = np.linalg.solve(self.lens.matrix, self.plane_to_px)
+        B = B / np.sqrt(np.linalg.norm(B[:, 0]) * np.linalg.norm(B[:, 1]))
+        return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
+
     def calibration_error(self, points_m: ArrayLike) -> Floats:
         """What each direction of the calibration being off moves points of the plane by [m], (n, 2, n_directions)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))
-        # H = s K [r1 r2 t]: columns of a rotation have length 1
-        B = np.linalg.solve(self.lens.matrix, self.plane_to_px)
-        B = B / np.sqrt(np.linalg.norm(B[:, 0]) * np.linalg.norm(B[:, 1]))
-        turned = p @ B[:, :2].T
+        pose = self.pose
+        turned = p @ pose.rotation[:, :2].T
         zero = np.zeros(3)
-        _, all_of_it = cv2.projectPoints(turned + B[:, 2], zero, zero, self.lens.matrix, self.lens.distortion)
+        _, all_of_it = cv2.projectPoints(
+            turned + pose.translation_m, zero, zero, self.lens.matrix, self.lens.distortion
+        )
         # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3
         J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, 15)
         by_rotation = np.cross(turned[:, None], J[:, :, 3:6])

@@ -19,6 +19,7 @@ from vision.coverage import PAD_PX, Cover, Picture, cover
 from vision.hues import MarkHue
 from vision.outline import Outline, fit_outline
 from vision.palette import Palette, classes_of, equal, palette_of
+from vision.rim import fit_rim
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -38,6 +39,8 @@ BEYOND = 0.1
 SQUARE_5 = np.ones((5, 5), np.uint8)
 WHOLE_AT_LEAST = 0.5
 """A mark whose outline cannot be told must show this share of its area; chosen."""
+RIM_SEEN = 0.3
+"""Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
 MERGED = 1.25
 """From this share of a mark's area on, two of them may hang together; chosen."""
 NEXT = 1.4
@@ -208,10 +211,17 @@ class _Search:
         fitted = fit_outline(seen.alpha, seen.center_px, self.outline)
         share = seen.area_px / self.outline.area_px
         if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
-            starts = _starts(piece, self.starts_px - piece.corner_px, self.outline)
+            starts = _starts(piece, self._inside(piece), self.outline)
             several = [fit_outline(seen.alpha, start, self.outline, reach=NEXT) for start in starts]
             if all(several):
                 return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
+        if not self.outline.even:
+            circles = [(*seen.center_px, 1.0), *((u, v, 1.0) for u, v in self._inside(piece))]
+            if fitted is not None:
+                circles.append((*fitted.center_px, fitted.size))
+            rim = fit_rim(piece.patch, np.array(circles), self.outline)
+            if rim is not None:
+                return [_Center(rim.center_px, rim.cov_px2, rim.share < RIM_SEEN, rim.size)]
         if fitted is None:
             return [whole] if share >= WHOLE_AT_LEAST else []
         apart = fitted.center_px - seen.center_px
@@ -220,6 +230,13 @@ class _Search:
         if fitted.beyond <= BEYOND:
             return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
         return [_Center(seen.center_px, seen.cov_px2 + np.outer(apart, apart))]
+
+    def _inside(self, piece: _Piece) -> list[Floats]:
+        """Where marks are expected inside a piece, from its patch's corner [px]."""
+        height, width = piece.component.shape
+        places = [place - piece.corner_px for place in self.starts_px]
+        in_patch = [p for p in places if 0 <= p[0] < width and 0 <= p[1] < height]
+        return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
     def _piece(self, contour: Picture, number: int) -> _Piece | None:
         """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
@@ -249,14 +266,10 @@ class _Search:
         return _Piece(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
 
-def _starts(piece: _Piece, expected_px: Floats, outline: Outline) -> Floats:
+def _starts(piece: _Piece, expected_px: list[Floats], outline: Outline) -> Floats:
     """Places inside a piece where marks that hang together begin to be looked for, (n, 2)."""
-    height, width = piece.component.shape
-    inside = [
-        p for p in expected_px if 0 <= p[0] < width and 0 <= p[1] < height and piece.component[*p[::-1].astype(int)]
-    ]
-    if len(inside) > 1:
-        return np.array(inside)
+    if len(expected_px) > 1:
+        return np.array(expected_px)
     v, u = np.nonzero(piece.component)
     places = np.column_stack([u, v]).astype(float)
     middle = places.mean(axis=0)

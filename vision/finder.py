@@ -28,8 +28,6 @@ BLOW_GATE = 9.21
 """Squared Mahalanobis distance at which a mark looked for after a blow is given up: chi-square, 99 %; chosen."""
 REGION_SDS = 4.3
 """How far from where it is expected a mark is looked for; as far as the gate of `identify`."""
-SIZE_SD = 0.05
-"""How far a mark's size may be off what the scene says: print, tilt, light that spills over; chosen."""
 SMALL_SHARE = 0.2
 """Regions that take more of the picture than this are no quicker to search than all of it; chosen."""
 
@@ -98,15 +96,16 @@ class MarkFinder:
 
 def _looks(marks: Sequence[Expected]) -> tuple[Outline | None, float]:
     """What these marks look like, where that is known and tells something, and the least area of one [px]."""
-    shapes = [one.shape_px for one in marks if one.shape_px is not None]
-    if not shapes:
+    outlines = [one.outline for one in marks if one.outline is not None]
+    if not outlines:
         return None, 1.0
-    areas = np.pi * np.abs(np.linalg.det(shapes))
+    areas = np.array([one.area_px for one in outlines])
     if areas.min() < np.pi * OUTLINE_FROM_PX**2:
         return None, HALF_AT_LEAST * float(areas.min())
     sizes = np.sqrt(areas)
-    outline = Outline(np.mean(shapes, axis=0), SIZE_SD + float(np.ptp(sizes) / sizes.mean()))
-    return outline, SEEN_AT_LEAST * float(areas.min())
+    size_sd = max(one.size_sd for one in outlines) + float(np.ptp(sizes) / sizes.mean())
+    shape = np.mean([one.shape_px for one in outlines], axis=0)
+    return Outline(shape, size_sd, all(one.even for one in outlines)), SEEN_AT_LEAST * float(areas.min())
 
 
 def _inside(place_px: Floats, region: Box) -> bool:
@@ -118,7 +117,7 @@ def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
     """Left, top, width, height of the parts of a picture, (height, width), where marks are expected; none overlap."""
     boxes = []
     for one in expected:
-        size = 0.0 if one.shape_px is None else 1.3 * np.linalg.norm(one.shape_px, axis=1)
+        size = 0.0 if one.outline is None else 1.3 * np.linalg.norm(one.outline.shape_px, axis=1)
         reach = REGION_SDS * np.sqrt(one.cov_px2.diagonal()) + size + PAD_PX + 4
         low = np.maximum(np.floor(one.center_px - reach), 0).astype(int)
         high = np.minimum(np.ceil(one.center_px + reach) + 1, shape[::-1]).astype(int)

@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from vision.detect import Detection
 from vision.hues import hue_distance
+from vision.outline import Outline
 
 Floats = NDArray[np.float64]
 
@@ -28,14 +29,14 @@ class Expected:
     center_px: expected centre [px], shape (2,)
     cov_px2: covariance of the expectation alone [px²], shape (2, 2); the detection brings its own
     hue_deg: the hue of its class
-    shape_px: what it looks like, as of `Outline`, (2, 2) [px], None where that is not known
+    outline: what it looks like, None where that is not known
     """
 
     name: str
     center_px: Floats
     cov_px2: Floats
     hue_deg: float
-    shape_px: Floats | None = None
+    outline: Outline | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,13 +6,18 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.coverage import Picture
 from vision.detect import LARGEST_SHARE, HueError
 from vision.hues import MarkHue
 
 Image = NDArray[np.uint8]
 
-ALIKE = 0.5
-"""By how much pixels of one mark may differ in the shares of colours, by what sets its middle off from grey; chosen."""
+ALIKE = 0.6
+"""How far off colours of one mark are at most, by how far grey is; chosen."""
+FURTHEST = 1.5
+"""How far off colours are told apart, by how far grey is; chosen."""
+SMALLEST_PX = 8
+"""Reach of the first window around the place."""
 FEWEST_PIXELS = 12
 SDS = 3.0
 """Standard deviations of its pixels' hues that a kind of mark reaches; chosen."""
@@ -35,14 +40,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
     if not (0 <= u < width and 0 <= v < height):
         raise ValueError(f"place: expected one inside {width} x {height} px, found {u}, {v}")
     smooth = cv2.GaussianBlur(frame_bgr, (0, 0), 1.5)
-    brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
-    shares = (smooth / brightness[:, :, None]).astype(np.float32)
-    mask = np.zeros((height + 2, width + 2), dtype=np.uint8)
-    alike = (ALIKE * float(np.abs(shares[v, u] - 1.0 / 3.0).max()),) * 3
-    cv2.floodFill(
-        shares, mask, (u, v), (0.0, 0.0, 0.0), alike, alike, cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY
-    )
-    inside = cv2.erode(mask[1:-1, 1:-1], np.ones((3, 3), np.uint8)).astype(bool)
+    inside = cv2.erode(_around(smooth, u, v), np.ones((3, 3), np.uint8)).astype(bool)
     if inside.sum() < FEWEST_PIXELS:
         raise HueError(
             f"place {u}, {v}: expected a mark of {FEWEST_PIXELS} or more pixels alike, found {inside.sum()};"
@@ -65,3 +63,31 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
         min_saturation=float(WEAKER * weakest[0]),
         min_value=float(WEAKER * weakest[1]),
     )
+
+
+def _around(smooth: Picture, u: int, v: int) -> Picture:
+    """1 on the pixels that hang together with this one and are coloured as it is, else 0, (h, w).
+
+    In a window around it, Otsu's threshold parts the pixels by how far their colours are from its own, whatever their
+    brightness; the first window, of growing ones, whose border the part does not touch.
+    """
+    height, width = smooth.shape[:2]
+    brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
+    shares = smooth / brightness[:, :, None]
+    # by what sets the place off from grey: what lies much further off than that is of no account
+    grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
+    off = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / (FURTHEST * grey))
+    inside: Picture = np.zeros((height, width), dtype=np.uint8)
+    for reach in (SMALLEST_PX * 2**k for k in range(12)):
+        u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
+        window = off[v0:v1, u0:u1]
+        parting, _ = cv2.threshold(window, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+        alike = np.asarray(window <= min(parting, 255.0 * ALIKE / FURTHEST), dtype=np.uint8)
+        _, parts = cv2.connectedComponents(alike)
+        part = (parts == parts[v - v0, u - u0]) & (alike > 0)
+        inside[:] = 0
+        inside[v0:v1, u0:u1] = part
+        rim = (part[0].any() and v0 > 0, part[-1].any() and v1 < height, part[:, 0].any() and u0 > 0)
+        if not (any(rim) or (part[:, -1].any() and u1 < width)):
+            break
+    return inside

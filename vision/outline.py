@@ -36,10 +36,12 @@ class Outline:
 
     shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
     size_sd: how far its size may be off, as a share of it
+    even: it is of one colour; of one that is not, a ball with its shading, say, the rim is looked for, not the colour
     """
 
     shape_px: Floats
     size_sd: float = 0.1
+    even: bool = True
 
     def __post_init__(self) -> None:
         shape = np.array(self.shape_px, dtype=np.float64, order="C")
