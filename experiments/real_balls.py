@@ -43,7 +43,7 @@ class Film:
 
     path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
     jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
-    size_sd, follow_size: how far its size may be off, as a share of it, and what share of that a new sight corrects
+    size_sd, follow_size: how far its size may be off, as a share of it; how much of that a new sight corrects
     """
 
     path: str
@@ -116,7 +116,7 @@ def _started(seen: Detection) -> filterpy.KalmanFilter:
 
 
 def followed(path: Path, film: Film) -> pd.DataFrame:
-    """A row a frame: frame, seen, u_px, v_px, the covariance uu_px2 uv_px2 vv_px2, covered, clipped, radius_px."""
+    """A row a frame: time, whether and where the ball is seen, the covariance of that, what hides it, its radius."""
     with VideoFileFrames(path) as frames:
         clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
     if clicked is None:
@@ -126,7 +126,8 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
     with VideoFileFrames(path) as frames:
         for frame in frames:
             seen = follower.see(frame)
-            row: dict[str, float | int | bool] = {"frame": frame.index, "seen": seen is not None}
+            row: dict[str, float | int | bool] = {"frame": frame.index, "time_s": frame.exposure_s}
+            row["seen"] = seen is not None
             if seen is not None:
                 (uu, uv), (_, vv) = seen.cov_px2
                 row |= {"u_px": seen.center_px[0], "v_px": seen.center_px[1], "uu_px2": uu, "uv_px2": uv, "vv_px2": vv}

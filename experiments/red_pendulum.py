@@ -39,6 +39,7 @@ from experiments.errors import InputError
 from experiments.line import FILTER
 from experiments.outputs import output_folder
 from experiments.plots import OURS, TRUE, ellipse, write_plots
+from experiments.real_balls import FILMS, followed
 from experiments.recording import MarkRow, Recording, open_recording, write_frames_csv, write_marks_csv
 from experiments.scene import Mark, Scene, Target, write_scene
 from experiments.track import Track, track, write_tables
@@ -48,8 +49,9 @@ Floats = NDArray[np.float64]
 GRAVITY = 9.81
 HOOK_PX = (306.0, 102.0)  # read off the film: where the cord leaves the hook
 FOCAL_PX = 500.0  # chosen: of a telephone's camera held upright, 360 px wide
-BALL_PX = 34.0  # read off the film: diameter of the ball
+BALL_PX = 38.6  # diameter of the ball, mean of its rim in all frames (experiments.real_balls)
 FIRST_FREE = 9  # the frame after which the hand has let go, read off the film
+HUE_DEG = 15.7  # learned by `vision.learn_hue` from its middle in frame 150
 MASS_KG = 0.05  # chosen: positions do not depend on it, forces are told by mass
 STIFFNESS_N_M = 60.0  # chosen: the swing leaves the plane, and the cord's length in the picture varies by 5 mm
 DAMPING_N_S_M = 0.5  # chosen
@@ -115,15 +117,10 @@ class Swing:
 
 def seen_centers(film: Path) -> tuple[Floats, Floats]:
     """Exposure times [s], (n,), and centres of the ball [px], (n, 2); InputError where a frame shows none."""
-    times, centers = [], []
-    with vision.VideoFileFrames(film) as frames:
-        for frame in frames:
-            found = vision.detect_marks(frame.image, [vision.MarkHue(0.0)], min_area_px=0.25 * np.pi / 4 * BALL_PX**2)
-            if not found:
-                raise InputError(f"{film}: frame {frame.index}: expected a red ball, found none")
-            times.append(frame.exposure_s)
-            centers.append(found[0].center_px)
-    return np.array(times), np.array(centers)
+    rows = followed(film, FILMS["red-pendulum"])
+    if not rows.seen.all():
+        raise InputError(f"{film}: frame {rows.frame[~rows.seen].iloc[0]}: expected a red ball, found none")
+    return rows.time_s.to_numpy(), rows[["u_px", "v_px"]].to_numpy()
 
 
 def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], n_flights: int = 10) -> Swing:
@@ -192,7 +189,8 @@ def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
     )
     camera = vision.PlaneCamera("film", size_px, swing.plane.to_px(1e3 / swing.mm_per_px), CALIBRATION_SD_PX)
     ball_m = BALL_PX * swing.mm_per_px * 1e-3
-    return Scene(network, (Mark(BALL, 0.0, ball_m),), Target(BALL, ball_m / 2), (camera,))
+    ball = Mark(BALL, HUE_DEG, ball_m, half_width_deg=8.0, min_saturation=0.3, even=False)
+    return Scene(network, (ball,), Target(BALL, ball_m / 2), (camera,))
 
 
 def write_recording(film: Path, folder: Path) -> Swing:

@@ -39,6 +39,8 @@ BEYOND = 0.1
 SQUARE_5 = np.ones((5, 5), np.uint8)
 WHOLE_AT_LEAST = 0.5
 """A mark whose outline cannot be told must show this share of its area; chosen."""
+SMEAR = 0.25
+"""Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
 RIM_SEEN = 0.3
 """Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
 MERGED = 1.25
@@ -210,7 +212,7 @@ class _Search:
         whole = _Center(seen.center_px, seen.cov_px2)
         fitted = fit_outline(seen.alpha, seen.center_px, self.outline)
         share = seen.area_px / self.outline.area_px
-        if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
+        if self.outline.even and share > MERGED and (fitted is None or fitted.beyond > BEYOND):
             starts = _starts(piece, self._inside(piece), self.outline)
             several = [fit_outline(seen.alpha, start, self.outline, reach=NEXT) for start in starts]
             if all(several):
@@ -221,7 +223,8 @@ class _Search:
                 circles.append((*fitted.center_px, fitted.size))
             rim = fit_rim(piece.patch, np.array(circles), self.outline)
             if rim is not None:
-                return [_Center(rim.center_px, rim.cov_px2, rim.share < RIM_SEEN, rim.size)]
+                cov = rim.cov_px2 + SMEAR * _smear(piece.component, self.outline)
+                return [_Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)]
         if fitted is None:
             return [whole] if share >= WHOLE_AT_LEAST else []
         apart = fitted.center_px - seen.center_px
@@ -277,6 +280,15 @@ def _starts(piece: _Piece, expected_px: list[Floats], outline: Outline) -> Float
     lengths = (places - middle) @ along
     radius = (outline.area_px / np.pi) ** 0.5
     return middle + np.array([[lengths.min() + radius], [lengths.max() - radius]]) * along
+
+
+def _smear(component: Picture, outline: Outline) -> Floats:
+    """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
+    m = cv2.moments(component, binaryImage=True)
+    spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
+    # of a disc: a quarter of its radius squared
+    values, vectors = np.linalg.eigh(spread - outline.shape_px @ outline.shape_px.T / 4.0)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:

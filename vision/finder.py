@@ -25,7 +25,7 @@ SEEN_AT_LEAST = 0.15
 OUTLINE_FROM_PX = 5.0
 """Radius from which on an outline has enough pixels to tell something; measured on drawn frames."""
 BLOW_GATE = 9.21
-"""Squared Mahalanobis distance at which a mark looked for after a blow is given up: chi-square, 99 %; chosen."""
+"""Squared Mahalanobis distance at which one of many is given up as a mark after a blow: chi-square, 99 %; chosen."""
 REGION_SDS = 4.3
 """How far from where it is expected a mark is looked for; as far as the gate of `identify`."""
 SMALL_SHARE = 0.2
@@ -76,9 +76,10 @@ class MarkFinder:
         names = {f.name for f in found}
         missing = [one.name for one in expected if one.name not in names]
         left = [d for d in detections if not any(d is f.detection for f in found)]
-        # A blow is believed where nothing else could be the mark, or when a mark stays away.
-        if len(left) > len(missing):
-            missing = [name for name in missing if self.missed is not None and name in self.missed]
+        if len(left) <= len(missing):
+            # nothing else could be the mark
+            return found + identify(left, [struck(name) for name in missing])
+        missing = [name for name in missing if self.missed is not None and name in self.missed]
         return found + identify(left, [struck(name) for name in missing], gate=BLOW_GATE)
 
     def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
