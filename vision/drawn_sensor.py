@@ -20,6 +20,8 @@ Image = NDArray[np.uint8]
 Picture = NDArray[Any]  # as OpenCV's stubs have it
 
 FULL_SCALE = 65535
+BLACK = 4096
+"""The count of no light: noise in the dark goes both ways, so that it is not brightened by a cut at 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +107,14 @@ def _with_noise(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Pic
 
 def _counts(light: Picture) -> NDArray[np.uint16]:
     """Light as the sensor counts it: from 0 to its full scale, whole numbers."""
-    return np.asarray(np.clip(np.rint(light * np.float32(FULL_SCALE)), 0, FULL_SCALE), dtype=np.uint16)
+    counts = light * np.float32(FULL_SCALE - BLACK)
+    counts += np.float32(BLACK + 0.5)
+    np.clip(counts, 0, FULL_SCALE, out=counts)
+    return counts.astype(np.uint16)
 
 
 @lru_cache(maxsize=64)
 def _tone_table(gain: float, gamma: bool) -> Image:
     """The grey level of each count of the sensor."""
-    light = np.minimum(np.arange(FULL_SCALE + 1) * (gain / FULL_SCALE), 1.0)
+    light = np.clip((np.arange(FULL_SCALE + 1) - BLACK) * (gain / (FULL_SCALE - BLACK)), 0.0, 1.0)
     return np.rint(255.0 * (srgb_of(light) if gamma else light)).astype(np.uint8)
