@@ -160,7 +160,7 @@ def draw_real_frame(
     width, height = camera.view.size_px
     if surface_bgr.shape != (height, width, 3):
         raise ValueError(f"surface: expected shape {(height, width, 3)}, found {surface_bgr.shape}")
-    scene = surface_bgr.astype(np.float32)
+    scene: Picture = surface_bgr.astype(np.float32)
     layers = [_mark_layer(camera.view, mark) for mark in marks]
     for mark, layer in zip(marks, layers, strict=True):
         if layer is None:

@@ -100,42 +100,33 @@ def hand_layer(hand: Hand, size_px: Size) -> Layer:
     width, height = (size_px[0] + 1) // scale, (size_px[1] + 1) // scale
     angle = np.deg2rad(hand.towards_deg)
     ahead, side = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
-    finger = hand.finger_px / scale
-    mask = np.zeros((height, width), dtype=np.uint8)
-    tip = np.array(hand.tip_px) / scale
-    shorter = (0.0, 1.1, 1.6, 3.8)
+    finger, tip = hand.finger_px / scale, np.array(hand.tip_px) / scale
+    middle = side * 1.05 * finger * (hand.n_fingers - 1) / 2.0
+    palm = tip - ahead * 10.5 * finger + middle
+    parts = [(palm, palm - ahead * 60.0 * finger, 2.9 * finger)]
     for k in range(hand.n_fingers):
-        place = (0.0, 1.0, -1.0, 2.0)[k]
-        end = tip - ahead * finger * (1.0 + shorter[k]) + side * place * 2.05 * finger
-        knuckle = end - ahead * 6.0 * finger + side * (0.12 * place) * finger
-        _capsule(mask, end, knuckle, finger)
-    palm = tip - ahead * 11.5 * finger + side * 0.5 * finger
-    cv2.circle(mask, _fine(palm), int(16 * 3.6 * finger), 255, -1, cv2.LINE_AA, 4)
-    _capsule(mask, palm, palm - ahead * 40.0 * finger, 2.6 * finger)
-    u, v, w, h = cv2.boundingRect(mask)
-    pad = int(np.ceil(3.0 * hand.softness_px / scale)) + 1
-    low, high = (max(0, v - pad), max(0, u - pad)), (min(height, v + h + pad), min(width, u + w + pad))
-    cut = mask[low[0] : high[0], low[1] : high[1]]
-    if cut.size == 0 or w == 0:
-        return Layer(0, 0, np.zeros((1, 1), dtype=np.float32), np.zeros(3, dtype=np.float32))
-    # Fingers are round: the light falls off towards their outline. A border of the picture is no outline.
-    framed = cv2.copyMakeBorder(cut, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-    deep = cv2.distanceTransform((framed > 127).astype(np.uint8), cv2.DIST_L2, 3)[1:-1, 1:-1]
-    shade = 0.45 + 0.55 * np.sqrt(np.clip(1.0 - (1.0 - np.minimum(deep / finger, 1.0)) ** 2, 0.0, 1.0))
-    shade = cv2.GaussianBlur(shade.astype(np.float32), (0, 0), max(0.12 * finger, 0.5))
-    alpha = cut.astype(np.float32) / np.float32(255.0)
+        end = tip - ahead * finger * (0.0, 0.9, 0.7, 2.9)[k] + side * (0.0, 2.05, -2.0, 4.0)[k] * finger
+        parts.append((end - ahead * finger, palm + 0.75 * (end - tip - middle) + ahead * finger, finger))
+    alpha: Picture = np.zeros((height, width), dtype=np.float32)
+    depth: Picture = np.zeros_like(alpha)
+    for a, b, half in parts:
+        off = _off_segment((width, height), a, b)
+        alpha = np.maximum(alpha, np.clip(0.5 + half - off, 0.0, 1.0))
+        # Fingers and palm are round: the light falls off towards their sides.
+        depth = np.maximum(depth, np.sqrt(np.clip(1.0 - (off / half) ** 2, 0.0, 1.0)))
     if hand.softness_px:
-        alpha = cv2.GaussianBlur(alpha, (0, 0), hand.softness_px / scale)
+        alpha, depth = (cv2.GaussianBlur(part, (0, 0), hand.softness_px / scale) for part in (alpha, depth))
     skin = light_of(hand.skin_srgb)[::-1]
-    red_in_shade = np.array([1.25, 1.15, 0.75])  # light that has gone through skin comes out red
-    colors = skin * shade[:, :, None] ** red_in_shade
-    size = (scale * cut.shape[1], scale * cut.shape[0])
-    return Layer(
-        scale * low[1],
-        scale * low[0],
-        cv2.resize(alpha, size, interpolation=cv2.INTER_LINEAR),
-        cv2.resize(colors.astype(np.float32), size, interpolation=cv2.INTER_LINEAR),
-    )
+    shade = (0.25 + 0.75 * depth)[:, :, None]
+    red_in_shade = np.array([1.2, 1.1, 0.8])  # light that has gone through skin comes out red
+    colors = (skin * shade**red_in_shade).astype(np.float32)
+    doubled = (scale * width, scale * height)
+    full = [cv2.resize(part, doubled, interpolation=cv2.INTER_LINEAR) for part in (alpha, colors)]
+    rows, columns = (np.flatnonzero(full[0].any(axis=axis)) for axis in (1, 0))
+    if rows.size == 0:
+        return Layer(0, 0, np.zeros((1, 1), dtype=np.float32), np.zeros(3, dtype=np.float32))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return Layer(int(columns[0]), int(rows[0]), full[0][box], full[1][box])
 
 
 def blood_layer(
@@ -160,8 +151,8 @@ def blood_layer(
         axes = (int(32 * radius), int(32 * radius * tall))
         cv2.ellipse(fine, _fine(place), axes, turn, 0, 360, 255, -1, cv2.LINE_AA, 4)
     alpha = np.maximum(alpha, 0.92 * cv2.resize(fine, size_px, interpolation=cv2.INTER_AREA) / np.float32(255.0))
-    dark, bright = light_of((0.25, 0.02, 0.03))[::-1], light_of((0.62, 0.06, 0.08))[::-1]
-    share = np.clip(0.45 + 0.3 * _clouds(size_px, 0.9 * mark_radius_px, rng), 0.0, 1.0)[:, :, None]
+    dark, bright = light_of((0.30, 0.03, 0.04))[::-1], light_of((0.66, 0.08, 0.09))[::-1]
+    share = np.clip(0.5 + 0.3 * _clouds(size_px, 0.9 * mark_radius_px, rng), 0.0, 1.0)[:, :, None]
     return Layer(0, 0, alpha.astype(np.float32), (dark + share * (bright - dark)).astype(np.float32))
 
 
@@ -195,9 +186,12 @@ def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture
     return clouds
 
 
-def _capsule(mask: Picture, a: Picture, b: Picture, half_width: float) -> None:
-    cv2.line(mask, _fine(a), _fine(b), 255, max(1, round(2.0 * half_width)), cv2.LINE_AA, 4)
-    cv2.circle(mask, _fine(a), int(16 * half_width), 255, -1, cv2.LINE_AA, 4)
+def _off_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
+    """How far each pixel is off the segment from a to b [px], (height, width)."""
+    u, v = np.arange(size_px[0], dtype=np.float32) - a[0], (np.arange(size_px[1], dtype=np.float32) - a[1])[:, None]
+    d = b - a
+    along = np.clip((u * d[0] + v * d[1]) / (d @ d), 0.0, 1.0)
+    return np.asarray(np.sqrt((u - along * d[0]) ** 2 + (v - along * d[1]) ** 2), dtype=np.float32)
 
 
 def _fine(point: Picture) -> tuple[int, int]:

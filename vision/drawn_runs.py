@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.draw import distractors
-from vision.drawn_camera import Highlight, RealCamera, RealFrame, RealMark, Shadow, draw_real_frame, reflectance
+from vision.drawn_camera import RealCamera, RealFrame, RealMark, draw_real_frame, reflectance
 from vision.drawn_clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface
 from vision.drawn_layers import Layer, paint
-from vision.drawn_sensor import Sensor
-from vision.drawn_view import DrawnView, disc_box, disc_coverage, tilted_view
+from vision.drawn_levels import any_camera, good_camera
+from vision.drawn_view import DrawnView, disc_box, disc_coverage
 from vision.hues import hue_distance
 
 Floats = NDArray[np.float64]
@@ -25,8 +25,6 @@ Picture = NDArray[Any]
 Level = Literal["good light", "whole range"]
 Triple = tuple[float, float, float]
 
-LAMPS_BGR: dict[str, Triple] = {"daylight": (1.0, 1.0, 1.0), "led": (0.86, 1.0, 0.97), "tungsten": (0.45, 0.78, 1.25)}
-"""Colours of lamps as a sensor balanced for daylight sees them; chosen."""
 FASTEST_PX = 20.0
 """The fastest that a mark moves between two frames [px], at the surface's mean scale."""
 
@@ -111,7 +109,7 @@ def drawn_run(
     if n_frames < 0 or not hues_deg:
         raise ValueError(f"run: expected frames and at least one hue, found {n_frames} and {list(hues_deg)}")
     rng = np.random.default_rng([seed, 0 if level == "good light" else 1])
-    camera = _good_camera(size_px, rng) if level == "good light" else _any_camera(size_px, rng)
+    camera = good_camera(size_px, rng) if level == "good light" else any_camera(size_px, rng)
     radius = float(rng.uniform(8.0, 13.0) if level == "good light" else rng.uniform(5.0, 14.0))
     if radius_px is not None:
         radius = radius_px
@@ -120,103 +118,34 @@ def drawn_run(
     colors = [(float(rng.uniform(0.75, 0.92)), float(rng.uniform(0.6, 0.85))) for _ in hues_deg]
     surface = _surface(camera.view, hues_deg, radius, rng, level)
     dim, warm = _drifts(rng, level)
-    cover = _no_cover if level == "good light" else _occluders(size_px, rng, n_frames / fps)
-    for index in range(n_frames):
-        time_s = index / fps
-        blue, green, red = camera.lamp_bgr
-        now = replace(
-            camera,
-            exposure=camera.exposure * dim.at(time_s),
-            lamp_bgr=(blue / warm.at(time_s), green, red * warm.at(time_s)),
-            flicker_phase=camera.flicker_phase + 2.4 * index,
-        )
-        marks = tuple(
-            RealMark(
-                exposure_path(sway.at, time_s, camera.exposure_share / fps, scale), radius * scale, hue, *color
+    homes = camera.view.project([sway.home_m for sway in sways])
+    cover = _no_cover if level == "good light" else _occluders(size_px, homes, rng)
+
+    def frames() -> Iterator[RunFrame]:
+        for index in range(n_frames):
+            time_s = index / fps
+            blue, green, red = camera.lamp_bgr
+            now = replace(
+                camera,
+                exposure=camera.exposure * dim.at(time_s),
+                lamp_bgr=(blue / warm.at(time_s), green, red * warm.at(time_s)),
+                flicker_phase=camera.flicker_phase + 2.4 * index,
             )
-            for sway, hue, color in zip(sways, hues_deg, colors, strict=True)
-        )
-        frame = draw_real_frame(now, surface, marks, rng, occluders=cover(time_s))
-        yield RunFrame(index, time_s, now, marks, frame)
+            marks = tuple(
+                RealMark(
+                    exposure_path(sway.at, time_s, camera.exposure_share / fps, scale), radius * scale, hue, *color
+                )
+                for sway, hue, color in zip(sways, hues_deg, colors, strict=True)
+            )
+            frame = draw_real_frame(now, surface, marks, rng, occluders=cover(time_s))
+            yield RunFrame(index, time_s, now, marks, frame)
 
-
-def _good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> RealCamera:
-    return RealCamera(
-        tilted_view(
-            size_px,
-            1.1 * size_px[0],
-            1.0,
-            tilt_deg=_tilt(rng, 8.0),
-            distortion=(float(rng.uniform(-0.12, 0.04)), 0.02, 0.0005, -0.0005, 0.0),
-        ),
-        Sensor(
-            bayer=True,
-            full_well_e=float(rng.uniform(6000.0, 12000.0)),
-            read_noise_e=float(rng.uniform(4.0, 10.0)),
-            gamma=True,
-            jpeg_quality=int(rng.integers(90, 97)),
-        ),
-        vignetting=float(rng.uniform(0.4, 1.0)),
-        blur_sd_px=float(rng.uniform(0.6, 0.9)),
-        exposure_share=float(rng.uniform(0.1, 0.3)),
-        exposure=float(rng.uniform(0.85, 1.0)),
-        lamp_bgr=_cast(LAMPS_BGR[str(rng.choice(["daylight", "led"]))], 0.3),
-        slope=float(rng.uniform(0.0, 0.15)),
-        slope_deg=float(rng.uniform(0.0, 360.0)),
-        highlight=Highlight(0.12, 0.4),
-    )
-
-
-def _any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> RealCamera:
-    lamp = LAMPS_BGR[str(rng.choice(list(LAMPS_BGR)))]
-    balanced = float(rng.uniform(0.5, 1.0))
-    gains = np.array(_cast(lamp, -balanced))
-    share = float(rng.uniform(0.0, 1.0))
-    offset_deg = float(rng.uniform(0.0, 2.0 * np.pi))
-    return RealCamera(
-        tilted_view(
-            size_px,
-            float(rng.uniform(0.85, 1.4)) * size_px[0],
-            1.0,
-            tilt_deg=_tilt(rng, 25.0),
-            distortion=(float(rng.uniform(-0.3, 0.08)), float(rng.uniform(0.0, 0.08)), 0.001, -0.001, 0.0),
-        ),
-        Sensor(
-            bayer=True,
-            full_well_e=float(np.exp(rng.uniform(np.log(500.0), np.log(10000.0)))),
-            read_noise_e=float(rng.uniform(3.0, 12.0)),
-            gains_bgr=_triple(gains / gains.min()),
-            gamma=True,
-            jpeg_quality=int(rng.integers(55, 97)),
-        ),
-        vignetting=float(rng.uniform(0.3, 1.8)),
-        blur_sd_px=float(rng.uniform(0.5, 1.6)),
-        exposure_share=share,
-        exposure=float(np.exp(rng.uniform(np.log(0.4), np.log(1.15)))) * float(gains.min()),
-        lamp_bgr=lamp,
-        slope=float(rng.uniform(0.0, 0.5)),
-        slope_deg=float(rng.uniform(0.0, 360.0)),
-        # A shutter open for whole ripples of the lamp sees none of them.
-        flicker=float(rng.uniform(0.0, 0.10)) * (1.0 - share) * float(rng.random() < 0.5),
-        flicker_period_px=float(rng.uniform(0.3, 0.6)) * size_px[1],
-        flicker_phase=float(rng.uniform(0.0, 2.0 * np.pi)),
-        highlight=Highlight(
-            float(rng.uniform(0.1, 0.35)),
-            float(rng.uniform(0.2, 1.0)),
-            (0.5 * float(np.cos(offset_deg)), 0.5 * float(np.sin(offset_deg))),
-        ),
-        shadow=Shadow(
-            float(rng.uniform(0.15, 0.65)),
-            (float(rng.uniform(0.2, 0.8)) * size_px[0], float(rng.uniform(0.2, 0.8)) * size_px[1]),
-            float(rng.uniform(0.0, 360.0)),
-            float(rng.uniform(6.0, 40.0)),
-        ),
-    )
+    return frames()
 
 
 def _sways(view: DrawnView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
     """One motion for each mark about the middle of its own tile of the picture, its speed drawn for each."""
-    n_across = int(np.ceil(np.sqrt(n * view.size_px[0] / view.size_px[1])))
+    n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
     n_down = int(np.ceil(n / n_across))
     tile = np.array(view.size_px) / (n_across, n_down)
     scale = view.m_per_px((0.0, 0.0))
@@ -242,11 +171,12 @@ def _surface(
     if level == "good light":
         return plain_surface(view.size_px, (0.78, 0.80, 0.79), rng, texture=0.02)
     tones = ((0.80, 0.80, 0.78), (0.62, 0.66, 0.64), (0.83, 0.74, 0.66), (0.42, 0.52, 0.56))
-    surface = plain_surface(view.size_px, tones[int(rng.integers(len(tones)))], rng, texture=float(rng.uniform(0.01, 0.08)))
-    if any(hue_distance(hue, free) < 50.0 for hue in hues_deg for free in (60.0, 180.0, 300.0)):
-        strays = []
-    else:
-        strays = distractors(int(rng.integers(0, 6)), view.size_px, rng, hues_deg)
+    surface = plain_surface(
+        view.size_px, tones[int(rng.integers(len(tones)))], rng, texture=float(rng.uniform(0.01, 0.08))
+    )
+    n_strays = int(rng.integers(0, 6))
+    hue_is_free = any(all(hue_distance(h, kept) >= 50.0 for kept in hues_deg) for h in range(0, 360, 5))
+    strays = distractors(n_strays, view.size_px, rng, hues_deg) if hue_is_free else []
     scale = view.m_per_px((0.0, 0.0))
     for stray in strays:
         place = view.to_plane([stray.center_px])
@@ -254,7 +184,9 @@ def _surface(
         alpha = disc_coverage(view, box, place, stray.axes_px[0] * scale)
         paint(surface, Layer(box[0], box[1], alpha, reflectance(stray.hue_deg, stray.saturation, stray.value)))
     counts = [int(rng.integers(0, most)) for most in (4, 6, 16)]
-    paint(surface, blood_layer(view.size_px, radius_px, rng, n_smears=counts[0], n_streaks=counts[1], n_drops=counts[2]))
+    paint(
+        surface, blood_layer(view.size_px, radius_px, rng, n_smears=counts[0], n_streaks=counts[1], n_drops=counts[2])
+    )
     return surface
 
 
@@ -272,18 +204,19 @@ def _no_cover(time_s: float) -> list[Layer]:
     return []
 
 
-def _occluders(
-    size_px: tuple[int, int], rng: np.random.Generator, length_s: float
-) -> Callable[[float], list[Layer]]:
-    """A needle that slides in and out, and a hand that sweeps past, each in some of the runs; layers at a time [s]."""
+def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
+    """A needle that slides in and out, and a hand that reaches in, in some of the runs: the layers at a time [s].
+
+    Both are aimed at a mark's home: elsewhere they would seldom cover one.
+    """
     with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
     size = np.array(size_px, dtype=float)
-    aim, tail_deg = size * rng.uniform(0.25, 0.75, 2), rng.uniform(0.0, 360.0)
+    aim, tail_deg = rng.choice(homes_px) + rng.normal(0.0, 15.0, 2), rng.uniform(0.0, 360.0)
     out = np.array([np.cos(np.deg2rad(tail_deg)), np.sin(np.deg2rad(tail_deg))])
     width, gloss, needle_rate = rng.uniform(2.0, 6.0), rng.uniform(0.3, 1.2), rng.uniform(0.1, 0.5)
     towards = float(rng.uniform(0.0, 360.0))
     ahead = np.array([np.cos(np.deg2rad(towards)), np.sin(np.deg2rad(towards))])
-    goal, finger = size * rng.uniform(0.2, 0.8, 2), float(rng.uniform(14.0, 30.0))
+    goal, finger = rng.choice(homes_px) + rng.normal(0.0, 25.0, 2), float(rng.uniform(14.0, 30.0))
     n_fingers, softness = int(rng.integers(1, 5)), float(rng.uniform(0.8, 3.0))
     skins: tuple[Triple, ...] = ((0.88, 0.68, 0.58), (0.78, 0.56, 0.45), (0.55, 0.36, 0.27), (0.36, 0.23, 0.17))
     skin = skins[int(rng.integers(len(skins)))]
@@ -296,24 +229,11 @@ def _occluders(
             tail = tip + out * 2.0 * size.max()
             layers += needle_layers(Needle(_pair(tip), _pair(tail), float(width), float(gloss)), size_px)
         if with_hand:
-            tip = goal + ahead * (150.0 * np.sin(2.0 * np.pi * hand_rate * time_s + hand_phase) - 60.0)
+            tip = goal + ahead * 120.0 * np.sin(2.0 * np.pi * hand_rate * time_s + hand_phase)
             layers.append(hand_layer(Hand(_pair(tip), towards, finger, n_fingers, skin, softness), size_px))
         return layers
 
     return at
-
-
-def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
-    return _triple(rng.uniform(-largest_deg, largest_deg, 3))
-
-
-def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour to a power: what is left where white balance takes out the rest, or the gains that do."""
-    return _triple(np.array(lamp_bgr) ** power)
-
-
-def _triple(values: Floats) -> Triple:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _pair(point: Floats) -> tuple[float, float]:

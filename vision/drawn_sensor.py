@@ -57,7 +57,7 @@ class Sensor:
 
 
 def srgb_of(light: ArrayLike) -> Floats:
-    """sRGB's value, 0 to 1, of linear light (IEC 61966-2-1).
+    """The sRGB value, 0 to 1, of linear light (IEC 61966-2-1).
 
     >>> round(float(srgb_of(0.18)), 3)
     0.461

@@ -150,7 +150,7 @@ def disc_coverage(view: DrawnView, box: Box, path_m: Floats, radius_m: float) ->
 
 
 def _plane_samples(view: DrawnView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
-    """x and y on the plane, from the origin [m], of the box's sub-samples, each (n_rows, n_columns).
+    """Where on the plane, x and y from the origin [m], lie the box's sub-samples; each (n_rows, n_columns).
 
     Rays are traced at Chebyshev nodes and interpolated between: the map is smooth, and tracing all costs 20 times more.
     """
