@@ -10,6 +10,12 @@ from vision.calibration import Calibration, View, board_text, calibrate, rms
 from vision.camera import PlaneCamera, posed, squarely
 from vision.detect import Detection, HueError, detect_marks
 from vision.draw import Disc, Lighting, distractors, draw_frame, paper_camera
+from vision.drawn_camera import Highlight, RealCamera, RealFrame, RealMark, Shadow, draw_real_frame, reflectance
+from vision.drawn_clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface
+from vision.drawn_layers import Layer
+from vision.drawn_runs import RunFrame, drawn_run, exposure_path
+from vision.drawn_sensor import Sensor, light_of, srgb_of
+from vision.drawn_view import DrawnView, tilted_view
 from vision.every_frame import EveryFrame, FrameFile
 from vision.exposure_times import DeviceTimes, ExposureRule, FilmTimes, told_times
 from vision.finder import MarkFinder
@@ -56,6 +62,7 @@ __all__ = [
     "Detection",
     "DeviceTimes",
     "Disc",
+    "DrawnView",
     "EventKind",
     "EveryFrame",
     "Expected",
@@ -65,20 +72,30 @@ __all__ = [
     "FollowedHue",
     "Frame",
     "FrameFile",
+    "Hand",
+    "Highlight",
     "HueError",
     "Identified",
+    "Layer",
     "Lens",
     "Lighting",
     "LiveFrames",
     "MarkFinder",
     "MarkHue",
+    "Needle",
     "Outline",
     "PictureFolderFrames",
     "PlaneCamera",
     "Playback",
     "Pose",
+    "RealCamera",
+    "RealFrame",
+    "RealMark",
+    "RunFrame",
     "SegmentFrames",
     "SegmentWriter",
+    "Sensor",
+    "Shadow",
     "Source",
     "SourceError",
     "SourceEvent",
@@ -86,6 +103,7 @@ __all__ = [
     "VideoWriter",
     "View",
     "Watch",
+    "blood_layer",
     "board_text",
     "calibrate",
     "calibrate_together",
@@ -95,22 +113,32 @@ __all__ = [
     "detect_marks",
     "distractors",
     "draw_frame",
+    "draw_real_frame",
+    "drawn_run",
+    "exposure_path",
     "find_board",
     "from_file",
     "grey_picture",
     "grey_pictures",
+    "hand_layer",
     "hue_distance",
     "identify",
     "join_segments",
     "learn_hue",
+    "light_of",
+    "needle_layers",
     "open_source",
     "paper_camera",
+    "plain_surface",
     "posed",
     "quiet_opencv",
+    "reflectance",
     "rms",
     "segments_in",
     "sharp_frames",
     "shown_source",
     "squarely",
+    "srgb_of",
+    "tilted_view",
     "told_times",
 ]

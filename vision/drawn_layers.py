@@ -1,0 +1,64 @@
+"""Layers of a drawn scene: what covers part of the picture, with its colour and how much of each pixel it takes.
+
+Colours are shares of light sent back, linear, BGR.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Picture = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layer:
+    """Something that covers part of the picture.
+
+    left, top: the pixel of its first element [px]; it may lie beyond the picture
+    alpha: the share of each pixel that it takes, shape (n_rows, n_columns), 0 to 1
+    color_bgr: its colour, linear, shape (3,) or (n_rows, n_columns, 3)
+    """
+
+    left: int
+    top: int
+    alpha: Picture
+    color_bgr: Picture
+
+    def __post_init__(self) -> None:
+        if self.alpha.ndim != 2 or self.color_bgr.shape not in {(3,), (*self.alpha.shape, 3)}:
+            raise ValueError(
+                f"layer: expected alpha (n_rows, n_columns) and its colours, "
+                f"found {self.alpha.shape} and {self.color_bgr.shape}"
+            )
+
+
+def paint(picture: Picture, layer: Layer) -> None:
+    """Lay the layer over the picture, (height, width, 3), in place."""
+    inside, own = _overlap(picture.shape[:2], layer)
+    part, alpha = picture[inside], layer.alpha[own].astype(np.float32)[:, :, None]
+    color = layer.color_bgr if layer.color_bgr.ndim == 1 else layer.color_bgr[own]
+    part += alpha * (color.astype(np.float32) - part)
+
+
+def take(free: Picture, layer: Layer) -> float:
+    """How much of the layer falls on free pixels [px]; it takes them, (height, width), in place."""
+    inside, own = _overlap(free.shape, layer)
+    part, alpha = free[inside], layer.alpha[own]
+    seen = float((part * alpha).sum(dtype=np.float64))
+    part *= 1.0 - alpha
+    return seen
+
+
+def _overlap(shape: ArrayLike, layer: Layer) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """The layer's rows and columns in the picture, and the same in the layer; empty where it lies beyond."""
+    inside, own = [], []
+    for start, length, size in zip((layer.top, layer.left), layer.alpha.shape, np.asarray(shape), strict=True):
+        low, high = max(start, 0), min(start + length, int(size))
+        high = max(low, high)
+        inside.append(slice(low, high))
+        own.append(slice(low - start, high - start))
+    return (inside[0], inside[1]), (own[0], own[1])
