@@ -16,25 +16,19 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import filterpy.kalman as filterpy
 import numpy as np
 import pandas as pd
-from filterpy.common import Q_continuous_white_noise
 from numpy.typing import NDArray
 
 from experiments.errors import InputError
 from experiments.outputs import output_folder, write_whole
-from vision import Detection, Expected, Frame, MarkFinder, Outline, VideoFileFrames, learn_hue
+from experiments.px_follower import PxFollower
+from vision import Outline, VideoFileFrames, learn_hue
 
 Floats = NDArray[np.float64]
 
 LABELS = Path(__file__).parent / "labels" / "balls.csv"
 """film, frame, u_px, v_px, radius_px, covered, blurred, by: centres of balls, labelled by eye."""
-
-GONE = 10
-"""Frames unseen after which the ball is looked for anywhere; chosen."""
-FASTEST_PX_S = 1500.0
-"""Standard deviation of the velocity at the first sight [px/s]; chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,77 +55,27 @@ FILMS = {
 }
 
 
-class Follower:
-    """Where one ball of a film is: a Kalman filter of constant velocity, sightings found where it expects them.
-
-    State: the filter, None while the ball has not been seen or is out of view; the ball's radius [px]; unseen, frames.
-    """
-
-    def __init__(self, film: Film, frame: Frame) -> None:
-        self.finder = MarkFinder([learn_hue(frame.image, film.click[1:])])
-        self.radius_px = film.radius_px
-        self.film = film
-        self.filter: filterpy.KalmanFilter | None = None
-        self.time_s = 0.0
-        self.unseen = 0
-
-    def see(self, frame: Frame) -> Detection | None:
-        """The ball in the next frame; None where it is not seen."""
-        height, width = frame.image.shape[:2]
-        dt, self.time_s = frame.exposure_s - self.time_s, frame.exposure_s
-        if self.filter is None:
-            mean, cov = np.array([width / 2.0, height / 2.0]), np.diag([width**2, height**2]) / 4.0
-        else:
-            self.filter.F = np.kron(np.array([[1.0, dt], [0.0, 1.0]]), np.eye(2))
-            noise = Q_continuous_white_noise(2, dt, spectral_density=self.film.jolt_px**2)
-            self.filter.predict(Q=np.kron(noise, np.eye(2)))
-            mean, cov = self.filter.x[:2], self.filter.P[:2, :2]
-        (hue,) = self.finder.hues
-        found = self.finder.find(
-            frame.image,
-            [Expected("ball", mean, cov, hue, Outline(self.radius_px * np.eye(2), self.film.size_sd, even=False))],
-        )
-        if not found:
-            self.unseen += 1
-            if self.unseen > GONE:
-                self.filter = None
-            return None
-        self.unseen = 0
-        seen = found[0].detection
-        if self.filter is None:
-            self.filter = _started(seen)
-        else:
-            self.filter.update(seen.center_px, R=seen.cov_px2, H=np.eye(2, 4))
-        if not seen.clipped:
-            self.radius_px *= seen.size**self.film.follow_size
-        return seen
-
-
-def _started(seen: Detection) -> filterpy.KalmanFilter:
-    started = filterpy.KalmanFilter(4, 2)
-    started.x = np.array([*seen.center_px, 0.0, 0.0])
-    started.P = np.zeros((4, 4))
-    started.P[:2, :2], started.P[2:, 2:] = seen.cov_px2, FASTEST_PX_S**2 * np.eye(2)
-    return started
-
-
 def followed(path: Path, film: Film) -> pd.DataFrame:
     """A row a frame: time, whether and where the ball is seen, the covariance of that, what hides it, its radius."""
     with VideoFileFrames(path) as frames:
         clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
     if clicked is None:
         raise InputError(f"{path}: expected a frame {film.click[0]}, found fewer")
-    follower = Follower(film, clicked)
+    follower = PxFollower({"ball": learn_hue(clicked.image, film.click[1:])}, film.jolt_px)
+    radius_px = film.radius_px
     rows = []
     with VideoFileFrames(path) as frames:
         for frame in frames:
-            seen = follower.see(frame)
+            outline = Outline(radius_px * np.eye(2), film.size_sd, even=False)
+            seen = follower.see(frame, {"ball": outline}).get("ball")
             row: dict[str, float | int | bool] = {"frame": frame.index, "time_s": frame.exposure_s}
             row["seen"] = seen is not None
             if seen is not None:
                 (uu, uv), (_, vv) = seen.cov_px2
                 row |= {"u_px": seen.center_px[0], "v_px": seen.center_px[1], "uu_px2": uu, "uv_px2": uv, "vv_px2": vv}
-                row |= {"covered": seen.covered, "clipped": seen.clipped, "radius_px": follower.radius_px * seen.size}
+                row |= {"covered": seen.covered, "clipped": seen.clipped, "radius_px": radius_px * seen.size}
+                if not seen.clipped:
+                    radius_px *= seen.size**film.follow_size
             rows.append(row)
     return pd.DataFrame(rows)
 

@@ -37,8 +37,8 @@ def test_noise_in_the_dark_goes_both_ways() -> None:
     assert image[:, :, 0].mean() == pytest.approx(51.0, abs=0.1)
     assert image[:, :, 0].std() == pytest.approx(np.sqrt((2 * sd) ** 2 + 1 / 12), rel=0.02)
     assert image[:, :, 1].std() == pytest.approx(np.sqrt(sd**2 + 1 / 12), rel=0.02)
-    # Behind a mosaic the colours' means of 1, 2 and 4 pixels are taken before what is below black is cut: a quarter, half
-    # and quarter of red and blue, half of green as it is and half of 4. E[max(0, z)] = sd / √(2π).
+    # Behind a mosaic the colours' means of 1, 2 and 4 pixels are taken before what is below black is cut: a quarter,
+    # half and quarter of red and blue, half of green as it is and half of 4. E[max(0, z)] = sd / √(2π).
     dark = develop(even(0.0), Sensor(True, 1000.0, 10.0), np.random.default_rng(3)).astype(float)
     of_red, of_green = 1 / 4 + 1 / 2 / np.sqrt(2) + 1 / 4 / 2, 1 / 2 + 1 / 2 / 2
     assert dark.mean() == pytest.approx(2.55 / np.sqrt(2.0 * np.pi) * (2 * of_red + of_green) / 3, rel=0.02)
