@@ -13,7 +13,7 @@ from vision.draw import Disc, Lighting, distractors, draw_frame, paper_camera
 from vision.drawn_camera import Highlight, RealCamera, RealFrame, RealMark, Shadow, draw_real_frame, reflectance
 from vision.drawn_clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface
 from vision.drawn_layers import Layer
-from vision.drawn_runs import RunFrame, drawn_run, exposure_path
+from vision.drawn_runs import Level, RunFrame, drawn_run, exposure_path
 from vision.drawn_sensor import Sensor, light_of, srgb_of
 from vision.drawn_view import DrawnView, tilted_view
 from vision.every_frame import EveryFrame, FrameFile
@@ -78,6 +78,7 @@ __all__ = [
     "Identified",
     "Layer",
     "Lens",
+    "Level",
     "Lighting",
     "LiveFrames",
     "MarkFinder",

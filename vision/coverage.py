@@ -45,6 +45,7 @@ class Cover:
     center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
     area_px: [px]
     alpha: share of each pixel that the mark covers, (h, w), 0 away from it
+    dipole_px: by how much a highlight or shading inside would shift the centre, were it not filled, (2,)
     color_bgr: of its core
     """
 
@@ -52,6 +53,7 @@ class Cover:
     cov_px2: Floats
     area_px: float
     alpha: Floats
+    dipole_px: Floats
     color_bgr: tuple[float, ...]
 
 
@@ -66,8 +68,8 @@ def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
     told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS)
     if not told:
         return None
-    u, v, uu, uv, vv, area, *color = figures.tolist()
-    return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, tuple(color))
+    u, v, uu, uv, vv, area, *rest = figures.tolist()
+    return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, np.array(rest[:2]), tuple(rest[2:]))
 
 
 @lru_cache(maxsize=64)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.coverage import PAD_PX, Cover, Picture, cover
 from vision.hues import MarkHue
-from vision.outline import Outline, fit_outline
+from vision.outline import Fitted, Outline, fit_outline
 from vision.palette import Palette, classes_of, equal, palette_of
 from vision.rim import fit_rim
 
@@ -43,6 +43,8 @@ SMEAR = 0.25
 """Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
 RIM_SEEN = 0.3
 """Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
+WHOLE_AT_MOST = 1.6
+"""Nor may it show more than this: a hand, blood; chosen."""
 MERGED = 1.25
 """From this share of a mark's area on, two of them may hang together; chosen."""
 NEXT = 1.4
@@ -86,7 +88,7 @@ def detect_marks(
     min_area_px: float,
     max_area_px: float | None = None,
     region: tuple[int, int, int, int] | None = None,
-    outline: Outline | None = None,
+    outlines: Sequence[Outline] = (),
     expected_px: ArrayLike = (),
 ) -> list[Detection]:
     """Marks of these hues, largest first.
@@ -94,7 +96,8 @@ def detect_marks(
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest area that is seen of a mark [px]
     region: left, top, width, height of the part to search [px]; all of the frame where None
-    outline: what a whole mark looks like; with it, marks that are partly covered are found at their centre
+    outlines: what a whole mark looks like, one for all or one for each expected mark, of which the nearest counts; with
+        it, marks that are partly covered are found at their centre
     expected_px: where marks are expected, (n, 2); it helps to tell apart marks of one hue that touch
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
@@ -110,7 +113,7 @@ def detect_marks(
     scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
     classes = classes_of(part, palette, scale)
     starts = np.reshape(expected_px, (-1, 2)) - np.array([left, top])
-    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, outline, starts)
+    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, tuple(outlines), starts)
     found: list[Detection] = []
     for number, hue in enumerate(hues, start=1):
         mask = classes if len(hues) == 1 else equal(classes, number)
@@ -118,7 +121,11 @@ def detect_marks(
             _check_share(hue, cv2.countNonZero(mask) / mask.size)
         contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         of_hue = [search.detected(contour, number, hue.hue_deg) for contour in contours]
-        found += [d for each in of_hue for d in each] if outline is None else _pieced(of_hue, outline)
+        found += (
+            _pieced(of_hue, min(outlines, key=lambda one: one.area_px))
+            if outlines
+            else [d for each in of_hue for d in each]
+        )
     placed = found if region is None else [replace(d, center_px=d.center_px + np.array([left, top])) for d in found]
     return sorted(placed, key=lambda detection: -detection.area_px)
 
@@ -170,7 +177,7 @@ class _Center:
 class _Search:
     """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is.
 
-    starts_px: where marks are expected, (n, 2)
+    outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
     """
 
     part: Picture
@@ -179,7 +186,7 @@ class _Search:
     scale: int
     min_area_px: float
     max_area_px: float
-    outline: Outline | None
+    outlines: tuple[Outline, ...]
     starts_px: Floats
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
@@ -189,7 +196,9 @@ class _Search:
         if piece is None or seen is None or not self.min_area_px <= seen.area_px <= self.max_area_px:
             return []
 
-        centers = [_Center(seen.center_px, seen.cov_px2)] if self.outline is None else self._outlined(piece, seen)
+        outline = self._outline(piece.corner_px + seen.center_px)
+        whole = _Center(seen.center_px, seen.cov_px2)
+        centers = [whole] if outline is None else self._outlined(piece, seen, outline)
         # Of a mark that the border cuts, as much again as is seen may lie outside.
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2)
         return [
@@ -206,33 +215,49 @@ class _Search:
             for at in centers
         ]
 
-    def _outlined(self, piece: _Piece, seen: Cover) -> list[_Center]:
+    def _outline(self, place_px: Floats) -> Outline | None:
+        """What the mark that is expected nearest to this place looks like."""
+        if len(self.outlines) < 2:
+            return self.outlines[0] if self.outlines else None
+        return self.outlines[int(np.argmin(np.linalg.norm(self.starts_px - place_px, axis=1)))]
+
+    def _outlined(self, piece: _Piece, seen: Cover, outline: Outline) -> list[_Center]:
         """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none."""
-        assert self.outline is not None
         whole = _Center(seen.center_px, seen.cov_px2)
-        fitted = fit_outline(seen.alpha, seen.center_px, self.outline)
-        share = seen.area_px / self.outline.area_px
-        if self.outline.even and share > MERGED and (fitted is None or fitted.beyond > BEYOND):
-            starts = _starts(piece, self._inside(piece), self.outline)
-            several = [fit_outline(seen.alpha, start, self.outline, reach=NEXT) for start in starts]
-            if all(several):
-                return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
-        if not self.outline.even:
-            circles = [(*seen.center_px, 1.0), *((u, v, 1.0) for u, v in self._inside(piece))]
+        fitted = fit_outline(seen.alpha, seen.center_px, outline)
+        share = seen.area_px / outline.area_px
+        if outline.even:
+            if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
+                starts = _starts(piece, self._inside(piece), outline)
+                several = [fit_outline(seen.alpha, start, outline, reach=NEXT) for start in starts]
+                if all(several):
+                    return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
             if fitted is not None:
-                circles.append((*fitted.center_px, fitted.size))
-            rim = fit_rim(piece.patch, np.array(circles), self.outline)
-            if rim is not None:
-                cov = rim.cov_px2 + SMEAR * _smear(piece.component, self.outline)
-                return [_Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)]
-        if fitted is None:
-            return [whole] if share >= WHOLE_AT_LEAST else []
-        apart = fitted.center_px - seen.center_px
-        if _squared(apart, seen.cov_px2 + fitted.cov_px2) <= APART:
-            return [replace(whole, size=fitted.size)]
-        if fitted.beyond <= BEYOND:
-            return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
-        return [_Center(seen.center_px, seen.cov_px2 + np.outer(apart, apart))]
+                apart = fitted.center_px - seen.center_px
+                squared = _squared(apart, seen.cov_px2 + fitted.cov_px2)
+                if squared <= APART:
+                    return [_Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)]
+        rim = self._rim(piece, whole, fitted, outline)
+        if rim is not None:
+            return [rim]
+        if fitted is None or fitted.beyond > BEYOND:
+            return (
+                [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
+                if WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST
+                else []
+            )
+        return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
+
+    def _rim(self, piece: _Piece, whole: _Center, fitted: Fitted | None, outline: Outline) -> _Center | None:
+        """The centre by the steps of colour around a piece; None where they make no rim."""
+        circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in self._inside(piece))]
+        if fitted is not None:
+            circles.append((*fitted.center_px, fitted.size))
+        rim = fit_rim(piece.patch, np.array(circles), outline)
+        if rim is None:
+            return None
+        cov = rim.cov_px2 + SMEAR * _smear(piece.component, outline)
+        return _Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)
 
     def _inside(self, piece: _Piece) -> list[Floats]:
         """Where marks are expected inside a piece, from its patch's corner [px]."""

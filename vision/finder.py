@@ -84,29 +84,26 @@ class MarkFinder:
 
     def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
         own = [one for one in expected if region is None or _inside(one.center_px, region)]
-        outline, min_area_px = _looks(own)
+        outlines, min_area_px = _looks(own)
         return detect_marks(
             frame_bgr,
             [followed.now for followed in self.hues.values()],
             min_area_px=min_area_px,
             region=region,
-            outline=outline,
+            outlines=outlines,
             expected_px=[one.center_px for one in own],
         )
 
 
-def _looks(marks: Sequence[Expected]) -> tuple[Outline | None, float]:
-    """What these marks look like, where that is known and tells something, and the least area of one [px]."""
+def _looks(marks: Sequence[Expected]) -> tuple[list[Outline], float]:
+    """What each of these marks looks like, where that is known and tells something, and the least area of one [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
-    if not outlines:
-        return None, 1.0
-    areas = np.array([one.area_px for one in outlines])
-    if areas.min() < np.pi * OUTLINE_FROM_PX**2:
-        return None, HALF_AT_LEAST * float(areas.min())
-    sizes = np.sqrt(areas)
-    size_sd = max(one.size_sd for one in outlines) + float(np.ptp(sizes) / sizes.mean())
-    shape = np.mean([one.shape_px for one in outlines], axis=0)
-    return Outline(shape, size_sd, all(one.even for one in outlines)), SEEN_AT_LEAST * float(areas.min())
+    if len(outlines) < len(marks) or not outlines:
+        return [], 1.0
+    smallest = min(one.area_px for one in outlines)
+    if smallest < np.pi * OUTLINE_FROM_PX**2:
+        return [], HALF_AT_LEAST * smallest
+    return outlines, SEEN_AT_LEAST * smallest
 
 
 def _inside(place_px: Floats, region: Box) -> bool:

@@ -20,6 +20,8 @@ REACH = 2.0
 """How far from the middle of what is seen, in sizes of the mark."""
 BLUR_PX = 3.0
 """Width over which errors of an edge hang together; chosen."""
+HIGHEST_WAVE = 7
+"""Waves around the outline that tell how strong one wave of noise is; chosen."""
 EDGE_SD_PX = 0.05
 """Least scatter of an edge; measured on drawn frames."""
 LEAST_SHARE = 0.2
@@ -168,13 +170,15 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
     fit, normal, step = start.copy(), np.zeros((3, 3)), np.zeros(3)
     near, floor = 0.4 / scale, (EDGE_SD_PX / scale) ** 2
     variance, n_on, n_beyond = floor, 0.0, 0
+    waves = np.zeros((HIGHEST_WAVE + 1, 2))
     for _ in range(6):
         # The prior on the size, in units of an edge's variance
         weight = variance / size_sd**2
         a00 = a01 = a02 = a11 = a12 = 0.0
         a22, g0, g1, g2 = weight, 0.0, 0.0, weight * (1.0 - fit[2])
-        squares = n_on = 0.0
+        squares = weights2 = n_on = 0.0
         n_beyond = 0
+        waves[:] = 0.0
         limit = max(near, 4.7 * np.sqrt(variance))
         for k in range(n):
             x, y = edges[k, 0] - fit[0], edges[k, 1] - fit[1]
@@ -196,7 +200,14 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
             g1 += w * off * y
             g2 += w * off
             squares += w * off * off
+            weights2 += w * w
             n_on += w
+            # cos and sin of k times the angle, by turning on
+            turned_x, turned_y = x, y
+            for k_wave in range(2, HIGHEST_WAVE + 1):
+                turned_x, turned_y = turned_x * x - turned_y * y, turned_x * y + turned_y * x
+                waves[k_wave, 0] += w * off * turned_x
+                waves[k_wave, 1] += w * off * turned_y
         normal[0, 0], normal[0, 1], normal[0, 2] = a00, a01, a02
         normal[1, 0], normal[1, 1], normal[1, 2] = a01, a11, a12
         normal[2, 0], normal[2, 1], normal[2, 2] = a02, a12, a22
@@ -205,7 +216,10 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
             return fit, np.eye(3), variance, 0.0, 0.0
         fit += np.linalg.solve(normal, step)
         variance = max(squares / n_on, floor)
-    return fit, normal, variance, n_on / N_RAYS, n_beyond / N_RAYS
+    # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them says
+    # how strong one wave of noise, of highlights and of compression is.
+    power = (waves**2).sum() / (HIGHEST_WAVE - 1) / weights2
+    return fit, normal, max(variance, power), n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
@@ -220,6 +234,6 @@ def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
     if share == 0.0:
         return start, np.eye(2), share, beyond, 1.0
     # Errors of neighbouring edges hang together; the corners where the covered part begins pull a little, too.
-    together = max(1.0, BLUR_PX * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
+    together = 1.0 / share
     inside = np.ascontiguousarray(np.linalg.inv(normal)[:2, :2])
     return start + shape @ fit[:2], variance * together * shape @ inside @ shape.T, share, beyond, fit[2]

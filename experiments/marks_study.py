@@ -1,0 +1,144 @@
+"""How well marks are found in drawn frames of known truth, in good light and over the whole range of rooms.
+
+    python -m experiments.marks_study --out study      # some minutes on two cores
+    python -m experiments.marks_study --runs 4 --frames 20 --out study
+
+Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click, marks are
+followed in the picture alone. A mark counts as visible where more than half of it is. study/marks.json has the figures
+of docs/marks-study.md, study/marks.csv every mark of every frame.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.outputs import output_folder, write_whole
+from experiments.px_follower import PxFollower
+from vision import Frame, Lens, Level, Outline, Pose, RunFrame, drawn_run, learn_hue, posed
+
+Floats = NDArray[np.float64]
+
+LEVELS: tuple[Level, ...] = ("good light", "whole range")
+VISIBLE = 0.5
+"""Share of a mark that must be seen for it to count as visible."""
+FALSE_PX = 4.0
+"""A mark found further from its place than this is a false one."""
+JOLT_PX = 3000.0
+"""Of drawn marks, white acceleration [px/s²/sqrt(Hz)]: up to 20 px a frame and one turn a second."""
+
+
+def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
+    """A row a mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether it was named so."""
+    frames = drawn_run(seed, n_frames, level)
+    first = next(frames)
+    view, radius_m = first.camera.view, first.marks[0].radius_m
+    lens = Lens(view.matrix, np.array(view.distortion))
+    camera = posed("drawn", view.size_px, lens, Pose(view.rotation, view.translation_m))
+    names = [f"M{k}" for k in range(len(first.marks))]
+    clearest = int(np.argmax(first.frame.visible))
+    hue = learn_hue(first.frame.image, first.frame.centers_px[clearest])
+    starts = dict(zip(names, first.frame.centers_px, strict=True))
+    follower = PxFollower(dict.fromkeys(names, hue), JOLT_PX, starts)
+
+    rows = []
+
+    def see(one: RunFrame) -> None:
+        places = {name: follower.filters[name].x[:2] if name in follower.filters else None for name in names}
+        outlines = {}
+        for name, place in places.items():
+            at = np.array(view.size_px) / 2.0 if place is None else np.clip(place, 0.0, np.array(view.size_px) - 1.0)
+            outlines[name] = Outline(camera.disc_shape(camera.to_plane(at)[0], radius_m), 0.05)
+        found = follower.see(Frame(one.index, one.time_s, one.frame.image), outlines)
+        for k, name in enumerate(names):
+            truth = one.frame.centers_px[k]
+            row: dict[str, object] = {"seed": seed, "frame": one.index, "mark": name}
+            row |= {"visible": one.frame.visible[k], "found": name in found}
+            if name in found:
+                seen = found[name]
+                center = seen.center_px - camera.disc_shift(camera.to_plane(seen.center_px), radius_m)[0]
+                away = np.linalg.norm(one.frame.centers_px - center, axis=1)
+                row |= {"du": center[0] - truth[0], "dv": center[1] - truth[1]}
+                row |= {
+                    "uu": seen.cov_px2[0, 0],
+                    "vv": seen.cov_px2[1, 1],
+                    "covered": seen.covered,
+                    "texture": seen.texture,
+                    "area": seen.area_px,
+                    "size": seen.size,
+                }
+                row |= {
+                    "false": bool(away[k] > FALSE_PX),
+                    "swapped": bool(away[k] > FALSE_PX and away.min() < FALSE_PX),
+                }
+            rows.append(row)
+
+    see(first)
+    for one in frames:
+        see(one)
+    return pd.DataFrame(rows)
+
+
+def figures(rows: pd.DataFrame) -> dict[str, float]:
+    """What the rows of one level come to."""
+    visible = rows[rows.visible > VISIBLE]
+    found = visible[visible.found.astype(bool)]
+    right = found[~found.false.astype(bool)]
+    off = right[["du", "dv"]].to_numpy(dtype=float)
+    variance = right[["uu", "vv"]].to_numpy(dtype=float)
+    named = rows[rows.found.astype(bool)]
+    n_frames = len(rows.drop_duplicates(["seed", "frame"]))
+    return {
+        "frames": n_frames,
+        "marks_visible": len(visible),
+        "found": len(found) / len(visible),
+        "rms_px": float(np.sqrt((off**2).mean())),
+        "median_px": float(np.median(np.hypot(*off.T))),
+        "predicted_by_real": float(np.sqrt(variance.mean() / (off**2).mean())),
+        "false_per_1000_frames": 1000.0 * float(named.false.astype(bool).sum()) / n_frames,
+        "swapped": int(named.swapped.astype(bool).sum()),
+    }
+
+
+def study(n_runs: int, n_frames: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, float]]:
+    """Both levels; marks.csv and marks.json in the folder."""
+    told: dict[str, dict[str, float]] = {}
+    tables = []
+    for level in LEVELS:
+        parts = []
+        with ProcessPoolExecutor(n_processes) as pool:
+            for k, part in enumerate(pool.map(partial(run, level=level, n_frames=n_frames), range(n_runs))):
+                parts.append(part)
+                sys.stderr.write(f"\r{level}: {k + 1} of {n_runs} runs ")
+        sys.stderr.write("\n")
+        rows = pd.concat(parts)
+        told[level] = figures(rows)
+        tables.append(rows.assign(level=level))
+    write_whole(out / "marks.csv", pd.concat(tables).to_csv(index=False, float_format="%.4f"))
+    write_whole(out / "marks.json", json.dumps(told, indent=1) + "\n")
+    return told
+
+
+def main() -> None:
+    """Run the study and print its figures."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--out", type=Path, required=True)
+    chosen = parser.parse_args()
+    with output_folder(chosen.out, force=True) as folder:
+        told = study(chosen.runs, chosen.frames, folder)
+    for level, row in told.items():
+        sys.stdout.write(f"{level}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
+
+
+if __name__ == "__main__":
+    main()
