@@ -1,8 +1,8 @@
 """Compiled integrals of a Gaussian over a lesion, and of a needle's way along a predicted path of the target.
 
-Everything is mapped to the unit ball about the target: y are coordinates across the needle, a along it, and the needle's
-notch, of length l, has a core of at least L in the ball where |a| <= h(y) + l/2 - L, h = sqrt(1 - |y|²), |y|² <= 1 - L²/4.
-A point has l = L = 0. The inner integral, along a, is a difference of error functions; those over y are Gauss-Legendre
+Everything is mapped to the unit ball about the target: y are coordinates across the needle, a along it. A notch of
+length l has a core of at least L in the ball where |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and |y|² <= 1 - L²/4;
+a point has l = L = 0. The inner integral, along a, is a difference of error functions; those over y are Gauss-Legendre
 sums in the angle that makes h smooth at the ball's rim.
 """
 
@@ -294,7 +294,9 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
-    """What comes of an insertion that begins at each of these times: arrivals (k,), depths (k,), targets (k, d), p (k,).
+    """What comes of an insertion that begins at each of these times.
+
+    Gives arrivals (k,), depths (k,), where the target is then, (k, d), and the probabilities of a hit, (k,).
 
     path: times (n,), means (n, d), covs (n, d, d) of the target
     needle: entry (d,), axis (d,), speed, depth now, reach from the tip back to the notch's middle

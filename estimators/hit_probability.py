@@ -1,9 +1,9 @@
 """The probability that a needle samples a lesion, and where to aim so that it is highest.
 
-Target and tip are Gaussian and independent, so that what has to lie in the lesion, less the target, is Gaussian with the
-sum of their covariances. A linear map makes the lesion the unit ball. There a point is hit with the probability of a
-generalised chi-square variable [imhof1961]; `hit_kernels` computes it, and that of a core of some length, by one error
-function a line along the needle and Gauss-Legendre sums across it.
+Target and tip are Gaussian and independent, so that what has to lie in the lesion, less the target, is Gaussian with
+the sum of their covariances. A linear map makes the lesion the unit ball. There a point is hit with the probability of
+a generalised chi-square variable [imhof1961]; `hit_kernels` computes it, and that of a core of some length, by one
+error function a line along the needle and Gauss-Legendre sums across it.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ class Needle:
     notch_length_m: usual: 20 mm, the specimen bed of a common gun [deflection]
     core_m: least length of tissue from the lesion for CORE [m]
     tip_sd_m: standard deviation of the tracked tip in each direction [m]
-    bending_sd: and what bending adds to it across the needle, by depth [m/m]; usual: 0.9 mm over a throw of 2 to 6 cm
-        in gelatine was measured on average [deflection]
+    bending_sd: and what bending adds to it across the needle, by depth [m/m]; chosen: 0.9 mm at 45 mm, what such a gun
+        was deflected by on average in a phantom [deflection]; in patients it is more, see `docs/guidance.md`
     """
 
     hit: Hit = Hit.NOTCH
