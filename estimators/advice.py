@@ -180,7 +180,8 @@ def path_times(
     """
     way_m = float(np.linalg.norm(estimate.mean - insertion.entry)) + needle.reach_m - insertion.depth_m
     until_s = settings.horizon_s + max(way_m, 0.0) / insertion.speed_m_s + MARGIN_S
-    return now_s + settings.path_s * np.arange(int(np.ceil(until_s / settings.path_s)) + 2)
+    n_times = int(np.ceil(until_s / settings.path_s)) + 2
+    return now_s + settings.path_s * np.arange(n_times, dtype=np.float64)
 
 
 def guide(
@@ -227,7 +228,8 @@ def advise(
     if not path.means.shape[1] == len(insertion.entry) == lesion.dim:
         found = (path.means.shape[1], len(insertion.entry), lesion.dim)
         raise ValueError(f"dimensions: expected path, insertion and lesion to agree, found {found}")
-    starts = now_s + settings.step_s * np.arange(int(settings.horizon_s / settings.step_s + 1e-9) + 1)
+    n_starts = int(settings.horizon_s / settings.step_s + 1e-9) + 1
+    starts = now_s + settings.step_s * np.arange(n_starts, dtype=np.float64)
     if not path.times_s[0] <= now_s <= starts[-1] <= path.times_s[-1]:
         raise ValueError(
             f"path: expected to reach from {now_s} to {starts[-1]} s, found {path.times_s[0]} to {path.times_s[-1]} s"
