@@ -24,6 +24,10 @@ WIDE = 6.5
 """Standard deviations beyond which a Gaussian is taken for nothing: 8e-11 of it lies there."""
 
 
+STEEP, PARTS = 60.0, 15
+"""An interval over which the integrand changes by more standard deviations is cut, into no more parts than these."""
+
+
 @njit(cache=True, nogil=True)
 def _rule(span):  # type: ignore[no-untyped-def]
     """Which of the rules is enough for an integrand that changes over so many standard deviations."""
@@ -55,19 +59,22 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
     if low >= high:
         return 0.0
     start, end = asin(max(low / radius, -1.0)), asin(min(high / radius, 1.0))
-    half, middle = 0.5 * (end - start), 0.5 * (end + start)
     rise = 1.0 if low * high < 0.0 else max(cos(start), cos(end))
     changes = radius * (rise - min(cos(start), cos(end))) + abs(slope) * (high - low)
     span = (high - low) / s
     if tau * span < changes:
-        span = changes / tau if tau > 0.0 else inf
+        span = min(changes / tau, STEEP * PARTS) if tau > 0.0 else STEEP * PARTS
+    parts = 1 + int(span / STEEP)
     rule = _rule(span)
+    half = 0.5 * (end - start) / parts
     total = 0.0
-    for i in range(FIRST[rule], FIRST[rule + 1]):
-        angle = middle + half * NODES[i]
-        y, h = radius * sin(angle), radius * cos(angle)
-        z = (y - m) / s
-        total += WEIGHTS[i] * h * exp(-0.5 * z * z) * _slab(h + extra, a + slope * (y - m), tau)
+    for part in range(parts):
+        middle = start + (2 * part + 1) * half
+        for i in range(FIRST[rule], FIRST[rule + 1]):
+            angle = middle + half * NODES[i]
+            y, h = radius * sin(angle), radius * cos(angle)
+            z = (y - m) / s
+            total += WEIGHTS[i] * h * exp(-0.5 * z * z) * _slab(h + extra, a + slope * (y - m), tau)
     return total * half / (s * sqrt(2.0 * pi))
 
 
