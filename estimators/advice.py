@@ -281,12 +281,21 @@ def _decided(
     if deeper < -settings.overshot_m:
         return Advice.REALIGN, f"the tip is {-1e3 * deeper:.1f} mm too deep: draw it back"
     if p >= settings.go and p_best <= p + settings.worth:
-        return Advice.GO, f"a hit is {p:.0%} probable"
+        return Advice.GO, f"a hit is {_percent(p)} probable"
     if p_best >= settings.go:
-        return Advice.WAIT, f"in {later:.1f} s a hit is {p_best:.0%} probable, now {p:.0%}"
+        return Advice.WAIT, f"in {later:.1f} s a hit is {_percent(p_best)} probable, now {_percent(p)}"
     if p_turned >= settings.go:
-        return Advice.REALIGN, f"turned by {np.degrees(turn):.1f} deg a hit is {p_turned:.0%} probable, now {p:.0%}"
-    return Advice.WAIT, f"the target is too uncertain: even well aimed a hit is {max(p, p_turned):.0%} probable"
+        turned_deg = np.degrees(turn)
+        return (
+            Advice.REALIGN,
+            f"turned by {turned_deg:.1f} deg a hit is {_percent(p_turned)} probable, now {_percent(p)}",
+        )
+    return Advice.WAIT, f"the target is too uncertain: even well aimed a hit is {_percent(max(p, p_turned))} probable"
+
+
+def _percent(p: float) -> str:
+    """Rounded down: what is not certain is not told as 100 %."""
+    return f"{int(100.0 * p)} %"
 
 
 def _cov_at(path: TargetPath, time_s: float) -> Floats:

@@ -50,6 +50,7 @@ class Filter:
         self.healthy = healthy
 
     def predict_path(self, times_s):
+        """The resting target."""
         assert self.healthy, "asked for a path in spite of the estimate's health"
         return np.tile(HEALTHY.mean, (len(times_s), 1)), np.tile(1e-6 * np.eye(2), (len(times_s), 1, 1))
 
@@ -135,11 +136,11 @@ def test_turned_to_a_target_beside_the_line():
 
 
 def test_wait_for_a_target_that_swings_to_the_line():
-    """X = 30 mm cos(2 pi t / 2.8 s): on the line at 0.7 s, so that after 0.6 s of way one begins at 0.1 s."""
+    """Aside by 30 mm cos(2 pi t / 2.8 s), on the line at 0.7 s: 0.6 s of way, so one begins at 0.1 s."""
     said = advise(path_of(lambda t: np.c_[0.03 * np.cos(2 * np.pi * t / 2.8), 0.04 + 0 * t]), DOWN, DISC, needle=TIP)
     assert said.advice is Advice.WAIT
     assert said.best_in_s == pytest.approx(0.1, abs=1e-9)
-    assert said.reason.startswith("in 0.1 s a hit is 9")
+    assert said.reason == "in 0.1 s a hit is 99 % probable, now 1 %"
 
 
 def test_each_moment_of_the_outlook_is_that_moments_own_advice():
