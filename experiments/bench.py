@@ -149,9 +149,9 @@ def advice() -> dict[str, float]:
     for k in range(10):
         tissue.predict(k * FRAME_S)
         tissue.update([MarkMeasurement(node, at[node], 1e-6 * np.eye(2)) for node in OUTER])
-    times = 9 * FRAME_S + FRAME_S * np.arange(1, 31)
+    times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
     report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
-    t = FRAME_S * np.arange(121)
+    t = FRAME_S * np.arange(121, dtype=np.float64)
     for dim, name in ((2, "plane"), (3, "space")):
         means = np.zeros((121, dim))
         means[:, 0] = 5e-3 * np.cos(3.0 * t)

@@ -1,6 +1,7 @@
-"""`softaim advise`: from a recording and a needle's file to a table and a picture; every fault of the file in a line."""
+"""`softaim advise`: from a recording and a needle's file to a table and a picture; faults of the file in one line."""
 
 import sys
+from dataclasses import astuple
 from pathlib import Path
 
 import cv2
@@ -9,10 +10,12 @@ import pandas as pd
 import pytest
 
 from dynamics import four_mass_phantom
-from estimators import Advice, AdviceSettings, Hit, Needle, advise
+from estimators import AdviceSettings, Hit, Needle
 from experiments import cli
+from experiments.advise import advise, table
 from experiments.errors import InputError
 from experiments.needle_file import read_needle
+from experiments.recording import open_recording
 from experiments.scene import Mark, Scene, Target, write_scene
 
 GOOD = (Path(__file__).parent / "needle.toml").read_text(encoding="utf-8")
@@ -56,7 +59,8 @@ def softaim(monkeypatch, *words) -> int:
 def test_everything_that_the_file_says_is_taken(path):
     path.write_text(GOOD)
     plan = read_needle(path, 0.005, 2)
-    assert plan.needle == Needle(Hit.CORE, 6e-3, 18e-3, 4e-3, 0.4e-3, 0.03)
+    assert plan.needle.hit is Hit.CORE
+    assert astuple(plan.needle)[1:] == pytest.approx((6e-3, 18e-3, 4e-3, 0.4e-3, 0.03))
     assert plan.settings == AdviceSettings(0.8, 0.1, 0.4, 0.05, 0.15, 0.12, 2e-3)
     assert (plan.insertion.speed_m_s, plan.insertion.depth_m) == (pytest.approx(0.2), pytest.approx(2e-3))
     np.testing.assert_allclose(plan.insertion.entry, [0.0, 0.215])
@@ -100,19 +104,19 @@ def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, monke
     assert picture.std() > 10.0
 
 
-def test_the_table_is_what_the_library_says(recording, path):
-    """The last frame: advise on the filter's own path."""
-    from experiments.advise import advise as run
-    from experiments.recording import open_recording
-
-    path.write_text(GOOD)
-    plan = read_needle(path, 0.005, 2)
-    done = run(open_recording(recording), plan)
-    last = done.guidance[-1]
-    assert last.advice in (Advice.GO, Advice.WAIT)
-    assert len(last.outlook.starts_s) == 9
-    assert sum(done.counts().values()) == 30
-    assert advise is not run
+def test_a_needle_beside_the_target_is_told_to_turn(recording, path):
+    """From 100 mm beside the resting target, straight down: by the angle between that and the way to the aim."""
+    rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
+    entry = rest_mm + np.array([100.0, 40.0])
+    path.write_text(GOOD.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
+    rows = table(advise(open_recording(recording), read_needle(path, 0.005, 2)))
+    last = rows.iloc[-1]
+    way = last[["aim_x_mm", "aim_y_mm"]].to_numpy(dtype=float) - entry
+    assert last["advice"] == "REALIGN"
+    assert last["turn_deg"] == pytest.approx(np.degrees(np.arctan2(100.0, 40.0)), abs=5.0)
+    assert last["lateral_mm"] == pytest.approx(-way[0], abs=1e-6)
+    assert last["p_turned"] > 0.3 > last["p_hit"]
+    assert f"turned by {last['turn_deg']:.1f} deg" in last["reason"]
 
 
 BAD = {
@@ -144,9 +148,7 @@ def test_faults_are_told_in_one_line(path, fault):
     assert len(str(told.value).splitlines()) == 1
 
 
-def test_a_bad_needle_ends_the_command_with_one_line_and_nothing_written(
-    recording, path, tmp_path, monkeypatch, capsys
-):
+def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, path, tmp_path, monkeypatch, capsys):
     path.write_text(GOOD.replace("go = 0.8", "go = 1.1"))
     assert softaim(monkeypatch, "advise", recording, "--needle", path, "--out", tmp_path / "out") == 2
     told = capsys.readouterr().err
