@@ -3,16 +3,15 @@
 from estimators.adaptation import RunningScale
 from estimators.advice import (
     Advice,
-    AdviceSettings,
     Guidance,
     Outlook,
     PathSource,
     TargetPath,
     advise,
     guide,
-    health_fault,
     path_times,
 )
+from estimators.advice_settings import AdviceSettings, health_fault
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs

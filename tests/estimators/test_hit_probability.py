@@ -76,6 +76,15 @@ def test_any_covariance_against_imhofs_integral(dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+def test_a_belief_that_is_a_line_is_normal_along_it(dim):
+    """Sure to a micrometre across, offset 1 mm there: the chord of the ball, P(|a + 1| <= sqrt(16 - 1)), sd 1.5 mm."""
+    V = special_ortho_group.rvs(dim, random_state=np.random.default_rng(3))
+    cov = V @ np.diag([1.5**2] + [1e-6] * (dim - 1)) @ V.T
+    got = of_tip(V[:, 0] + V[:, 1], cov, Lesion.ball(4e-3, dim))
+    assert got == pytest.approx(norm.cdf((15**0.5 - 1) / 1.5) - norm.cdf((-(15**0.5) - 1) / 1.5), abs=1e-5)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
 def test_an_ellipsoid_is_a_ball_seen_through_a_linear_map(dim):
     """P(A z in the ellipsoid of A) = P(z in the ball), z ~ N(b, I): ncx2."""
     rng = np.random.default_rng(2)
@@ -199,6 +208,15 @@ def test_of_two_places_the_likelier_one_or_between(apart_mm):
     assert aim.probability >= known.probability - 1e-6
     np.testing.assert_allclose(aim.point, known.point, rtol=0, atol=0.1e-3)
     assert (aim.point[0] < -5e-3) == (apart_mm == 6.0)
+
+
+def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_another():
+    """0.3 at -9 mm, 0.3 at -3, 0.4 at 12: their mean is 1.2 mm, and uphill from there lies the one at -3."""
+    places = 1e-3 * np.array([[-9.0, 0.0], [-3.0, 0.0], [12.0, 0.0]])
+    target = Belief(np.array([0.3, 0.3, 0.4]), places, np.tile(0.5e-6 * np.eye(2), (3, 1, 1)))
+    aim = best_aim(target, 0.5e-6 * np.eye(2), np.array([1.0, 0.0]), Lesion.ball(2.5e-3, 2), needle=TIP)
+    np.testing.assert_allclose(aim.point, places[2], rtol=0, atol=0.05e-3)
+    assert aim.probability == pytest.approx(0.4 * (1 - np.exp(-(2.5**2) / 2)), abs=1e-5)
 
 
 @pytest.mark.parametrize(
