@@ -111,7 +111,7 @@ def advise(
 
     opened = open_recording(recording, scene)
     plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
-    with output_folder(out, force=force, inputs=[recording, needle]) as folder, progress() as stage:
+    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, plan, stage("advise"))
         write_advice(done, folder)
     print(advice_line(done.counts()))
