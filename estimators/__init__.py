@@ -1,6 +1,8 @@
 """Probability: filters that tell where the target is, and how sure of it one may be."""
 
 from estimators.adaptation import RunningScale
+from estimators.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
+from estimators.advice_settings import AdviceSettings, health_fault
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
@@ -8,21 +10,18 @@ from estimators.ensemble import EnsembleKalmanFilter
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.extended import ExtendedKalmanFilter
 from estimators.health import Health, after_frame
+from estimators.hit_calibration import Tenth, calibration, clopper_pearson
+from estimators.hit_probability import Aim, Belief, best_aim, hit_probability
 from estimators.identification import IdentificationError, Identified, identify, principal
 from estimators.leave_one_out import Check, LeaveOneOut
+from estimators.lesion import Lesion
 from estimators.mixture import InteractingMixture, mixed
+from estimators.needle import Hit, Insertion, Needle
 from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
 from estimators.replay import Replay
-from estimators.scores import (
-    calibration_curve,
-    crps_normal,
-    energy_score,
-    pit_normal,
-    pit_squared,
-    uniformity,
-)
+from estimators.scores import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
 from estimators.settings import FilterSettings
 from estimators.smoother import FixedLag, fixed_interval
 from estimators.stock import StockUnscented
@@ -33,7 +32,11 @@ from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positiv
 from estimators.whiteness import autocorrelation, portmanteau
 
 __all__ = [
+    "Advice",
+    "AdviceSettings",
+    "Aim",
     "Baseline",
+    "Belief",
     "Check",
     "CovarianceError",
     "EnsembleKalmanFilter",
@@ -42,39 +45,56 @@ __all__ = [
     "FixBias",
     "FixedLag",
     "ForceMode",
+    "Guidance",
     "Health",
+    "Hit",
     "IdentificationError",
     "Identified",
+    "Insertion",
     "InteractingMixture",
     "LeaveOneOut",
+    "Lesion",
     "MarkMeasurement",
+    "Needle",
     "OpenLoop",
     "OpenLoopBelief",
+    "Outlook",
     "ParticleFilter",
+    "PathSource",
     "Replay",
     "RunningScale",
     "Status",
     "StockUnscented",
     "TargetEstimate",
+    "TargetPath",
+    "Tenth",
     "TissueFilter",
     "TissueModel",
     "Tuned",
     "UnscentedKalmanFilter",
+    "advise",
     "after_frame",
     "anees",
     "autocorrelation",
+    "best_aim",
+    "calibration",
     "calibration_curve",
     "chi_square_bounds",
+    "clopper_pearson",
     "coverage",
     "crps_normal",
     "energy_score",
     "fixed_interval",
     "grown_covariance",
+    "guide",
+    "health_fault",
+    "hit_probability",
     "identify",
     "mean_bounds",
     "mixed",
     "normalised_squared",
     "over_runs",
+    "path_times",
     "pit_normal",
     "pit_squared",
     "portmanteau",

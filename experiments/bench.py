@@ -4,6 +4,8 @@ filter_step: one predict of 1/30 s in ten Runge-Kutta steps for 33 sigma points 
 marks; ours, and stock filterpy with the same model in plain NumPy, one sigma point after the other.
 full_step: predict of 1/30 s and update with three marks of the filter that is used: three modes, gates, health, what
 the marks carry; 16 states of the network and six pokes. considered: the same with ten unknown constants beside.
+advice: what `guide` does in two parts: one second of the target's path, told 30 times; advice from a path, 21 starts
+over 2 s, in the plane and in space; one probability of a hit in space.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
 """
 
@@ -16,7 +18,19 @@ import filterpy.kalman as filterpy
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent, pack, parameters, plain_step
-from estimators import MarkMeasurement, TissueFilter, UnscentedKalmanFilter, positive_points
+from estimators import (
+    Belief,
+    Guidance,
+    Insertion,
+    Lesion,
+    MarkMeasurement,
+    TargetPath,
+    TissueFilter,
+    UnscentedKalmanFilter,
+    advise,
+    hit_probability,
+    positive_points,
+)
 from experiments.line import FILTER, Line
 from experiments.scenario import read_scenario
 from experiments.simulate import film, scene_of, true_motion
@@ -32,6 +46,8 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     advance(0.4)
     report["full_step"] = full_step()
     advance(0.5)
+    report["advice"] = advice()
+    advance(0.6)
     report["loop_640x480"] = loop_640x480()
     advance(1.0)
     return report
@@ -123,6 +139,34 @@ def _step_ms(tissue: TissueFilter, n_frames: int) -> float:
         tissue.update(marks)
         seconds.append(time.perf_counter() - began)
     return 1e3 * float(np.median(seconds[n_frames // 10 :]))
+
+
+def advice() -> dict[str, float]:
+    """The path of the phantom's target for a second [ms], advice on a needle from a path, a hit's probability."""
+    network = four_mass_phantom()
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    at = {node: network.positions[network.index(node)] for node in OUTER}
+    for k in range(10):
+        tissue.predict(k * FRAME_S)
+        tissue.update([MarkMeasurement(node, at[node], 1e-6 * np.eye(2)) for node in OUTER])
+    times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
+    report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
+    t = FRAME_S * np.arange(121, dtype=np.float64)
+    for dim, name in ((2, "plane"), (3, "space")):
+        means = np.zeros((121, dim))
+        means[:, 0] = 5e-3 * np.cos(3.0 * t)
+        path = TargetPath(t, means, np.tile(1e-6 * np.eye(dim), (121, 1, 1)))
+        insertion = Insertion(0.06 * np.eye(dim)[1], -np.eye(dim)[1], 0.1)
+        lesion = Lesion.ball(5e-3, dim)
+        report[f"advise_{name}_ms"] = median_ms(_asked(path, insertion, lesion), 200)
+    belief, lesion = Belief.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
+    axis = np.eye(3)[1]
+    report["hit_probability_ms"] = median_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
+    return report
+
+
+def _asked(path: TargetPath, insertion: Insertion, lesion: Lesion) -> Callable[[], Guidance]:
+    return lambda: advise(path, insertion, lesion)
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:

@@ -123,6 +123,31 @@ def calibrate(
     print(f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}")
 
 
+@app.command()
+def advise(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    needle: Annotated[Path, typer.Option("--needle", help="The needle's file.", show_default=False)],
+    out: Out,
+    scene: SceneFile = None,
+    force: Force = False,
+) -> None:
+    """Say for each frame whether a needle should go in, wait or turn: a table and a picture."""
+    from experiments.advise import advise as run
+    from experiments.advise import write_advice
+    from experiments.needle_file import read_needle
+    from experiments.outputs import output_folder
+    from experiments.recording import open_recording
+    from experiments.tell import advice_line
+
+    opened = open_recording(recording, scene)
+    plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
+    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
+        done = run(opened, plan, stage("advise"))
+        write_advice(done, folder)
+    print(advice_line(done.counts()))
+    print(f"Table and picture in {out}")
+
+
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
 

@@ -32,6 +32,12 @@ def track_table(figures: Mapping[str, Row]) -> Table:
     return table
 
 
+def advice_line(counts: Mapping[str, int]) -> str:
+    """How many frames had which advice."""
+    frames = sum(counts.values())
+    return f"{frames} frames: " + ", ".join(f"{name} {n}" for name, n in counts.items())
+
+
 def demo_table(figures: Figures) -> Table:
     """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
     table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")

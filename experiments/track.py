@@ -56,7 +56,7 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
     n_frames = len(recording.exposures_s)
     steps = []
     checked: list[float] = []
-    for k, step in enumerate(_steps(line, recording)):
+    for k, step in enumerate(each_step(line, recording)):
         steps.append(step)
         if line.checks is not None:
             checked += [one.nees for one in line.checks.checks.values()]
@@ -71,7 +71,8 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
     return Track(recording, tuple(steps), target_truth(recording, steps), counts)
 
 
-def _steps(line: Line, recording: Recording) -> Iterator[Step]:
+def each_step(line: Line, recording: Recording) -> Iterator[Step]:
+    """What a line says of each frame of a recording, from its frames or from the marks that stand in their place."""
     if recording.marks is not None:
         for exposure_s, marks in zip(recording.exposures_s, recording.marks, strict=True):
             yield line.take(float(exposure_s), [measurement(mark) for mark in marks])

@@ -81,3 +81,30 @@ def test_no_past_and_no_never(followed, at):
 def test_no_future_before_the_first_frame(phantom):
     with pytest.raises(ValueError, match="time_s: expected None or later"):
         TissueFilter(phantom, HIDDEN, OUTER).predict_at(0.0)
+
+
+def test_a_path_is_the_target_at_each_of_its_times(followed):
+    """predict_path against predict_at of each, at multiples of the time between mixings: the same steps, 1e-12."""
+    times = followed.time_s + np.arange(7) / 30
+    means, covs = followed.predict_path(times)
+    for k, time_s in enumerate(times):
+        ahead = followed.predict_at(time_s)
+        np.testing.assert_allclose(means[k], ahead.mean, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(covs[k], ahead.cov, rtol=1e-9, atol=1e-16)
+    assert np.linalg.norm(means[-1] - means[0]) > 1e-4
+
+
+def test_a_path_leaves_the_filter_where_it_was(followed):
+    """The next prediction to the last bit, also after a fault on the way."""
+    before, time_s = followed.predict_at(followed.time_s + AHEAD_S), followed.time_s
+    followed.predict_path(time_s + np.arange(5) / 30)
+    after = followed.predict_at(time_s + AHEAD_S)
+    assert followed.time_s == time_s
+    np.testing.assert_array_equal(after.mean, before.mean)
+    np.testing.assert_array_equal(after.cov, before.cov)
+
+
+@pytest.mark.parametrize("ahead", [[], [-0.1, 0.0], [0.0, np.nan], [0.0, np.inf], [0.0, 0.2, 0.1, 0.3]])
+def test_a_path_goes_forward_and_ends(followed, ahead):
+    with pytest.raises(ValueError, match="times_s: expected"):
+        followed.predict_path(followed.time_s + np.array(ahead))

@@ -1,0 +1,63 @@
+"""Whether predicted probabilities came true: hits against predictions, tenth by tenth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import beta
+
+
+@dataclass(frozen=True, slots=True)
+class Tenth:
+    """Predictions from low to high, 0.3 to 0.4 say, and what came of them.
+
+    n: how many; mean: of what was predicted, None where n is 0; hits: how many came true
+    least, most: the interval of the true rate that the hits leave, Clopper and Pearson's [clopper1934]
+    inside: whether the mean lies in it; True where n is 0
+    """
+
+    low: float
+    high: float
+    n: int
+    mean: float | None
+    hits: int
+    least: float
+    most: float
+    inside: bool
+
+
+def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, float]:
+    """The rates that so many hits of n leave at this level; (0, 1) for n = 0."""
+    if not 0 <= hits <= n or not 0.0 < level < 1.0:
+        raise ValueError(f"clopper_pearson: expected 0 <= hits <= n, 0 < level < 1, found {hits}, {n}, {level}")
+    tail = 0.5 * (1.0 - level)
+    least = 0.0 if hits == 0 else float(beta.ppf(tail, hits, n - hits + 1))
+    most = 1.0 if hits == n else float(beta.ppf(1.0 - tail, hits + 1, n - hits))
+    return least, most
+
+
+def calibration(predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level: float = 0.99) -> tuple[Tenth, ...]:
+    """A row for each tenth of the predicted probabilities (n,), against whether it was a hit (n,).
+
+    A tenth holds what is at least its low and less than its high; the last holds 1, too. Raises ValueError for
+    probabilities beyond 0 and 1, and where the two differ in length.
+    """
+    p, came = np.asarray(predicted, dtype=float), np.asarray(hit, dtype=bool)
+    if p.ndim != 1 or p.shape != came.shape:
+        raise ValueError(f"calibration: expected as many hits as predictions, found {came.shape} and {p.shape}")
+    if not np.all((p >= 0.0) & (p <= 1.0)):
+        raise ValueError("calibration: expected probabilities from 0 to 1, found others")
+    edges = np.linspace(0.0, 1.0, 11).round(1)
+    which = np.minimum(np.searchsorted(edges, p, side="right") - 1, 9)
+    rows = []
+    for tenth in range(10):
+        own = which == tenth
+        n, hits = int(own.sum()), int(came[own].sum())
+        least, most = clopper_pearson(hits, n, level)
+        mean = float(p[own].mean()) if n else None
+        inside = mean is None or least <= mean <= most
+        rows.append(Tenth(float(edges[tenth]), float(edges[tenth + 1]), n, mean, hits, least, most, inside))
+    return tuple(rows)

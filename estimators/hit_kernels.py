@@ -1,0 +1,336 @@
+"""Compiled integrals of a Gaussian over a lesion, and of a needle's way along a predicted path of the target.
+
+Everything is mapped to the unit ball about the target: y are coordinates across the needle, a along it. A notch of
+length l has a core of at least L in the ball where |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and |y|² <= 1 - L²/4;
+a point has l = L = 0. The inner integral, along a, is a difference of error functions; those over y are Gauss-Legendre
+sums in the angle that makes h smooth at the ball's rim.
+"""
+
+from __future__ import annotations
+
+from math import asin, cos, erf, exp, inf, pi, sin, sqrt
+
+import numpy as np
+from numba import njit
+
+SIZES = (12, 20, 32, 64)
+"""Numbers of Gauss-Legendre nodes; the more the integrand changes over the interval, the more are taken."""
+
+FIRST = np.cumsum((0, *SIZES))
+NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
+WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
+
+WIDE = 6.5
+"""Standard deviations beyond which a Gaussian is taken for nothing: 8e-11 of it lies there."""
+
+
+STEEP, PARTS = 60.0, 15
+"""An interval over which the integrand changes by more standard deviations is cut, into no more parts than these."""
+
+
+@njit(cache=True, nogil=True)
+def _rule(span):  # type: ignore[no-untyped-def]
+    """Which of the rules is enough for an integrand that changes over so many standard deviations."""
+    if span < 4.0:
+        return 0
+    if span < 9.0:
+        return 1
+    return 2 if span < 20.0 else 3
+
+
+@njit(cache=True, nogil=True)
+def _slab(k, mean, sd):  # type: ignore[no-untyped-def]
+    """Probability that |a| <= k."""
+    if sd <= 0.0:
+        return 1.0 if abs(mean) <= k else 0.0
+    scale = 1.0 / (sd * sqrt(2.0))
+    return 0.5 * (erf((k - mean) * scale) + erf((k + mean) * scale))
+
+
+@njit(cache=True, nogil=True)
+def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
+    """Probability that |a| <= sqrt(radius² - y²) + extra and |y| <= edge.
+
+    y is normal with mean m and standard deviation s, and a, given y, with mean a + slope (y - m) and tau.
+    """
+    low, high = max(-edge, m - WIDE * s), min(edge, m + WIDE * s)
+    if s <= 0.0:
+        return _slab(sqrt(radius * radius - m * m) + extra, a, tau) if abs(m) <= edge else 0.0
+    if low >= high:
+        return 0.0
+    start, end = asin(max(low / radius, -1.0)), asin(min(high / radius, 1.0))
+    rise = 1.0 if low * high < 0.0 else max(cos(start), cos(end))
+    changes = radius * (rise - min(cos(start), cos(end))) + abs(slope) * (high - low)
+    span = (high - low) / s
+    if tau * span < changes:
+        span = min(changes / tau, STEEP * PARTS) if tau > 0.0 else STEEP * PARTS
+    parts = 1 + int(span / STEEP)
+    rule = _rule(span)
+    half = 0.5 * (end - start) / parts
+    total = 0.0
+    for part in range(parts):
+        middle = start + (2 * part + 1) * half
+        for i in range(FIRST[rule], FIRST[rule + 1]):
+            angle = middle + half * NODES[i]
+            y, h = radius * sin(angle), radius * cos(angle)
+            z = (y - m) / s
+            total += WEIGHTS[i] * h * exp(-0.5 * z * z) * _slab(h + extra, a + slope * (y - m), tau)
+    return total * half / (s * sqrt(2.0 * pi))
+
+
+@njit(cache=True, nogil=True)
+def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
+    """As `_disc` in the unit ball in space: m, s, slope (2,) of two independent coordinates across."""
+    reach = WIDE * s[0]
+    low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
+    if s[0] <= 0.0:
+        if abs(m[0]) > edge:
+            return 0.0
+        left = sqrt(max(edge * edge - m[0] * m[0], 0.0))
+        return _disc(sqrt(max(1.0 - m[0] * m[0], 0.0)), left, extra, m[1], s[1], a, slope[1], tau)
+    if low >= high:
+        return 0.0
+    start, end = asin(max(low / edge, -1.0)), asin(min(high / edge, 1.0))
+    half, middle = 0.5 * (end - start), 0.5 * (end + start)
+    rise = 1.0 if low * high < 0.0 else max(cos(start), cos(end))
+    least = max(min(s[1], tau), 1e-9)
+    changes = edge * (rise - min(cos(start), cos(end))) + abs(slope[0]) * (high - low)
+    rule = _rule(max((high - low) / s[0], changes / least))
+    total = 0.0
+    for i in range(FIRST[rule], FIRST[rule + 1]):
+        angle = middle + half * NODES[i]
+        y, left = edge * sin(angle), edge * cos(angle)
+        z = (y - m[0]) / s[0]
+        radius = sqrt(max(1.0 - y * y, 1e-300))
+        inner = _disc(radius, min(left, radius), extra, m[1], s[1], a + slope[0] * (y - m[0]), slope[1], tau)
+        total += WEIGHTS[i] * left * exp(-0.5 * z * z) * inner
+    return total * half / (s[0] * sqrt(2.0 * pi))
+
+
+@njit(cache=True, nogil=True)
+def rotation_of(C, n):  # type: ignore[no-untyped-def]
+    """Rotation V with V' C V diagonal, of the leading n x n block of C, by Jacobi's sweeps; the rest stays."""
+    A, V = C.copy(), np.eye(C.shape[0])
+    for _ in range(20):
+        off = 0.0
+        size = 0.0
+        for p in range(n):
+            size += abs(A[p, p])
+            for q in range(p + 1, n):
+                off += abs(A[p, q])
+        if off <= 1e-15 * size:
+            break
+        for p in range(n):
+            for q in range(p + 1, n):
+                if A[p, q] == 0.0:
+                    continue
+                ratio = 0.5 * (A[q, q] - A[p, p]) / A[p, q]
+                t = 1.0 / (abs(ratio) + sqrt(ratio * ratio + 1.0))
+                if ratio < 0.0:
+                    t = -t
+                c = 1.0 / sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(A.shape[0]):
+                    x, y = A[k, p], A[k, q]
+                    A[k, p], A[k, q] = c * x - s * y, s * x + c * y
+                for k in range(A.shape[0]):
+                    x, y = A[p, k], A[q, k]
+                    A[p, k], A[q, k] = c * x - s * y, s * x + c * y
+                    x, y = V[k, p], V[k, q]
+                    V[k, p], V[k, q] = c * x - s * y, s * x + c * y
+    return A, V
+
+
+@njit(cache=True, nogil=True)
+def _frame(w):  # type: ignore[no-untyped-def]
+    """Orthonormal columns (d, d), the last of them the unit vector w (d,)."""
+    d = w.shape[0]
+    F = np.zeros((d, d))
+    if d == 2:
+        F[0, 0], F[1, 0] = -w[1], w[0]
+    else:
+        k = int(np.argmin(np.abs(w)))
+        size = sqrt(1.0 - w[k] * w[k])
+        for i in range(3):
+            F[i, 0] = ((1.0 if i == k else 0.0) - w[k] * w[i]) / size
+        F[0, 1] = w[1] * F[2, 0] - w[2] * F[1, 0]
+        F[1, 1] = w[2] * F[0, 0] - w[0] * F[2, 0]
+        F[2, 1] = w[0] * F[1, 0] - w[1] * F[0, 0]
+    for i in range(d):
+        F[i, d - 1] = w[i]
+    return F
+
+
+@njit(cache=True, nogil=True)
+def _moved(F, m, C):  # type: ignore[no-untyped-def]
+    """F' m and F' C F, by loops: three coordinates are too few for LAPACK."""
+    d = m.shape[0]
+    x, P, half = np.zeros(d), np.zeros((d, d)), np.zeros((d, d))
+    for i in range(d):
+        for k in range(d):
+            x[i] += F[k, i] * m[k]
+            for j in range(d):
+                half[i, j] += F[k, i] * C[k, j]
+    for i in range(d):
+        for j in range(d):
+            for k in range(d):
+                P[i, j] += half[i, k] * F[k, j]
+    return x, P
+
+
+@njit(cache=True, nogil=True)
+def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
+    """Probability that a notch has a core of at least `core` in the lesion; with length 0, that its middle lies there.
+
+    offset (d,), cov (d, d): the notch's middle less the target; axis (d,): unit vector along the needle;
+    to_ball (d, d): the linear map of the lesion to the unit ball
+    """
+    d = offset.shape[0]
+    m, C = _moved(to_ball.T, offset, cov)
+    if length <= 0.0:
+        A, V = rotation_of(C, d)
+        order = np.argsort(np.diag(A))
+        F = np.empty((d, d))
+        for j in range(d):
+            for i in range(d):
+                F[i, j] = V[i, order[j]]
+        scale = 0.0
+    else:
+        w = np.zeros(d)
+        size = 0.0
+        for i in range(d):
+            for k in range(d):
+                w[i] += to_ball[i, k] * axis[k]
+            size += w[i] * w[i]
+        scale = sqrt(size)
+        F = _frame(w / scale)
+    x, P = _moved(F, m, C)
+    if length > 0.0 and d == 3:
+        _, V = rotation_of(P, 2)
+        x, P = _moved(V, x, P)
+    extra = scale * (0.5 * length - core)
+    edge = 1.0 - (0.5 * scale * core) ** 2
+    if edge <= 0.0:
+        return 0.0
+    edge = sqrt(edge)
+    s, slope = np.zeros(d - 1), np.zeros(d - 1)
+    left = P[d - 1, d - 1]
+    for i in range(d - 1):
+        s[i] = sqrt(max(P[i, i], 0.0))
+        if length > 0.0 and P[i, i] > 0.0:
+            slope[i] = P[d - 1, i] / P[i, i]
+            left -= slope[i] * P[d - 1, i]
+    tau = sqrt(max(left, 0.0))
+    if d == 2:
+        return _disc(1.0, edge, extra, x[0], s[0], x[1], slope[0], tau)
+    return _solid(edge, extra, x, s, x[2], slope, tau)
+
+
+@njit(cache=True, nogil=True)
+def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
+    """`hit` of each of several: offsets (k, d), covs (k, d, d) give (k,)."""
+    found = np.empty(offsets.shape[0])
+    for i in range(found.shape[0]):
+        found[i] = hit(offsets[i], covs[i], axis, to_ball, length, core)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
+    """The path's mean at t in its interval j: cubic, its slopes those of parabolas through three neighbours."""
+    n, d = means.shape
+    step = times[j + 1] - times[j]
+    u = (t - times[j]) / step
+    found = np.empty(d)
+    for i in range(d):
+        rise = (means[j + 1, i] - means[j, i]) / step
+        first, last = rise, rise
+        if j > 0:
+            before = times[j] - times[j - 1]
+            slope = (means[j, i] - means[j - 1, i]) / before
+            first = (slope * step + rise * before) / (step + before)
+        if j < n - 2:
+            after = times[j + 2] - times[j + 1]
+            slope = (means[j + 2, i] - means[j + 1, i]) / after
+            last = (slope * step + rise * after) / (step + after)
+        found[i] = (
+            (1.0 + 2.0 * u) * (1.0 - u) ** 2 * means[j, i]
+            + u * (1.0 - u) ** 2 * step * first
+            + u * u * (3.0 - 2.0 * u) * means[j + 1, i]
+            + u * u * (u - 1.0) * step * last
+        )
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
+    """Depth of the tip at which the notch is beside the target, along the axis or, if aimed, along the way to it."""
+    along, squared = 0.0, 0.0
+    for i in range(entry.shape[0]):
+        along += axis[i] * (mean[i] - entry[i])
+        squared += (mean[i] - entry[i]) ** 2
+    return (sqrt(squared) if aimed else along) + reach
+
+
+@njit(cache=True, nogil=True)
+def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
+    """Interval and time at which a tip that leaves at `start` first is as deep as it should be; (-1, inf) if never."""
+    times, means, _covs = path
+    entry, axis, speed, depth, reach = needle
+    n = times.shape[0]
+    j = min(max(int(np.searchsorted(times, start)) - 1, 0), n - 2)
+    if depth >= _wanted(_mean_at(times, means, j, start), entry, axis, reach, aimed):
+        return j, start
+    while j < n - 1:
+        tip = depth + speed * (times[j + 1] - start)
+        if tip >= _wanted(means[j + 1], entry, axis, reach, aimed):
+            low, high = max(start, times[j]), times[j + 1]
+            for _ in range(40):
+                middle = 0.5 * (low + high)
+                there = _wanted(_mean_at(times, means, j, middle), entry, axis, reach, aimed)
+                if depth + speed * (middle - start) >= there:
+                    high = middle
+                else:
+                    low = middle
+                if high - low < 1e-7:
+                    break
+            return j, high
+        j += 1
+    return -1, inf
+
+
+@njit(cache=True, nogil=True)
+def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
+    """What comes of an insertion that begins at each of these times.
+
+    Gives arrivals (k,), depths (k,), where the target is then, (k, d), and the probabilities of a hit, (k,).
+
+    path: times (n,), means (n, d), covs (n, d, d) of the target
+    needle: entry (d,), axis (d,), speed, depth now, reach from the tip back to the notch's middle
+    spread: variance of the tip in every direction, and by squared depth across the needle
+    aimed: the needle is first turned about its entry to where the target will be
+    Never arrived: inf, and p 0.
+    """
+    times, means, covs = path
+    entry, axis, _speed, depth, reach = needle
+    k, d = starts.shape[0], means.shape[1]
+    arrivals, depths, targets, p = np.full(k, inf), np.full(k, inf), np.full((k, d), inf), np.zeros(k)
+    for i in range(k):
+        j, at = _arrival(starts[i], path, needle, aimed)
+        if j < 0:
+            continue
+        mean = _mean_at(times, means, j, at)
+        wanted = _wanted(mean, entry, axis, reach, aimed)
+        way = (mean - entry) / max(wanted - reach, 1e-12) if aimed else axis
+        deep = max(wanted, depth)
+        share = (at - times[j]) / (times[j + 1] - times[j])
+        cov, offset = np.empty((d, d)), np.empty(d)
+        for a in range(d):
+            offset[a] = entry[a] + (deep - reach) * way[a] - mean[a]
+            for b in range(d):
+                cov[a, b] = (1.0 - share) * covs[j, a, b] + share * covs[j + 1, a, b]
+                cov[a, b] += spread[0] + spread[1] * deep * deep if a == b else 0.0
+                cov[a, b] -= spread[1] * deep * deep * way[a] * way[b]
+        arrivals[i], depths[i], targets[i] = at, wanted, mean
+        p[i] = hit(offset, cov, way, to_ball, length, core)
+    return arrivals, depths, targets, p

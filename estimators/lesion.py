@@ -1,0 +1,62 @@
+"""The lesion about the target: a ball or an ellipsoid, in the plane or in space, that moves with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lesion:
+    """All places x with |axes⁻¹ (x - target)| <= 1.
+
+    axes: columns are the semi-axes [m], (dim, dim); of a ball, its radius times the identity
+    Raises ValueError where they do not span the plane or space.
+    """
+
+    axes: Floats
+
+    def __post_init__(self) -> None:
+        axes = np.asarray(self.axes, dtype=float)
+        if axes.shape not in ((2, 2), (3, 3)):
+            raise ValueError(f"lesion axes: expected shape (2, 2) or (3, 3), found {axes.shape}")
+        sizes = np.linalg.svd(axes, compute_uv=False) if np.isfinite(axes).all() else np.zeros(1)
+        if not sizes[-1] > 1e-9 * sizes[0]:
+            raise ValueError(f"lesion axes: expected finite ones that span {len(axes)} dimensions, found {axes}")
+
+    @classmethod
+    def ball(cls, radius_m: float, dim: int) -> Lesion:
+        """A disc (dim 2) or a ball (dim 3) of this radius [m]."""
+        if not 0.0 < radius_m < np.inf:
+            raise ValueError(f"lesion radius: expected more than 0 m, found {radius_m}")
+        return cls(radius_m * np.eye(dim))
+
+    @property
+    def dim(self) -> int:
+        """Of the space it lies in."""
+        return len(self.axes)
+
+    @property
+    def to_ball(self) -> Floats:
+        """The linear map that makes the lesion the unit ball [1/m], (dim, dim)."""
+        return np.ascontiguousarray(np.linalg.inv(self.axes))
+
+    def contains(self, offsets: Floats) -> NDArray[np.bool_]:
+        """Whether places at these offsets from the target [m], (n, dim), lie in the lesion, (n,)."""
+        return (np.square(offsets @ self.to_ball.T)).sum(axis=1) <= 1.0
+
+    def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
+        """Lengths [m], (n,), in the lesion of segments of this length along a unit vector (dim,).
+
+        offsets: of the segments' middles from the target [m], (n, dim)
+        """
+        x, w = offsets @ self.to_ball.T, self.to_ball @ axis
+        squared = w @ w
+        nearest = -(x @ w) / squared  # along the axis from the middle [m]
+        half = np.sqrt(np.maximum(0.0, nearest**2 - ((x**2).sum(axis=1) - 1.0) / squared))
+        low = np.maximum(nearest - half, -0.5 * length_m)
+        return np.maximum(0.0, np.minimum(nearest + half, 0.5 * length_m) - low)

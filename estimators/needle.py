@@ -1,0 +1,107 @@
+"""The needle: its notch, what counts as a hit, how unsure its tip is, where it stands and how fast it goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Hit(StrEnum):
+    """What has to lie in the lesion."""
+
+    TIP = "TIP"
+    """The needle's tip."""
+    NOTCH = "NOTCH"
+    """The middle of the notch."""
+    CORE = "CORE"
+    """A piece of the notch, hence of the core of tissue that it cuts, of at least core_m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Needle:
+    """A side-notch core needle.
+
+    hit: what counts as a hit
+    notch_offset_m: from the tip back to the notch [m]; usual: 5 mm, the part that a biopsy gun is widely reported not
+        to sample [skiparea]
+    notch_length_m: usual: 20 mm, the specimen bed of a common gun [deflection]
+    core_m: least length of tissue from the lesion for CORE [m]
+    tip_sd_m: standard deviation of the tracked tip in each direction [m]
+    bending_sd: and what bending adds to it across the needle, by depth [m/m]; chosen: 0.9 mm at 45 mm, what such a gun
+        was deflected by on average in a phantom [deflection]; in patients it is more, see `docs/guidance.md`
+    """
+
+    hit: Hit = Hit.NOTCH
+    notch_offset_m: float = 5e-3
+    notch_length_m: float = 20e-3
+    core_m: float = 5e-3
+    tip_sd_m: float = 0.5e-3
+    bending_sd: float = 0.02
+
+    def __post_init__(self) -> None:
+        for name in ("notch_offset_m", "tip_sd_m", "bending_sd"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"needle {name}: expected 0 or more, found {getattr(self, name)}")
+        for name in ("notch_length_m", "core_m"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"needle {name}: expected more than 0, found {getattr(self, name)}")
+        if self.hit is Hit.CORE and self.core_m > self.notch_length_m:
+            raise ValueError(
+                f"needle core_m: expected no more than notch_length_m ({self.notch_length_m}), found {self.core_m}"
+            )
+
+    @property
+    def reach_m(self) -> float:
+        """From the tip back to the point that is aimed with [m]."""
+        return 0.0 if self.hit is Hit.TIP else self.notch_offset_m + 0.5 * self.notch_length_m
+
+    @property
+    def sampled(self) -> tuple[float, float]:
+        """Length of what samples [m], 0 for a point, and how much of it must lie in the lesion [m]."""
+        return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Variance of the tip in every direction [m²], and across the needle by squared depth."""
+        return self.tip_sd_m**2, self.bending_sd**2
+
+    def tip_cov(self, axis: Floats, depth_m: float) -> Floats:
+        """Covariance of the tip [m²], (dim, dim), so deep [m] along a unit vector (dim,)."""
+        every, across = self.spread
+        dim = len(axis)
+        return every * np.eye(dim) + across * depth_m**2 * (np.eye(dim) - np.outer(axis, axis))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Insertion:
+    """A needle on its way.
+
+    entry: where it enters the tissue [m], (dim,)
+    axis: unit vector along it, (dim,); any length is taken and made 1
+    speed_m_s: at which it goes in
+    depth_m: of its tip beyond the entry, now; 0 before it is inserted
+    """
+
+    entry: Floats
+    axis: Floats
+    speed_m_s: float
+    depth_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        entry, axis = np.array(self.entry, dtype=float), np.array(self.axis, dtype=float)
+        size = float(np.linalg.norm(axis))
+        if entry.shape not in ((2,), (3,)) or axis.shape != entry.shape:
+            raise ValueError(f"insertion: expected entry and axis of 2 or 3 each, found {entry.shape}, {axis.shape}")
+        if not (np.isfinite(entry).all() and 0.0 < size < np.inf):
+            raise ValueError(f"insertion: expected a finite entry and direction, found {entry} and {axis}")
+        if not 0.0 < self.speed_m_s < np.inf:
+            raise ValueError(f"insertion speed_m_s: expected more than 0, found {self.speed_m_s}")
+        if not 0.0 <= self.depth_m < np.inf:
+            raise ValueError(f"insertion depth_m: expected 0 or more, found {self.depth_m}")
+        object.__setattr__(self, "entry", entry)
+        object.__setattr__(self, "axis", axis / size)

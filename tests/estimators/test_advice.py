@@ -1,0 +1,262 @@
+"""Advice on a needle: closed-form ways of the target, and every reason to give no guidance."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from estimators import (
+    Advice,
+    AdviceSettings,
+    Belief,
+    Hit,
+    Insertion,
+    Lesion,
+    Needle,
+    Status,
+    TargetEstimate,
+    TargetPath,
+    advise,
+    guide,
+    hit_probability,
+    path_times,
+)
+
+NOW_S = 10.0
+TIP = Needle(hit=Hit.TIP, tip_sd_m=0.3e-3, bending_sd=0.01)
+DOWN = Insertion(np.array([0.0, 0.1]), np.array([0.0, -1.0]), speed_m_s=0.1)
+DISC = Lesion.ball(4e-3, 2)
+HEALTHY = TargetEstimate(NOW_S, np.array([0.0, 0.04]), 1e-6 * np.eye(2), Status.TRACKING, 3)
+
+
+def path_of(where, sd=1e-3, seconds=4.0, step=1 / 30):
+    """A path whose mean at each time since NOW_S is where(t), (k, dim), and whose sd an axis [m] is one number."""
+    t = step * np.arange(int(seconds / step) + 1)
+    means = where(t)
+    return TargetPath(NOW_S + t, means, np.tile(sd**2 * np.eye(means.shape[1]), (len(t), 1, 1)))
+
+
+def at(x, y):
+    return lambda t: np.tile([x, y], (len(t), 1)).astype(float)
+
+
+class Filter:
+    """A filter whose target rests; it must not be asked where the estimate is not healthy."""
+
+    def __init__(self, seen_s, healthy=False):
+        self.seen_s = seen_s
+        self.healthy = healthy
+
+    def predict_path(self, times_s):
+        """The resting target."""
+        assert self.healthy, "asked for a path in spite of the estimate's health"
+        return np.tile(HEALTHY.mean, (len(times_s), 1)), np.tile(1e-6 * np.eye(2), (len(times_s), 1, 1))
+
+
+FAULTS = {
+    "initialising": (replace(HEALTHY, status=Status.INITIALISING), NOW_S, NOW_S, "the estimate is INITIALISING"),
+    "lost": (replace(HEALTHY, status=Status.LOST), NOW_S, NOW_S, "the estimate is LOST"),
+    "diverged": (replace(HEALTHY, status=Status.DIVERGED), NOW_S, NOW_S, "the estimate is DIVERGED"),
+    "stale": (HEALTHY, NOW_S + 0.11, NOW_S + 0.11, "the estimate is 0.11 s old, more than 0.1 s"),
+    "coasting": (replace(HEALTHY, status=Status.COASTING), NOW_S, NOW_S - 0.21, "no mark was seen for 0.21 s"),
+    "never seen": (HEALTHY, NOW_S, None, "no mark was seen for inf s"),
+    "model only": (replace(HEALTHY, model_only=True), NOW_S, NOW_S, "the model alone speaks"),
+    "no covariance": (replace(HEALTHY, cov=None), NOW_S, NOW_S, "the estimate has no covariance"),
+    "not finite": (replace(HEALTHY, mean=np.array([np.nan, 0.0])), NOW_S, NOW_S, "the estimate is not finite"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_no_guidance_without_a_healthy_estimate(fault):
+    """Nothing but the reason is told, and the path is not asked for."""
+    estimate, now_s, seen_s, reason = FAULTS[fault]
+    said = guide(Filter(seen_s), estimate, DOWN, DISC, needle=TIP, now_s=now_s)
+    assert said.advice is Advice.NO_GUIDANCE
+    assert reason in said.reason
+    assert (said.probability, said.aim, said.arrival_s, said.best_in_s, said.outlook) == (None,) * 5
+
+
+@pytest.mark.parametrize("estimate", [HEALTHY, replace(HEALTHY, status=Status.COASTING)])
+def test_guidance_up_to_the_bounds(estimate):
+    """0.09 s old and unseen for 0.19 s, TRACKING or COASTING."""
+    said = guide(Filter(NOW_S - 0.1, healthy=True), estimate, DOWN, DISC, needle=TIP, now_s=NOW_S + 0.09)
+    assert said.advice is Advice.GO
+
+
+def test_go_at_a_target_that_rests_on_the_needles_line():
+    """60 mm at 100 mm/s; the probability is that of the tip's and the target's covariances there."""
+    said = advise(path_of(at(0.0, 0.04)), DOWN, DISC, needle=TIP)
+    assert said.advice is Advice.GO
+    assert said.arrival_s == pytest.approx(NOW_S + 0.6, abs=1e-6)
+    assert said.depth_m == pytest.approx(0.06, abs=1e-9)
+    assert said.lateral_m == pytest.approx(0.0, abs=1e-12)
+    assert said.turn_rad == pytest.approx(0.0, abs=1e-9)
+    target = Belief.gaussian(np.array([0.0, 0.04]), 1e-6 * np.eye(2))
+    tip = Belief.gaussian(np.array([0.0, 0.04]), TIP.tip_cov(DOWN.axis, 0.06))
+    assert said.probability == pytest.approx(hit_probability(target, tip, DOWN.axis, DISC, needle=TIP), abs=1e-9)
+    np.testing.assert_allclose(said.aim, [0.0, 0.04], atol=1e-12)
+    np.testing.assert_allclose(said.cov, 1e-6 * np.eye(2), rtol=1e-9)
+
+
+def test_bending_across_the_needle_grows_with_depth():
+    """Variances 0.3² mm² along it, and (0.01 60)² mm² more across."""
+    np.testing.assert_allclose(1e6 * TIP.tip_cov(DOWN.axis, 0.06), np.diag([0.09 + 0.36, 0.09]), rtol=1e-12)
+
+
+def test_the_target_is_met_where_it_will_be():
+    """From 60 mm, coming nearer by 50 mm/s and aside by 20: met after 0.4 s, 40 mm deep and 8 mm aside."""
+    said = advise(path_of(lambda t: np.c_[0.02 * t, 0.04 + 0.05 * t]), DOWN, DISC, needle=TIP)
+    assert said.arrival_s == pytest.approx(NOW_S + 0.4, abs=1e-6)
+    assert said.depth_m == pytest.approx(0.04, abs=1e-6)
+    assert said.lateral_m == pytest.approx(0.008, abs=1e-6)
+
+
+def test_the_notch_is_brought_to_the_target_and_not_the_tip():
+    """5 + 20/2 mm further; the rest of the way is counted from where the tip stands already."""
+    begun = replace(DOWN, depth_m=0.03)
+    said = advise(path_of(at(0.0, 0.04)), begun, DISC, needle=Needle())
+    assert said.depth_m == pytest.approx(0.045, abs=1e-9)
+    assert said.arrival_s == pytest.approx(NOW_S + 0.45, abs=1e-6)
+
+
+def test_turned_to_a_target_beside_the_line():
+    """45 mm aside at 60 mm: by atan(3/4), and 75 mm deep."""
+    said = advise(path_of(at(0.045, 0.04)), DOWN, DISC, needle=TIP)
+    assert said.advice is Advice.REALIGN
+    assert said.lateral_m == pytest.approx(0.045)
+    assert said.turn_rad == pytest.approx(np.arctan(0.75), abs=1e-9)
+    np.testing.assert_allclose(said.turned_axis, [0.6, -0.8], atol=1e-9)
+    tip = Belief.gaussian(np.array([0.045, 0.04]), TIP.tip_cov(said.turned_axis, 0.075))
+    target = Belief.gaussian(np.array([0.045, 0.04]), 1e-6 * np.eye(2))
+    known = hit_probability(target, tip, said.turned_axis, DISC, needle=TIP)
+    assert said.turned_probability == pytest.approx(known, abs=1e-9)
+    assert f"turned by {np.degrees(np.arctan(0.75)):.1f} deg" in said.reason
+
+
+def test_wait_for_a_target_that_swings_to_the_line():
+    """Aside by 30 mm cos(2 pi t / 2.8 s), on the line at 0.7 s: 0.6 s of way, so one begins at 0.1 s."""
+    said = advise(path_of(lambda t: np.c_[0.03 * np.cos(2 * np.pi * t / 2.8), 0.04 + 0 * t]), DOWN, DISC, needle=TIP)
+    assert said.advice is Advice.WAIT
+    assert said.best_in_s == pytest.approx(0.1, abs=1e-9)
+    assert said.reason == "in 0.1 s a hit is 99 % probable, now 1 %"
+
+
+def test_each_moment_of_the_outlook_is_that_moments_own_advice():
+    """The probability told for a later start is what is told then, of the same path."""
+    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0.005 * np.sin(5 * t)])
+    settings = AdviceSettings(horizon_s=1.0)
+    said = advise(path, DOWN, DISC, needle=TIP, settings=settings)
+    assert len(said.outlook.starts_s) == 11
+    for start, arrival, p in zip(
+        said.outlook.starts_s, said.outlook.arrivals_s, said.outlook.probabilities, strict=True
+    ):
+        then = advise(path, DOWN, DISC, needle=TIP, settings=replace(settings, horizon_s=0.0), now_s=float(start))
+        assert (then.arrival_s, then.probability) == (arrival, p)
+    assert said.best_probability == said.outlook.probabilities.max()
+    assert np.ptp(said.outlook.probabilities) > 0.3
+
+
+def test_between_the_times_of_the_path_the_target_moves_smoothly():
+    """A swing of 10 mm at 3 Hz, told at 30 a second: met within 0.1 mm of where it is (straight lines: 0.5 mm)."""
+    where = lambda t: np.c_[0.01 * np.sin(6 * np.pi * t), 0.04 + 0 * t]  # noqa: E731
+    path = path_of(where)
+    worst = 0.0
+    for k in range(20):
+        slow = replace(DOWN, speed_m_s=0.1 + 1e-3 * k)
+        said = advise(path, slow, DISC, needle=TIP)
+        worst = max(worst, np.abs(said.aim - where(np.array([said.arrival_s - NOW_S]))[0]).max())
+    assert worst < 0.1e-3
+
+
+def test_a_tip_that_is_too_deep_is_drawn_back():
+    said = advise(path_of(at(0.0, 0.04)), replace(DOWN, depth_m=0.065), DISC, needle=TIP)
+    assert said.advice is Advice.REALIGN
+    assert said.depth_m == pytest.approx(-0.005, abs=1e-9)
+    assert said.reason == "the tip is 5.0 mm too deep: draw it back"
+    assert said.arrival_s == NOW_S
+    assert said.probability < 0.4
+
+
+def test_wait_where_the_target_is_too_uncertain():
+    """Sd 4 mm for a radius of 4 mm: at most 1 - exp(-1/2)."""
+    said = advise(path_of(at(0.0, 0.04), sd=4e-3), DOWN, DISC, needle=TIP)
+    assert said.advice is Advice.WAIT
+    assert said.reason.startswith("the target is too uncertain")
+    assert said.probability < 0.4
+
+
+def test_wait_where_the_target_is_out_of_reach():
+    """It flees at 200 mm/s from a needle of 100."""
+    said = advise(path_of(lambda t: np.c_[0 * t, 0.04 - 0.2 * t]), DOWN, DISC, needle=TIP)
+    assert said.advice is Advice.WAIT
+    assert said.reason == "the needle does not reach the target within 4.0 s"
+    assert (said.probability, said.best_probability) == (None, 0.0)
+
+
+def test_a_gain_that_is_not_worth_it_is_not_waited_for():
+    """The sd across, hence 2 Phi(r/s) - 1 for a core on a long lesion, shrinks: waited for only from `worth` on."""
+    t = np.arange(121) / 30
+    covs = np.zeros((121, 2, 2))
+    covs[:, 0, 0] = np.where(t < 1.0, 2e-3, 1.6e-3) ** 2
+    path = TargetPath(NOW_S + t, np.tile([0.0, 0.04], (121, 1)), covs)
+    still = replace(TIP, tip_sd_m=0.0, bending_sd=0.0)
+    lesion = Lesion(np.diag([4e-3, 1.0]))
+    now, later = (2 * norm.cdf(4 / sd) - 1 for sd in (2.0, 1.6))
+    for worth, what in ((later - now + 1e-3, Advice.GO), (later - now - 1e-3, Advice.WAIT)):
+        said = advise(path, DOWN, lesion, needle=still, settings=AdviceSettings(worth=worth))
+        assert (said.advice, said.probability) == (what, pytest.approx(now, abs=1e-4))
+        assert said.best_probability == pytest.approx(later, abs=1e-4)
+
+
+def test_in_space_it_is_the_same():
+    """45 mm aside out of the plane: turned by atan(3/4)."""
+    path = TargetPath(
+        NOW_S + np.arange(121) / 30, np.tile([0.0, 0.04, 0.045], (121, 1)), np.tile(1e-6 * np.eye(3), (121, 1, 1))
+    )
+    down = Insertion(np.array([0.0, 0.1, 0.0]), np.array([0.0, -2.0, 0.0]), 0.1)
+    said = advise(path, down, Lesion.ball(4e-3, 3), needle=TIP)
+    assert said.advice is Advice.REALIGN
+    np.testing.assert_allclose(said.turned_axis, [0.0, -0.8, 0.6], atol=1e-9)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_advice_takes_less_than_half_a_millisecond(dim):
+    """21 starts over 2 s; the fastest of 200, for other work on the machine is not what is measured."""
+    pad = np.zeros(dim - 2)
+    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0 * t, np.zeros((len(t), dim - 2))])
+    down = Insertion(np.r_[DOWN.entry, pad], np.r_[DOWN.axis, pad], 0.1)
+    took = []
+    for _ in range(200):
+        began = time.perf_counter()
+        advise(path, down, Lesion.ball(4e-3, dim), needle=TIP)
+        took.append(time.perf_counter() - began)
+    assert min(took) < 0.5e-3
+
+
+def test_the_path_reaches_to_the_end_of_the_last_way():
+    """2 s of horizon, 60 mm at 100 mm/s, half a second to spare."""
+    times = path_times(HEALTHY, DOWN, TIP, AdviceSettings(), NOW_S)
+    assert times[0] == NOW_S
+    assert NOW_S + 3.1 <= times[-1] <= NOW_S + 3.1 + 2.1 / 30
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: AdviceSettings(go=1.2), "advice go, worth: expected 0 to 1"),
+        (lambda: AdviceSettings(step_s=0.0), "advice step_s: expected more than 0"),
+        (lambda: AdviceSettings(stale_s=-1.0), "advice stale_s: expected more than 0"),
+        (lambda: replace(DOWN, speed_m_s=0.0), "insertion speed_m_s: expected more than 0"),
+        (lambda: replace(DOWN, depth_m=-0.1), "insertion depth_m: expected 0 or more"),
+        (lambda: replace(DOWN, axis=np.zeros(2)), "expected a finite entry and direction"),
+        (lambda: replace(DOWN, axis=np.ones(3)), "expected entry and axis of 2 or 3 each"),
+        (lambda: path_of(at(0.0, 0.0), seconds=0.0), "path: expected two or more times"),
+        (lambda: advise(path_of(at(0.0, 0.0), seconds=1.0), DOWN, DISC), "path: expected to reach from 10.0 to 12.0"),
+        (lambda: advise(path_of(at(0.0, 0.0)), DOWN, Lesion.ball(1.0, 3)), "dimensions: expected path, insertion"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
