@@ -9,6 +9,7 @@ from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.extended import ExtendedKalmanFilter
 from estimators.health import Health
 from estimators.identification import IdentificationError, Identified, identify, principal
+from estimators.known_push import KnownPush, Push
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.mixture import InteractingMixture, mixed
 from estimators.open_loop import OpenLoop
@@ -46,11 +47,13 @@ __all__ = [
     "IdentificationError",
     "Identified",
     "InteractingMixture",
+    "KnownPush",
     "LeaveOneOut",
     "MarkMeasurement",
     "OpenLoop",
     "OpenLoopBelief",
     "ParticleFilter",
+    "Push",
     "Replay",
     "RunningScale",
     "Status",
