@@ -134,8 +134,11 @@ def dent(network: MassSpringNetwork, needle: Needle, t: float, positions: ArrayL
 
     positions: of all nodes [m], (..., n_nodes, dim)
     """
-    pose = needle.pose(t)
     given_way = shares(network, needle.entry, needle.reach_m) @ (np.asarray(positions) - network.positions)
+    return _dent(needle, needle.pose(t), given_way)
+
+
+def _dent(needle: Needle, pose: Pose, given_way: Floats) -> Floats:
     return np.asarray((pose.tip - needle.entry - given_way) @ pose.direction)
 
 
@@ -156,18 +159,19 @@ def needle_load(
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
     if not punctured:
-        contact = needle.contact_N_m * np.maximum(0.0, dent(network, needle, t, x))
-        points, along = needle.entry[None], contact[..., None]
+        part = shares(network, needle.entry[None], needle.reach_m)
+        contact = needle.contact_N_m * np.maximum(0.0, _dent(needle, pose, part[0] @ (x - network.positions)))
+        along = contact[..., None]
         cutting = friction = nothing
     else:
         points, most = _along(needle, pose)
-        moving = shares(network, points, needle.reach_m) @ v
-        slide = pose.speed - moving @ pose.direction
+        part = shares(network, points, needle.reach_m)
+        slide = pose.speed - (v @ pose.direction) @ part.T
         rubbing = slide / np.sqrt(slide**2 + needle.slip_m_s**2)
         along = most * rubbing
         along[..., 0] = np.maximum(0.0, along[..., 0])
         contact, cutting, friction = nothing, along[..., 0], along[..., 1:].sum(axis=-1)
-    nodes = (along @ shares(network, points, needle.reach_m))[..., None] * pose.direction
+    nodes = (along @ part)[..., None] * pose.direction
     return NeedleLoad(nodes, -(contact + cutting + friction)[..., None] * pose.direction, contact, cutting, friction)
 
 

@@ -12,6 +12,7 @@ from estimators.identification import IdentificationError, Identified, identify,
 from estimators.known_push import KnownPush, Push
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.mixture import InteractingMixture, mixed
+from estimators.needle_track import Arrival, NeedleNoise, NeedleTracker
 from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
@@ -34,6 +35,7 @@ from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positiv
 from estimators.whiteness import autocorrelation, portmanteau
 
 __all__ = [
+    "Arrival",
     "Baseline",
     "Check",
     "CovarianceError",
@@ -50,6 +52,8 @@ __all__ = [
     "KnownPush",
     "LeaveOneOut",
     "MarkMeasurement",
+    "NeedleNoise",
+    "NeedleTracker",
     "OpenLoop",
     "OpenLoopBelief",
     "ParticleFilter",

@@ -14,7 +14,7 @@ Floats = NDArray[np.float64]
 Push = ArrayLike | Callable[[float, Floats], ArrayLike]
 """Forces on the free nodes [N], (n_free, dim), held over the prediction; or a function of time [s] and states.
 
-The function is asked once a step, of at most 1/120 s, for the middle of the step and states (..., n_state) at its start,
+The function is asked once a step of at most 1/120 s, for the middle of the step and states (..., n_state) at its start,
 and gives (..., n_free, dim) or (n_free, dim). What it gives is held over the step: a friction that turns round within a
 step must not depend on the state, or it shakes.
 """
