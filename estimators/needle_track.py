@@ -34,7 +34,7 @@ class NeedleNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """When the tip reaches a depth [s] and one standard deviation of that [s], to first order."""
+    """When the tip reaches a depth, time_s [s], and one standard deviation of that, sd_s [s], to first order."""
 
     time_s: float
     sd_s: float
@@ -92,8 +92,8 @@ class NeedleTracker:
     def update(self, position: ArrayLike, cov: ArrayLike) -> None:
         """Take in a position of the tip at the belief's time [m], (dim,), with its covariance [m²], (dim, dim).
 
-        From a tracker or from a mark of its own hue. The first one begins the belief. Raises ValueError for other shapes,
-        or without a time, and CovarianceError.
+        From a tracker or from a mark of its own hue. The first one begins the belief. Raises ValueError for other
+        shapes, or without a time, and CovarianceError.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
         dim = len(self.entry)
@@ -115,7 +115,7 @@ class NeedleTracker:
     def arrival(self, depth_m: float) -> Arrival | None:
         """When the tip will be at this depth [m]; None where it does not go there, or already is beyond.
 
-        t = (depth - l) / s, and var t = (var l + 2 t cov(l, s) + t² var s) / s²; the noise until then is that of `tip_at`.
+        t = (depth - l) / s, and sd t = sd l(t) / s, where l(t) is the depth predicted for that time.
         """
         depth, _ = self.depth
         speed, _ = self.speed

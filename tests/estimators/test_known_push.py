@@ -142,7 +142,7 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
 
 
 def test_the_needle_itself_may_be_the_function(phantom, rest_state, hidden, marks_of):
-    """No sensor: the needle's model, asked with every sigma point, brings the target within 1 mm, the puncture behind it."""
+    """No sensor: the needle's model, asked with every sigma point: the target within 1 mm after the puncture."""
     pose = straight_insertion([0.1, 0.33], rest_state[hidden], 0.15)
     needle = Needle(pose, np.array([0.1, 0.33]), puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0, slip_m_s=0.02)
     times = np.arange(30) * FRAME_S

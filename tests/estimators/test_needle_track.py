@@ -10,13 +10,13 @@ NOISE = NeedleNoise(acceleration=0.03, bending=5e-4, speed_sd=0.04)
 R = np.array([[4e-6, 1e-6], [1e-6, 2e-6]])
 
 
-def transition(dt):
+def transition(dt, noise=NOISE):
     """F and Q of position (2) and speed, by their definition: Q the integral of g g' written out."""
     F = np.array([[1.0, 0.0, 0.6 * dt], [0.0, 1.0, -0.8 * dt], [0.0, 0.0, 1.0]])
     along = np.r_[D, 0.0]
     across = np.array([0.8, 0.6, 0.0])
     speed = np.array([0.0, 0.0, 1.0])
-    q, b = NOISE.acceleration**2, NOISE.bending**2
+    q, b = noise.acceleration**2, noise.bending**2
     Q = q * (
         dt**3 / 3 * np.outer(along, along)
         + dt**2 / 2 * (np.outer(along, speed) + np.outer(speed, along))
@@ -25,10 +25,10 @@ def transition(dt):
     return F, Q + b * dt * np.outer(across, across)
 
 
-def simulated(rng, n, dt):
+def simulated(rng, n, dt, noise=NOISE, speed=0.0):
     """True states (n, 3) and measurements (n, 2) of the model itself."""
-    F, Q = transition(dt)
-    x = np.r_[0.01, 0.02, NOISE.speed_sd * rng.normal()]
+    F, Q = transition(dt, noise)
+    x = np.r_[0.01, 0.02, speed or noise.speed_sd * rng.normal()]
     states, seen = [], []
     for k in range(n):
         if k:
@@ -38,8 +38,8 @@ def simulated(rng, n, dt):
     return np.array(states), np.array(seen)
 
 
-def tracked(seen, dt):
-    tracker = NeedleTracker([0.0, 0.0], 5.0 * D, NOISE)
+def tracked(seen, dt, noise=NOISE):
+    tracker = NeedleTracker([0.0, 0.0], 5.0 * D, noise)
     for k, z in enumerate(seen):
         tracker.predict(k * dt)
         tracker.update(z, R)
@@ -99,7 +99,7 @@ def test_it_is_the_joint_posterior():
 
 
 def test_its_covariance_is_to_be_believed():
-    """NEES of position and speed after 20 steps, now and 0.5 s ahead, 200 runs: inside the 99.9 % bounds of chi-square."""
+    """NEES of position and speed after 20 steps, now and 0.5 s ahead, 200 runs: inside its 99.9 % bounds."""
     now, ahead = [], []
     for seed in range(200):
         states, seen = simulated(np.random.default_rng(seed), 30, 0.05)
@@ -114,23 +114,20 @@ def test_its_covariance_is_to_be_believed():
 
 
 def test_the_arrival_is_as_uncertain_as_it_says():
-    """Needles at some 40 mm/s to 80 mm deep: 200 arrivals by the model, off by what sd_s says, +- 15 %."""
-    off, sds = [], []
+    """A needle of 40 mm/s, 0.6 s seen, then 0.9 s to 60 mm beyond: 200 arrivals, off by what sd_s says within 15 %.
+
+    Of 200 normal variables the root mean square is 1 to 5 %; the rest is for the first order of sd_s.
+    """
+    steady, off, sds = NeedleNoise(acceleration=3e-3, bending=5e-4, speed_sd=0.05), [], []
     for seed in range(200):
-        rng = np.random.default_rng(seed)
-        states, seen = simulated(rng, 400, 0.01)
-        drift = np.arange(400)[:, None] * 0.01 * 0.04 * D
-        states[:, :2] += drift
+        states, seen = simulated(np.random.default_rng(seed), 300, 0.01, steady, 0.04)
         depth = states[:, :2] @ D
-        reached = np.flatnonzero(depth > 0.08)
-        tracker = tracked((seen + drift)[:60], 0.01)
-        said = tracker.arrival(0.08)
-        if not len(reached) or reached[0] < 60 or said is None or said.time_s > 3.0:
-            continue
-        off.append(said.time_s - 0.01 * reached[0])
+        aim = depth[0] + 0.06
+        reached = np.flatnonzero(depth > aim)[0]
+        said = tracked(seen[:60], 0.01, steady).arrival(aim)
+        exact = reached - (depth[reached] - aim) / (depth[reached] - depth[reached - 1])
+        off.append(said.time_s - 0.01 * exact)
         sds.append(said.sd_s)
-    assert len(off) > 100
-    print(len(off), np.std(np.array(off) / np.array(sds)))
     assert np.sqrt(np.mean((np.array(off) / np.array(sds)) ** 2)) == pytest.approx(1.0, abs=0.15)
 
 
