@@ -1,6 +1,7 @@
 """Probability: filters that tell where the target is, and how sure of it one may be."""
 
 from estimators.adaptation import RunningScale
+from estimators.ball_probability import ball_probability
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
@@ -13,9 +14,11 @@ from estimators.known_push import KnownPush, Push
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.mixture import InteractingMixture, mixed
 from estimators.needle_track import Arrival, NeedleNoise, NeedleTracker
+from estimators.obstacles import Obstacle, ball, clearances
 from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
+from estimators.planning import Lesion, Plan, PlannedNeedle, Skin, compliance, displaced, paths, plan
 from estimators.replay import Replay
 from estimators.scores import (
     calibration_curve,
@@ -51,15 +54,20 @@ __all__ = [
     "InteractingMixture",
     "KnownPush",
     "LeaveOneOut",
+    "Lesion",
     "MarkMeasurement",
     "NeedleNoise",
     "NeedleTracker",
+    "Obstacle",
     "OpenLoop",
     "OpenLoopBelief",
     "ParticleFilter",
+    "Plan",
+    "PlannedNeedle",
     "Push",
     "Replay",
     "RunningScale",
+    "Skin",
     "Status",
     "StockUnscented",
     "TargetEstimate",
@@ -69,10 +77,15 @@ __all__ = [
     "UnscentedKalmanFilter",
     "anees",
     "autocorrelation",
+    "ball",
+    "ball_probability",
     "calibration_curve",
     "chi_square_bounds",
+    "clearances",
+    "compliance",
     "coverage",
     "crps_normal",
+    "displaced",
     "energy_score",
     "fixed_interval",
     "grown_covariance",
@@ -81,8 +94,10 @@ __all__ = [
     "mixed",
     "normalised_squared",
     "over_runs",
+    "paths",
     "pit_normal",
     "pit_squared",
+    "plan",
     "portmanteau",
     "positive_points",
     "posterior_bound",
