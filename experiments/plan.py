@@ -77,7 +77,10 @@ def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: Non
         belief, time_s = "at rest", None
     lesion = Lesion(mean, cov, scene.target.radius_m)
     told = (scene.network, scene.target.node, lesion, task.needle)
-    entries, tips = paths(*told, task.skin.entries(task.n_entries), task.n_aims)
+    skin = task.skin.entries(task.n_entries)
+    if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():
+        raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")
+    entries, tips = paths(*told, skin, task.n_aims)
     found = ranked(*told, task.skin, task.obstacles, entries=entries, tips=tips)
     return Planned(scene, task, lesion, found, belief, time_s)
 

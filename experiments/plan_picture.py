@@ -5,11 +5,13 @@ Green is the path to take, pale green the next best, red what is forbidden and w
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Ellipse, Polygon
+from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -37,7 +39,7 @@ def plan_figure(done: Planned) -> Figure:
     """The whole scene beside a close-up of the lesion, with the figures of the best path; in space seen along z."""
     with mpl.rc_context({"font.size": 9}):
         figure = Figure(figsize=(12.5, 7.2), layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.75, 1.0), height_ratios=(1.25, 1.0))
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.75, 1.0), height_ratios=(1.0, 1.0))
         whole, close = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
         words = figure.add_subplot(grid[1, 1])
     for ax in (whole, close):
@@ -49,7 +51,7 @@ def plan_figure(done: Planned) -> Figure:
     _paths(done, whole, chosen)
     for ax in (whole, close):
         for one, kind in zip(done.task.obstacles, done.task.kinds, strict=True):
-            _obstacle(ax, one, FILLS[kind], named=ax is whole)
+            _obstacle(ax, one, FILLS[kind], _path_x(done, chosen) if ax is whole else None)
     _lesion(done, whole, chosen, close=False)
     _lesion(done, close, chosen, close=True)
     _frame(done, whole)
@@ -77,25 +79,36 @@ def _tissue(done: Planned, ax: Axes) -> None:
     ax.plot(*ends.T, color=SKIN, lw=5, alpha=0.55, solid_capstyle="round", zorder=1, label="entry allowed")
 
 
-def _obstacle(ax: Axes, one: Obstacle, fill: str, *, named: bool) -> None:
+def _obstacle(ax: Axes, one: Obstacle, fill: str, path_x: Callable[[float], float] | None) -> None:
     ends = 1e3 * np.array([one.start[:2], one.end[:2]])
     outline = _capsule(ends, 1e3 * one.radius_m)
     if one.margin_m > 0.0:
         margin = _capsule(ends, 1e3 * (one.radius_m + one.margin_m))
         ax.add_patch(Polygon(margin, fc="none", ec=FORBIDDEN, lw=0.9, ls=(0, (3, 2)), zorder=4))
     ax.add_patch(Polygon(outline, fc=fill, ec="0.35", lw=1.0, zorder=4))
-    if named:
+    if path_x is not None:
+        middle, reach = ends.mean(axis=0), 1e3 * (one.radius_m + one.margin_m)
+        right = middle[0] >= path_x(middle[1])
+        side = max(ends[:, 0]) + reach if right else min(ends[:, 0]) - reach
         ax.annotate(
             one.name,
-            _xy(ends.mean(axis=0) - [0.0, 1e3 * (one.radius_m + one.margin_m)]),
-            (0, -3),
+            (float(side), float(middle[1])),
+            (5 if right else -5, 0),
             textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize=8,
+            ha="left" if right else "right",
+            va="center",
+            fontsize=9,
             zorder=7,
-            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
         )
+
+
+def _path_x(done: Planned, chosen: list[int]) -> Callable[[float], float]:
+    """Where the line of the best path is at a height, x by y [mm]; without one, over the lesion."""
+    if not chosen or abs(done.plan.directions[chosen[0], 1]) < 1e-6:
+        return lambda _y: float(1e3 * done.lesion.mean[0])
+    (x, y), (dx, dy) = 1e3 * done.plan.tips[chosen[0], :2], done.plan.directions[chosen[0], :2]
+    return lambda height: float(x + (height - y) * dx / dy)
 
 
 def _capsule(ends: Floats, radius: float) -> Floats:
@@ -156,25 +169,24 @@ def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
 def _lesion(done: Planned, ax: Axes, chosen: list[int], *, close: bool) -> None:
     lesion, found = done.lesion, done.plan
     mean, radius = 1e3 * lesion.mean[:2], 1e3 * lesion.radius_m
-    label = None if close else "lesion and its 95 % region"
+    label = "lesion when the needle is there" if close else "lesion and its 95 % region"
     if not chosen:
-        ax.add_patch(Circle(_xy(mean), radius, fc=LESION, ec=LESION, alpha=0.55, zorder=6, label=label))
+        alone = "lesion" if close else label
+        ax.add_patch(Circle(_xy(mean), radius, fc=LESION, ec=LESION, alpha=0.55, zorder=6, label=alone))
         ax.add_patch(ellipse(mean, 1e6 * lesion.cov[:2, :2], ROUND, fc="none", ec=LESION, lw=1.4, zorder=6))
     else:
         k = chosen[0]
         there = 1e3 * found.means[k, :2]
         region = 1e6 * (lesion.cov + done.task.needle.force_sd**2 * np.outer(found.pushed[k], found.pushed[k]))[:2, :2]
-        ax.add_patch(Circle(_xy(mean), radius, fc="none", ec=LESION, ls=(0, (2, 2)), lw=1.2, zorder=6))
+        centre = "95 % region of its centre" if close else None
+        before = "lesion before the needle" if close else None
+        ax.add_patch(Circle(_xy(mean), radius, fc="none", ec=LESION, ls=(0, (2, 2)), lw=1.2, zorder=6, label=before))
         ax.add_patch(Circle(_xy(there), radius, fc=LESION, ec=LESION, alpha=0.5, zorder=6, label=label))
-        ax.add_patch(_region(there, region))
+        ax.add_patch(ellipse(there, region, ROUND, fc="none", ec=LESION, lw=1.4, zorder=6, label=centre))
         if close:
             _aimed(done, ax, k)
     if close:
         _close_up(done, ax, chosen)
-
-
-def _region(mean: Floats, cov: Floats) -> Ellipse:
-    return ellipse(mean, cov, ROUND, fc="none", ec=LESION, lw=1.4, zorder=6)
 
 
 def _aimed(done: Planned, ax: Axes, k: int) -> None:
@@ -206,17 +218,30 @@ def _close_up(done: Planned, ax: Axes, chosen: list[int]) -> None:
     else:
         title = "at the lesion: no path is allowed"
     middle = np.mean(places, axis=0)
-    reach = 1.2 * (max(reach, widest) + 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))))
-    ax.set(xlim=(middle[0] - 1.5 * reach, middle[0] + 1.5 * reach), ylim=(middle[1] - reach, middle[1] + reach))
+    reach = 1.15 * (max(reach, widest) + 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))))
+    ax.set(xlim=(middle[0] - 1.9 * reach, middle[0] + 1.9 * reach), ylim=(middle[1] - 1.5 * reach, middle[1] + reach))
+    ax.legend(loc="lower left", fontsize=8, framealpha=0.9)
     ax.set_title(title, loc="left", fontsize=10)
 
 
 def _frame(done: Planned, ax: Axes) -> None:
-    found = done.plan
-    x = 1e3 * np.vstack([rest_shape(done.scene.network)[:, :2], found.entries[:, :2]])
-    low, high = x.min(axis=0), x.max(axis=0)
-    room = 0.07 * float((high - low).max())
-    ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - room, high[1] + 3.0 * room))
+    """Show the entries, the lesion and what is in the way, and in a corner where in the tissue that is."""
+    found, network = done.plan, done.scene.network
+    ends = [place for one in done.task.obstacles for place in (one.start[:2], one.end[:2])]
+    x = 1e3 * np.vstack([found.entries[:, :2], found.tips[:, :2], *(end[None] for end in ends)])
+    room = 0.25 * float(np.ptp(x, axis=0).max())
+    low = x.min(axis=0) - np.array([0.6, 1.5]) * room
+    high = x.max(axis=0) + np.array([0.6, 1.1]) * room
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    corner = ax.inset_axes((0.77, 0.01, 0.22, 0.22), zorder=9)
+    nodes = 1e3 * rest_shape(network)[:, :2]
+    if np.linalg.matrix_rank(nodes - nodes.mean(axis=0)) == 2:
+        corner.add_patch(Polygon(nodes[ConvexHull(nodes).vertices], fc=TISSUE, ec=SKIN, lw=1.0))
+    corner.plot(*nodes.T, ".", color="0.55", ms=3)
+    corner.add_patch(Rectangle(_xy(low), *(high - low), fc="none", ec="0.2", lw=0.9))
+    corner.set(xticks=[], yticks=[], aspect="equal", xmargin=0.12, ymargin=0.12)
+    corner.set_title("in the tissue", fontsize=8, pad=2)
+    corner.autoscale_view()
 
 
 def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
@@ -228,10 +253,10 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
     else:
         head, color = f"Best path: hit probability {found.hits[chosen[0]]:.0%}", BEST
     ax.text(0.0, 1.0, head, fontsize=12, fontweight="bold", color=color, va="top", transform=ax.transAxes)
-    lines = [f"{allowed} of {n} paths allowed; target believed from: {done.belief}"]
+    lines = [f"{allowed} of {n} paths allowed; belief about the target: {done.belief}"]
     for one, count in _rejections(done):
-        lines.append(f"    {count} forbidden by {one}")
-    ax.text(0.0, 0.87, "\n".join(lines[:6]), va="top", transform=ax.transAxes, color="0.25", linespacing=1.35)
+        lines.append(f"    {count} against {one}")
+    ax.text(0.0, 0.88, "\n".join(lines[:6]), va="top", transform=ax.transAxes, color="0.25", linespacing=1.3)
     if chosen:
         rows = [
             [
@@ -244,9 +269,9 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
             ]
             for rank, k in enumerate(chosen)
         ]
-        heads = ["", "entry x, y [mm]", "depth [mm]", "angle", "hit", "room [mm]"]
+        heads = ["mm", "entry x, y", "depth", "angle", "hit", "room"]
         shown = ax.table(
-            rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.5), cellLoc="center", edges="horizontal"
+            rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.48), cellLoc="center", edges="horizontal"
         )
         shown.auto_set_font_size(False)
         shown.set_fontsize(9)
