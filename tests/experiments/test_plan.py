@@ -13,6 +13,7 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter
 from experiments import cli
 from experiments.plan import next_best, planned
+from experiments.plan_file import read_task
 from experiments.recording import MarkRow, open_recording, write_marks_csv
 from experiments.scene import Mark, Scene, Target, write_scene
 from experiments.track import measurement
@@ -119,6 +120,34 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     assert told["target"]["time_s"] == pytest.approx(times[-1] + 0.2)
     again = softaim(monkeypatch, "plan", folder, "--plan", plan_file, "--out", folder / "out")
     assert again == 2
+
+
+def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
+    """The same marks with and without a sighting of the target 1 ms before the end, 0.5 mm an axis, 2 mm aside.
+
+    With the bias of 1 mm that fixes may share the target moves by 1 mm at least, and is better known.
+    """
+    phantom = four_mass_phantom()
+    rows = [[MarkRow(n, phantom.positions[phantom.index(n)], 4e-3) for n in OUTER]] * 6
+    write_marks_csv(tmp_path / "marks.csv", np.arange(6) / 30.0, rows, dim=2)
+    without = planned(tmp_path, plan_file).lesion
+    x, y = 1e3 * phantom.positions[phantom.index(HIDDEN)]
+    (tmp_path / "fixes.csv").write_text(f"time_s,x_mm,y_mm,sd_mm\n0.165,{x + 2.0},{y},0.5\n")
+    told = planned(tmp_path, plan_file).lesion
+    assert told.mean[0] - without.mean[0] > 1e-3
+    assert np.trace(told.cov) < np.trace(without.cov)
+
+
+def test_a_plan_file_is_read_in_metres(plan_file):
+    task = read_task(plan_file, 2)
+    rib, vessel = task.obstacles
+    assert (rib.radius_m, rib.margin_m, vessel.radius_m, vessel.margin_m) == (0.006, 0.003, 0.004, 0.004)
+    np.testing.assert_allclose([rib.start, rib.end], [[-0.075, 0.240], [-0.035, 0.246]])
+    np.testing.assert_allclose([vessel.start, vessel.end], [[0.003, 0.222]] * 2)
+    assert task.kinds == ("rib", "vessel")
+    assert task.needle.radius_m == pytest.approx(0.8e-3)
+    assert (task.needle.reach_m, task.needle.tip_sd_m, task.belief_sd_m) == (0.06, 0.001, 0.002)
+    assert task.skin.max_angle_rad == pytest.approx(np.radians(55.0))
 
 
 def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, monkeypatch, capsys):
