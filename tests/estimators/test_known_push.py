@@ -109,8 +109,8 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
     """Ten insertions, truth by DOP853 with the needle's friction by relative velocity; a force sensor off by 2 %.
 
     The needle goes from the skin between M3 and M4 to the hidden mass and pushes it by several mm; marks of 2 mm an
-    axis; tremor of 0.05 m/s²/sqrt(Hz), straight between frames. From the puncture on: the error by the other filter's at most
-    half, and 90 to 99 % of the truths in the 95 % regions.
+    axis; tremor of 0.05 m/s²/sqrt(Hz), straight between frames. From the puncture on: the error by the
+    other filter's at most half, and 90 to 99 % of the truths in the 95 % regions.
     """
     n, errors, blind, covs, pushed = 34, [], [], [], []
     masses = phantom.masses[phantom.free, None]
