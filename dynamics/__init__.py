@@ -1,6 +1,19 @@
 """The tissue: nodes, springs, forces, energy, time integration and rest shapes."""
 
 from dynamics.forces import kinetic_energy, node_forces, potential_energy
+from dynamics.insertion import Insertion, force_on_free, insert_needle, pushed_states
+from dynamics.needle import (
+    GAUGES_MM,
+    SHAFT,
+    Needle,
+    NeedleLoad,
+    Pose,
+    dent,
+    needle_load,
+    shared_force,
+    shares,
+    straight_insertion,
+)
 from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, unpack
 from dynamics.parameters import (
     KINDS,
@@ -23,25 +36,35 @@ from dynamics.stepping import Stepper, adaptive, derivative, motion
 from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
 
 __all__ = [
+    "GAUGES_MM",
     "HIDDEN",
     "KINDS",
     "OUTER",
+    "SHAFT",
+    "Insertion",
     "MassSpringNetwork",
+    "Needle",
+    "NeedleLoad",
     "NetworkError",
     "Parameter",
     "ParameterForces",
+    "Pose",
     "Stepper",
     "Uncertainty",
     "adaptive",
     "all_positions",
     "at_rest_where_seen",
     "damping_matrix",
+    "dent",
     "derivative",
+    "force_on_free",
     "four_mass_phantom",
     "independent",
+    "insert_needle",
     "kinetic_energy",
     "label",
     "motion",
+    "needle_load",
     "node_forces",
     "pack",
     "parameter_forces",
@@ -50,13 +73,17 @@ __all__ = [
     "plain_derivative",
     "plain_step",
     "potential_energy",
+    "pushed_states",
     "rest_shape",
     "reversed_springs",
     "scaled",
     "shape_held",
+    "shared_force",
+    "shares",
     "stable_step",
     "state_matrix",
     "stiffness_matrix",
+    "straight_insertion",
     "unpack",
     "value",
 ]

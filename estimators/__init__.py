@@ -3,6 +3,7 @@
 from estimators.adaptation import RunningScale
 from estimators.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
 from estimators.advice_settings import AdviceSettings, health_fault
+from estimators.ball_probability import ball_probability
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
@@ -13,13 +14,17 @@ from estimators.health import Health, after_frame
 from estimators.hit_calibration import Tenth, calibration, clopper_pearson
 from estimators.hit_probability import Aim, Belief, best_aim, hit_probability
 from estimators.identification import IdentificationError, Identified, identify, principal
+from estimators.known_push import KnownPush, Push
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.lesion import Lesion
 from estimators.mixture import InteractingMixture, mixed
 from estimators.needle import Hit, Insertion, Needle
+from estimators.needle_track import Arrival, NeedleNoise, NeedleTracker
+from estimators.obstacles import Obstacle, ball, clearances
 from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
+from estimators.planning import Lesion, Plan, PlannedNeedle, Skin, compliance, displaced, paths, plan
 from estimators.replay import Replay
 from estimators.scores import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
 from estimators.settings import FilterSettings
@@ -35,6 +40,7 @@ __all__ = [
     "Advice",
     "AdviceSettings",
     "Aim",
+    "Arrival",
     "Baseline",
     "Belief",
     "Check",
@@ -52,17 +58,25 @@ __all__ = [
     "Identified",
     "Insertion",
     "InteractingMixture",
+    "KnownPush",
     "LeaveOneOut",
     "Lesion",
     "MarkMeasurement",
     "Needle",
+    "NeedleNoise",
+    "NeedleTracker",
+    "Obstacle",
     "OpenLoop",
     "OpenLoopBelief",
     "Outlook",
     "ParticleFilter",
     "PathSource",
+    "Plan",
+    "PlannedNeedle",
+    "Push",
     "Replay",
     "RunningScale",
+    "Skin",
     "Status",
     "StockUnscented",
     "TargetEstimate",
@@ -76,13 +90,18 @@ __all__ = [
     "after_frame",
     "anees",
     "autocorrelation",
+    "ball",
+    "ball_probability",
     "best_aim",
     "calibration",
     "calibration_curve",
     "chi_square_bounds",
+    "clearances",
     "clopper_pearson",
+    "compliance",
     "coverage",
     "crps_normal",
+    "displaced",
     "energy_score",
     "fixed_interval",
     "grown_covariance",
@@ -95,8 +114,10 @@ __all__ = [
     "normalised_squared",
     "over_runs",
     "path_times",
+    "paths",
     "pit_normal",
     "pit_squared",
+    "plan",
     "portmanteau",
     "positive_points",
     "posterior_bound",

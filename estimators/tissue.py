@@ -13,6 +13,7 @@ from dynamics import MassSpringNetwork, NetworkError, Uncertainty, pack, rest_sh
 from estimators.adaptation import RunningScale
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.health import Health, after_frame
+from estimators.known_push import KnownPush, Push
 from estimators.mixture import InteractingMixture, Move
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.settings import FilterSettings, stationary
@@ -86,7 +87,7 @@ class TissueFilter:
         rates, modes = self.settings.rates, self.settings.modes
         filters = [UnscentedKalmanFilter(self.model.dim_x, lambda _points, _dt: _points) for _ in modes]
         move = Move(
-            points=lambda points, dt: self.model.propagate_each(points, dt, modes),
+            points=self._propagated,
             columns=lambda means, columns, dt: self.model.carried(means, columns, dt, modes),
             turned=self.model.turned,
         )
@@ -151,8 +152,11 @@ class TissueFilter:
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
 
-    def predict(self, time_s: float) -> None:
-        """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite."""
+    def predict(self, time_s: float, push: Push | None = None) -> None:
+        """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
+
+        push: a known force that acts meanwhile, a needle's say; see `Push`
+        """
         if not np.isfinite(time_s):
             raise ValueError(f"time_s: expected a finite time, found {time_s}")
         if self.time_s is not None:
@@ -160,10 +164,15 @@ class TissueFilter:
             if dt < 0:
                 raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
             if dt > 0:
-                self._advance(dt)
+                self._advance(dt, push)
         self.time_s = time_s
 
-    def _advance(self, dt: float) -> None:
+    def _propagated(self, points: Floats, dt: float) -> Floats:
+        if self.model.push is not None:
+            self.model.push.step(dt)
+        return self.model.propagate_each(points, dt, self.settings.modes)
+
+    def _advance(self, dt: float, push: Push | None) -> None:
         n = max(1, int(np.ceil(dt / self.settings.mix_s - 1e-9)))
         step = dt / n / self.model.stepper.n_steps(dt / n)
         # to a nanosecond: frames at one rate differ by rounding, and their noise does not
@@ -172,12 +181,18 @@ class TissueFilter:
             self._noises = key, {mode: self.model.noise(step, mode) for mode in set(self.settings.modes)}
         for f, mode in zip(self.mixture.filters, self.settings.modes, strict=True):
             f.Q = self._noises[1][mode]
-        for _ in range(n):
-            self.mixture.predict(dt / n, step)
+        if push is not None and self.time_s is not None:
+            self.model.push = KnownPush(push, self.model.network, self.time_s)
+        try:
+            for _ in range(n):
+                self.mixture.predict(dt / n, step)
+        finally:
+            self.model.push = None
 
-    def predict_at(self, time_s: float) -> TargetEstimate:
+    def predict_at(self, time_s: float, push: Push | None = None) -> TargetEstimate:
         """What is believed now of the target at a later time [s], when the needle arrives, say; the filter stays.
 
+        push: a known force that acts until then; see `Push`
         Raises ValueError before the first frame, and for a time that is past or not finite.
         """
         if self.time_s is None or not self.time_s <= time_s < np.inf:
@@ -185,7 +200,7 @@ class TissueFilter:
         now = self.snapshot()
         try:
             if time_s > self.time_s:
-                self._advance(time_s - self.time_s)
+                self._advance(time_s - self.time_s, push)
             return self._estimate(time_s, 0, None)
         finally:
             self.restore(now)

@@ -22,6 +22,7 @@ from dynamics import (
     stiffness_matrix,
 )
 from estimators.exponential import small_expm
+from estimators.known_push import KnownPush
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +61,7 @@ class TissueModel:
     uncertainty: directions in which the network's constants are not known; each makes a column of the error
     bias: of fixes of the target, if there are to be any
     dim_x: the network's state, one poke for each coordinate of a marked node, and the bias
+    push: the known force that acts while points are moved, None where there is none
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class TissueModel:
         n_fixed = network.n_state + len(self.poked_rows)
         self.dim_x = n_fixed + (0 if bias is None else network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
+        self.push: KnownPush | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
         self.n_columns = 0 if uncertainty is None else len(uncertainty.directions)
@@ -99,6 +102,8 @@ class TissueModel:
         # of the poke at the start, the mean share over the step
         forces[:, :, self.poked_rows] = ((1.0 - fade) * lasting / dt) * points[:, :, self.pokes]
         forces += outside
+        if self.push is not None:
+            forces += self.push.forces(points[:, :, :n])
         moved = np.empty_like(points)
         states = points[:, :, :n].reshape(-1, n)
         moved[:, :, :n] = self.stepper.advance(states, dt, forces.reshape(-1, half)).reshape(*points.shape[:2], n)

@@ -211,6 +211,30 @@ def tune(
 
 
 @app.command()
+def plan(
+    source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file: the tissue at rest.")],
+    out: Out,
+    plan_file: Annotated[Path, typer.Option("--plan", help="The needle, the skin, what is in the way: plan.toml.")],
+    force: Force = False,
+) -> None:
+    """Rank straight needle paths by the probability of a hit, the push of the needle foreseen."""
+    from experiments.outputs import output_folder
+    from experiments.plan import planned, report, write_plan
+    from experiments.tell import plan_table
+
+    inputs = [source] if source.is_dir() else []
+    with output_folder(out, force=force, inputs=inputs) as folder, progress() as stage:
+        done = planned(source, plan_file, stage("plan"))
+        write_plan(done, folder)
+    told = report(done)
+    if told["best"] is None:
+        print(f"No path is allowed; why: {out / 'plan.csv'}")
+    else:
+        print_table(plan_table(told))
+    print(f"Table and picture in {out}")
+
+
+@app.command()
 def demo(out: Out = Path("demo"), force: Force = False) -> None:
     """Simulate, film and track the paper's two scenarios, and compare with what the paper found."""
     from experiments.demo import demo as run

@@ -67,14 +67,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
                 center = seen.center_px - camera.disc_shift(camera.to_plane(seen.center_px), radius_m)[0]
                 away = np.linalg.norm(one.frame.centers_px - center, axis=1)
                 row |= {"du": center[0] - truth[0], "dv": center[1] - truth[1]}
-                row |= {
-                    "uu": seen.cov_px2[0, 0],
-                    "vv": seen.cov_px2[1, 1],
-                    "covered": seen.covered,
-                    "texture": seen.texture,
-                    "area": seen.area_px,
-                    "size": seen.size,
-                }
+                row |= {"uu": seen.cov_px2[0, 0], "vv": seen.cov_px2[1, 1], "covered": seen.covered}
                 row |= {
                     "false": bool(away[k] > FALSE_PX),
                     "swapped": bool(away[k] > FALSE_PX and away.min() < FALSE_PX),

@@ -38,6 +38,24 @@ def advice_line(counts: Mapping[str, int]) -> str:
     return f"{frames} frames: " + ", ".join(f"{name} {n}" for name, n in counts.items())
 
 
+def plan_table(told: Mapping[str, Any]) -> Table:
+    """The best path of a plan and the next best, from plan.json."""
+    table = Table(title=f"Paths to {told['target']['node']}: {told['allowed']} of {told['paths']} allowed")
+    for head in ("", "entry [mm]", "depth [mm]", "angle", "hit", "room [mm]", "pushes the target [mm]"):
+        table.add_column(head, justify="right")
+    for rank, path in enumerate([told["best"], *told["next_best"]], start=1):
+        table.add_row(
+            str(rank),
+            ", ".join(f"{x:.1f}" for x in path["entry_mm"]),
+            f"{path['depth_mm']:.1f}",
+            f"{path['angle_deg']:.0f}°",
+            f"{path['hit_probability']:.1%}",
+            _number(path["clearance_mm"], ".1f"),
+            ", ".join(f"{x:.1f}" for x in path["pushed_mm"]),
+        )
+    return table
+
+
 def demo_table(figures: Figures) -> Table:
     """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
     table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")

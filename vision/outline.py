@@ -216,8 +216,8 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
             return fit, np.eye(3), variance, 0.0, 0.0
         fit += np.linalg.solve(normal, step)
         variance = max(squares / n_on, floor)
-    # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them says
-    # how strong one wave of noise, of highlights and of compression is.
+    # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them
+    # says how strong one wave of noise, of highlights and of compression is.
     power = (waves**2).sum() / (HIGHEST_WAVE - 1) / weights2
     return fit, normal, max(variance, power), n_on / N_RAYS, n_beyond / N_RAYS
 

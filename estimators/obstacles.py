@@ -1,0 +1,85 @@
+"""What a needle must not touch: balls and capsules, ribs and vessels, with a margin of safety."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacle:
+    """All points within radius_m of a stretch: a capsule, such as a rib or a vessel; a ball where the ends are one.
+
+    start, end: ends of its axis [m], (dim,); margin_m: by which a needle must stay off its surface [m]
+    """
+
+    name: str
+    start: Floats
+    end: Floats
+    radius_m: float
+    margin_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        for key in ("start", "end"):
+            object.__setattr__(self, key, np.array(getattr(self, key), dtype=float))
+        if self.start.shape != self.end.shape or self.start.ndim != 1:
+            raise ValueError(f"{self.name}: expected ends of one shape, found {self.start.shape} and {self.end.shape}")
+        if not (self.radius_m >= 0.0 and self.margin_m >= 0.0):
+            raise ValueError(
+                f"{self.name}: expected a radius and a margin of 0 m or more, found {self.radius_m}, {self.margin_m}"
+            )
+
+
+def ball(name: str, centre: Floats, radius_m: float, margin_m: float = 0.0) -> Obstacle:
+    """A ball about a centre [m], (dim,)."""
+    return Obstacle(name, centre, centre, radius_m, margin_m)
+
+
+def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radius_m: float = 0.0) -> Floats:
+    """Room between needles and the margins of obstacles [m], (n, n_obstacles), below zero where it is not kept.
+
+    starts, ends: of the needles [m], (n, dim); radius_m: of the needles [m]
+    """
+    rows = [
+        segment_distances(starts, ends, one.start, one.end) - one.radius_m - one.margin_m - radius_m
+        for one in obstacles
+    ]
+    return np.array(rows).T.reshape(len(starts), len(obstacles))
+
+
+def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) -> Floats:
+    """Least distance of each segment, starts to ends (n, dim), from one segment, start to end (dim,) [m], (n,).
+
+    Either the lines come closest between all four ends, or one of the ends is closest to the other segment.
+    """
+    u, v, w = ends - starts, end - start, starts - start
+    a, b, c = np.einsum("nd,nd->n", u, u), u @ v, v @ v
+    d, e = np.einsum("nd,nd->n", u, w), w @ v
+    least = np.minimum.reduce(
+        [
+            point_distances(start[None], starts, ends),
+            point_distances(end[None], starts, ends),
+            point_distances(starts, start[None], end[None]),
+            point_distances(ends, start[None], end[None]),
+        ]
+    )
+    det = a * c - b * b
+    crossing = det > 1e-12 * a * c
+    safe = np.where(crossing, det, 1.0)
+    s, t = (b * e - c * d) / safe, (a * e - b * d) / safe
+    between = crossing & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    apart = np.linalg.norm(w + s[:, None] * u - t[:, None] * v, axis=1)
+    return np.asarray(np.where(between, np.minimum(least, apart), least))
+
+
+def point_distances(points: Floats, starts: Floats, ends: Floats) -> Floats:
+    """Distance of points from segments [m], (n,); (n, dim) each, or (1, dim) for one with all."""
+    along = ends - starts
+    square = np.einsum("nd,nd->n", along, along)
+    part = np.einsum("nd,nd->n", points - starts, along) / np.where(square > 0.0, square, 1.0)
+    return np.asarray(np.linalg.norm(points - starts - np.clip(part, 0.0, 1.0)[:, None] * along, axis=1))

@@ -1,0 +1,163 @@
+"""Plans: the push that is foreseen, what is rejected and why, and that the best is the best."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, MassSpringNetwork, Needle, Pose, needle_load, rest_shape
+from estimators import Lesion, Obstacle, PlannedNeedle, Skin, ball, ball_probability, compliance, displaced, paths, plan
+
+SKIN = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 1.0], np.radians(60.0), 0.25)
+SOFT = PlannedNeedle(cutting_N=0.2, friction_N_m=3.0)
+
+
+@pytest.fixture
+def lesion(phantom):
+    return Lesion(phantom.positions[phantom.index(HIDDEN)], np.diag([4e-6, 9e-6]), 0.005)
+
+
+def planned(phantom, lesion, needle=SOFT, skin=SKIN, obstacles=(), n=40):
+    entries, tips = paths(phantom, HIDDEN, lesion, needle, skin.entries(n), 5)
+    return plan(phantom, HIDDEN, lesion, needle, skin, obstacles, entries=entries, tips=tips)
+
+
+def test_the_push_that_is_foreseen_is_the_equilibrium_under_the_needle(phantom, lesion):
+    """`rest_shape` under the forces of `needle_load` in full sliding: 5 % for what the linear answer leaves out.
+
+    A few millimetres in springs of 200 mm.
+    """
+    entry = np.array([[0.1, 0.33]])
+    tip = lesion.mean[None]
+    length = float(np.linalg.norm(tip - entry))
+    direction = (tip - entry)[0] / length
+    moved = Needle(lambda _t: Pose(tip[0], direction, 1.0, length), entry[0], cutting_N=0.2, friction_N_m=3.0)
+    still = np.zeros_like(phantom.positions)
+    load = needle_load(phantom, moved, 0.0, phantom.positions, still, punctured=True)
+    exact = rest_shape(phantom, load.nodes[phantom.free])[phantom.index(HIDDEN)] - lesion.mean
+    found = displaced(phantom, compliance(phantom, HIDDEN), SOFT, tip, entry)[0]
+    assert np.linalg.norm(exact) > 1e-3
+    np.testing.assert_allclose(found, exact, rtol=0, atol=0.05 * np.linalg.norm(exact))
+
+
+def test_a_column_of_the_compliance_is_what_a_small_force_does(phantom):
+    """1 mN on each free coordinate against `rest_shape`: 1e-3 for the second order."""
+    C = compliance(phantom, HIDDEN)
+    here = phantom.index(HIDDEN)
+    for k in range(C.shape[1]):
+        force = np.zeros(C.shape[1])
+        force[k] = 1e-3
+        moved = rest_shape(phantom, force.reshape(-1, 2))[here] - rest_shape(phantom)[here]
+        np.testing.assert_allclose(1e-3 * C[:, k], moved, rtol=0, atol=1e-3 * np.abs(1e-3 * C).max())
+
+
+def test_each_path_aims_where_its_own_push_moves_the_target(phantom, lesion):
+    """The middle one of each five ends within 10 µm of the displaced mean: the aiming has settled."""
+    found = planned(phantom, lesion, PlannedNeedle())
+    off = np.linalg.norm(found.tips - found.means, axis=1)
+    assert off[2::5].max() < 1e-5
+    beside = np.linalg.norm(found.tips[0::5] - found.tips[2::5], axis=1)
+    np.testing.assert_allclose(beside, 0.6 * lesion.radius_m, rtol=1e-9)
+    assert np.linalg.norm(found.pushed, axis=1).min() > 5e-3
+
+
+def test_a_path_that_ignores_the_push_misses(phantom, lesion):
+    """Aimed at the target at rest: a hit at most half as probable as from the same entry with the push foreseen."""
+    found = planned(phantom, lesion, PlannedNeedle())
+    entries = found.entries[2::5]
+    tips = np.tile(lesion.mean, (len(entries), 1))
+    blind = plan(phantom, HIDDEN, lesion, PlannedNeedle(), SKIN, (), entries=entries, tips=tips)
+    assert (blind.hits < 0.5 * found.hits[2::5]).all()
+
+
+def test_the_probability_is_what_draws_say(phantom, lesion):
+    """The best path: target, tip and one factor on all forces drawn 200,000 times; four standard errors, 0.005."""
+    needle = PlannedNeedle()
+    found = planned(phantom, lesion, needle)
+    best, rng, n = found.best, np.random.default_rng(0), 200_000
+    factor = 1.0 + needle.force_sd * rng.normal(size=(n, 1))
+    target = rng.multivariate_normal(lesion.mean, lesion.cov, n) + factor * found.pushed[best]
+    tip = found.tips[best] + needle.tip_sd_m * rng.normal(size=(n, 2))
+    hit = (np.linalg.norm(tip - target, axis=1) <= lesion.radius_m).mean()
+    assert found.hits[best] == pytest.approx(hit, abs=0.005)
+
+
+def test_the_order_is_that_of_the_hits_among_the_allowed(phantom, lesion):
+    found = planned(phantom, lesion, obstacles=[ball("vessel", [0.05, 0.27], 0.01, 0.003)])
+    n = int(found.allowed.sum())
+    assert 0 < n < len(found.hits)
+    assert found.best == found.order[0]
+    assert found.allowed[found.order[:n]].all()
+    assert (np.diff(np.round(found.hits[found.order[:n]], 3)) <= 0.0).all()
+    assert sorted(found.order) == list(range(len(found.hits)))
+    again = ball_probability(found.tips - found.means, found.covs, lesion.radius_m)
+    np.testing.assert_array_equal(again, found.hits)
+
+
+def test_every_rejection_has_its_reason(phantom, lesion):
+    """One way with nothing against it, and one for each reason, made by hand."""
+    skin = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 2.0], np.radians(40.0), 0.17)
+    rib = Obstacle("rib 5", [0.02, 0.26], [0.06, 0.26], 0.004, 0.001)
+    vessel = ball("vessel", [0.022, 0.24], 0.004, 0.001)
+    goal = lesion.mean
+    entries = np.array([[0.0, 0.33], [0.06, 0.33], [0.0, 0.34], [0.2, 0.33]])
+    found = plan(phantom, HIDDEN, lesion, SOFT, skin, [rib, vessel], entries=entries, tips=np.tile(goal, (4, 1)))
+    assert found.reasons == ((), ("rib 5", "vessel"), ("outside the entry",), ("too long", "too steep"))
+    assert found.best == 0
+    wall = Obstacle("wall", [-0.5, 0.3], [0.5, 0.3], 0.001)
+    shut = plan(phantom, HIDDEN, lesion, SOFT, skin, [wall], entries=entries, tips=np.tile(goal, (4, 1)))
+    assert shut.best is None
+
+
+def test_more_doubt_of_the_forces_is_more_doubt_along_the_push(phantom, lesion):
+    """Covariance with force_sd 0.6 less that with 0: 0.36 u u'."""
+    entries, tips = paths(phantom, HIDDEN, lesion, SOFT, SKIN.entries(7), 1)
+    unsure, sure = (
+        plan(phantom, HIDDEN, lesion, replace(SOFT, force_sd=sd), SKIN, (), entries=entries, tips=tips)
+        for sd in (0.6, 0.0)
+    )
+    outer = unsure.pushed[:, :, None] * unsure.pushed[:, None, :]
+    np.testing.assert_allclose(unsure.covs - sure.covs, 0.36 * outer, rtol=0, atol=1e-15)
+
+
+def test_five_hundred_paths_are_planned_in_a_moment(phantom, lesion):
+    """Within 1 s, the first call and a busy machine included; some 15 ms are usual."""
+    began = time.perf_counter()
+    found = planned(phantom, lesion, PlannedNeedle(), obstacles=[ball("vessel", [0.05, 0.27], 0.01)], n=100)
+    assert len(found.hits) == 500
+    assert time.perf_counter() - began < 1.0
+
+
+def test_in_space_it_plans_as_well():
+    """A cube of springs: a way from the top through a hole of a grid of entries, and aims all around the centre."""
+    corners = 0.1 * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)
+    x = np.vstack([corners, np.zeros(3)])
+    pairs = np.array([(i, 8) for i in range(8)])
+    one = np.ones(9)
+    cube = MassSpringNetwork(
+        names=(*(f"C{i}" for i in range(8)), "T"),
+        positions=x,
+        masses=0.1 * one,
+        fixed=np.arange(9) < 8,
+        drag=0.1 * one,
+        friction=0.0 * one,
+        springs=pairs,
+        stiffness=200.0 * np.ones(8),
+        rest_lengths=np.full(8, 0.1 * np.sqrt(3.0)),
+        damping=0.1 * np.ones(8),
+        gravity=np.zeros(3),
+    )
+    skin = Skin([-0.05, -0.05, 0.1], [0.05, 0.05, 0.1], [0.0, 0.0, 1.0])
+    lesion = Lesion(np.zeros(3), 1e-6 * np.eye(3), 0.005)
+    entries = skin.entries(25)
+    assert entries.shape == (25, 3)
+    from_, tips = paths(cube, "T", lesion, SOFT, entries, 5)
+    found = plan(cube, "T", lesion, SOFT, skin, (), entries=from_, tips=tips)
+    assert found.hits[2::5].min() > 0.95
+    assert (found.hits[2::5] >= found.hits[0::5]).all()
+    np.testing.assert_allclose(
+        np.linalg.norm(found.tips - found.tips[2::5].repeat(5, axis=0), axis=1).reshape(-1, 5),
+        np.tile(np.abs(np.linspace(-0.003, 0.003, 5)), (25, 1)),
+        atol=1e-12,
+    )
