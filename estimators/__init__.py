@@ -24,7 +24,7 @@ from estimators.obstacles import Obstacle, ball, clearances
 from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
-from estimators.planning import Lesion, Plan, PlannedNeedle, Skin, compliance, displaced, paths, plan
+from estimators.planning import Plan, PlannedNeedle, PlannedTarget, Skin, compliance, displaced, paths, plan
 from estimators.replay import Replay
 from estimators.scores import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
 from estimators.settings import FilterSettings
@@ -73,6 +73,7 @@ __all__ = [
     "PathSource",
     "Plan",
     "PlannedNeedle",
+    "PlannedTarget",
     "Push",
     "Replay",
     "RunningScale",

@@ -28,7 +28,7 @@ SAME = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lesion:
+class PlannedTarget:
     """What is to be hit: Gaussian belief about its centre at arrival [m], (dim,), [m²], (dim, dim); its radius [m]."""
 
     mean: Floats
@@ -143,7 +143,12 @@ def displaced(
 
 
 def paths(
-    network: MassSpringNetwork, target: str, lesion: Lesion, needle: PlannedNeedle, entries: Floats, n_aims: int = 5
+    network: MassSpringNetwork,
+    target: str,
+    lesion: PlannedTarget,
+    needle: PlannedNeedle,
+    entries: Floats,
+    n_aims: int = 5,
 ) -> tuple[Floats, Floats]:
     """Entries and tips [m], (n n_aims, dim): from each entry to where the target will be, and to points beside it.
 
@@ -169,7 +174,7 @@ def paths(
 def plan(
     network: MassSpringNetwork,
     target: str,
-    lesion: Lesion,
+    lesion: PlannedTarget,
     needle: PlannedNeedle,
     skin: Skin,
     obstacles: Sequence[Obstacle],

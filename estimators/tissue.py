@@ -223,7 +223,7 @@ class TissueFilter:
         try:
             for k, dt in enumerate(steps):
                 if dt > 0.0:
-                    self._advance(dt)
+                    self._advance(dt, None)
                 means[k] = self.mixture.x[self.target]
                 covs[k] = self.mixture.P[self.target, self.target]
         finally:

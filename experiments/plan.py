@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import rest_shape
-from estimators import Lesion, Plan, TissueModel, paths
+from estimators import Plan, PlannedTarget, TissueModel, paths
 from estimators import plan as ranked
 from experiments.errors import InputError
 from experiments.line import Line
@@ -39,7 +39,7 @@ class Planned:
 
     scene: Scene
     task: Task
-    lesion: Lesion
+    lesion: PlannedTarget
     plan: Plan
     belief: str
     time_s: float | None
@@ -75,7 +75,7 @@ def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: Non
         mean = shape[scene.network.index(scene.target.node)]
         cov = task.belief_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
         belief, time_s = "at rest", None
-    lesion = Lesion(mean, cov, scene.target.radius_m)
+    lesion = PlannedTarget(mean, cov, scene.target.radius_m)
     told = (scene.network, scene.target.node, lesion, task.needle)
     skin = task.skin.entries(task.n_entries)
     if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():

@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, MassSpringNetwork, Needle, Pose, needle_load, rest_shape
-from estimators import Lesion, Obstacle, PlannedNeedle, Skin, ball, ball_probability, compliance, displaced, paths, plan
+from estimators import (
+    Obstacle,
+    PlannedNeedle,
+    PlannedTarget,
+    Skin,
+    ball,
+    ball_probability,
+    compliance,
+    displaced,
+    paths,
+    plan,
+)
 
 SKIN = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 1.0], np.radians(60.0), 0.25)
 SOFT = PlannedNeedle(cutting_N=0.2, friction_N_m=3.0)
@@ -15,7 +26,7 @@ SOFT = PlannedNeedle(cutting_N=0.2, friction_N_m=3.0)
 
 @pytest.fixture
 def lesion(phantom):
-    return Lesion(phantom.positions[phantom.index(HIDDEN)], np.diag([4e-6, 9e-6]), 0.005)
+    return PlannedTarget(phantom.positions[phantom.index(HIDDEN)], np.diag([4e-6, 9e-6]), 0.005)
 
 
 def planned(phantom, lesion, needle=SOFT, skin=SKIN, obstacles=(), n=40):
@@ -149,7 +160,7 @@ def test_in_space_it_plans_as_well():
         gravity=np.zeros(3),
     )
     skin = Skin([-0.05, -0.05, 0.1], [0.05, 0.05, 0.1], [0.0, 0.0, 1.0])
-    lesion = Lesion(np.zeros(3), 1e-6 * np.eye(3), 0.005)
+    lesion = PlannedTarget(np.zeros(3), 1e-6 * np.eye(3), 0.005)
     entries = skin.entries(25)
     assert entries.shape == (25, 3)
     from_, tips = paths(cube, "T", lesion, SOFT, entries, 5)
