@@ -45,7 +45,7 @@ class Cover:
     center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
     area_px: [px]
     alpha: share of each pixel that the mark covers, (h, w), 0 away from it
-    dipole_px: by how much a highlight or shading inside would shift the centre, were it not filled, (2,)
+    noise_sd: of one pixel's alpha behind the mark: what its contrast is worth
     color_bgr: of its core
     """
 
@@ -53,7 +53,7 @@ class Cover:
     cov_px2: Floats
     area_px: float
     alpha: Floats
-    dipole_px: Floats
+    noise_sd: float
     color_bgr: tuple[float, ...]
 
 
@@ -68,8 +68,8 @@ def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
     told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS)
     if not told:
         return None
-    u, v, uu, uv, vv, area, *rest = figures.tolist()
-    return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, np.array(rest[:2]), tuple(rest[2:]))
+    u, v, uu, uv, vv, area, noise_sd, *color = figures.tolist()
+    return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, noise_sd, tuple(color))
 
 
 @lru_cache(maxsize=64)

@@ -37,9 +37,12 @@ APART = 13.815510557964274
 BEYOND = 0.1
 """Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
 SQUARE_5 = np.ones((5, 5), np.uint8)
+FAINTEST = 0.2
+"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames: marks
+0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
 WHOLE_AT_LEAST = 0.5
 """A mark whose outline cannot be told must show this share of its area; chosen."""
-SMEAR = 0.25
+SMEAR = 0.12
 """Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
 RIM_SEEN = 0.3
 """Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
@@ -193,7 +196,9 @@ class _Search:
         """The marks inside this contour of the classes."""
         piece = self._piece(contour, number)
         seen = None if piece is None else cover(piece.patch, piece.component, piece.others)
-        if piece is None or seen is None or not self.min_area_px <= seen.area_px <= self.max_area_px:
+        if piece is None or seen is None or seen.noise_sd > FAINTEST:
+            return []
+        if not self.min_area_px <= seen.area_px <= self.max_area_px:
             return []
 
         outline = self._outline(piece.corner_px + seen.center_px)
@@ -235,18 +240,18 @@ class _Search:
             if fitted is not None:
                 apart = fitted.center_px - seen.center_px
                 squared = _squared(apart, seen.cov_px2 + fitted.cov_px2)
-                if squared <= APART:
-                    return [_Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)]
+                if squared <= APART and WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST:
+                    cov = max(1.0, squared / 2.0) * fitted.cov_px2
+                    return [_Center(fitted.center_px, cov, False, fitted.size)]
         rim = self._rim(piece, whole, fitted, outline)
         if rim is not None:
             return [rim]
-        if fitted is None or fitted.beyond > BEYOND:
-            return (
-                [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
-                if WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST
-                else []
-            )
-        return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
+        if fitted is not None and fitted.beyond <= BEYOND:
+            return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
+        if not WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST:
+            return []
+        # of its outline nothing is to be told: somewhere within it
+        return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
     def _rim(self, piece: _Piece, whole: _Center, fitted: Fitted | None, outline: Outline) -> _Center | None:
         """The centre by the steps of colour around a piece; None where they make no rim."""
@@ -254,7 +259,7 @@ class _Search:
         if fitted is not None:
             circles.append((*fitted.center_px, fitted.size))
         rim = fit_rim(piece.patch, np.array(circles), outline)
-        if rim is None:
+        if rim is None or (outline.even and rim.share < RIM_SEEN):
             return None
         cov = rim.cov_px2 + SMEAR * _smear(piece.component, outline)
         return _Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)

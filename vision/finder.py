@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.coverage import PAD_PX
-from vision.detect import Detection, detect_marks
+from vision.detect import Detection, HueError, detect_marks
 from vision.following import FollowedHue
 from vision.hues import MarkHue
 from vision.identify import Expected, Identified, identify
+from vision.look_at import look_at
 from vision.outline import Outline
 
 Floats = NDArray[np.float64]
@@ -20,9 +21,11 @@ Box = tuple[int, int, int, int]
 
 HALF_AT_LEAST = 0.5
 """Of its area a mark must show this share at least where its outline tells nothing; chosen."""
+TWICE_AT_MOST = 2.0
+"""Of its area something must not show more, if it is to be a mark; chosen."""
 SEEN_AT_LEAST = 0.15
 """The same where what is seen of its outline can tell its centre; chosen."""
-OUTLINE_FROM_PX = 5.0
+OUTLINE_FROM_PX = 3.5
 """Radius from which on an outline has enough pixels to tell something; measured on drawn frames."""
 BLOW_GATE = 9.21
 """Squared Mahalanobis distance at which one of many is given up as a mark after a blow: chi-square, 99 %; chosen."""
@@ -60,11 +63,33 @@ class MarkFinder:
                 near = [d for region in regions for d in self._detected(frame_bgr, expected, region)]
                 found = identify(near, expected)
         if len(found) < len(expected):
-            found = self._anywhere(self._detected(frame_bgr, expected, None), expected, struck)
+            found = self._anywhere(self._in_all(frame_bgr, expected), expected, struck)
+        found += self._by_rim(frame_bgr, expected, found)
         self.missed = {one.name for one in expected} - {one.name for one in found}
         for nominal, followed in self.hues.items():
             followed.follow([f.detection for f in found if f.detection.hue_deg == nominal])
         return found
+
+    def _by_rim(self, frame_bgr: Image, expected: Sequence[Expected], found: Sequence[Identified]) -> list[Identified]:
+        """Marks that are missing still, where a rim of the right colour is about where they are expected."""
+        names = {f.name for f in found}
+        missing = [one for one in expected if one.name not in names]
+        seen = [d for one in missing if (d := look_at(frame_bgr, one)) is not None and self.hues[d.hue_deg].fits(d)]
+        taken = [f.detection.center_px for f in found]
+        apart = [d for d in seen if all(np.hypot(*(d.center_px - place)) > PAD_PX for place in taken)]
+        return identify(apart, missing)
+
+    def _in_all(self, frame_bgr: Image, expected: Sequence[Expected]) -> list[Detection]:
+        """What is found in all of the picture; nothing where a hand before the camera takes most of it.
+
+        Raises HueError where a hue takes most of the picture and no mark was ever found: then the range is wrong.
+        """
+        try:
+            return self._detected(frame_bgr, expected, None)
+        except HueError:
+            if self.missed is None:
+                raise
+            return []
 
     def _anywhere(
         self, detections: Sequence[Detection], expected: Sequence[Expected], struck: Callable[[str], Expected] | None
@@ -84,26 +109,32 @@ class MarkFinder:
 
     def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
         own = [one for one in expected if region is None or _inside(one.center_px, region)]
-        outlines, min_area_px = _looks(own)
-        return detect_marks(
+        outlines, min_area_px, max_area_px = _looks(own)
+        detections = detect_marks(
             frame_bgr,
             [followed.now for followed in self.hues.values()],
             min_area_px=min_area_px,
+            max_area_px=max_area_px,
             region=region,
             outlines=outlines,
             expected_px=[one.center_px for one in own],
         )
+        return [d for d in detections if self.hues[d.hue_deg].fits(d)]
 
 
-def _looks(marks: Sequence[Expected]) -> tuple[list[Outline], float]:
-    """What each of these marks looks like, where that is known and tells something, and the least area of one [px]."""
+def _looks(marks: Sequence[Expected]) -> tuple[list[Outline], float, float | None]:
+    """What each of these marks looks like, where that is known and tells something, and the area of one [px].
+
+    Least and largest, the latter of two that touch where outlines can part them.
+    """
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
-        return [], 1.0
-    smallest = min(one.area_px for one in outlines)
-    if smallest < np.pi * OUTLINE_FROM_PX**2:
-        return [], HALF_AT_LEAST * smallest
-    return outlines, SEEN_AT_LEAST * smallest
+        return [], 1.0, None
+    areas = [one.area_px for one in outlines]
+    if min(areas) < np.pi * OUTLINE_FROM_PX**2:
+        return [], HALF_AT_LEAST * min(areas), TWICE_AT_MOST * max(areas)
+    even = all(one.even for one in outlines)
+    return outlines, SEEN_AT_LEAST * min(areas), len(marks) * TWICE_AT_MOST * max(areas) if even else None
 
 
 def _inside(place_px: Floats, region: Box) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vision.detect import Detection
 from vision.hues import MarkHue
@@ -15,42 +16,68 @@ FOLLOW = 0.05
 """Share of the newest frame in what is believed of a colour, once so many frames were seen; chosen."""
 FURTHEST = 1.5
 """How far the hue may drift from where it began, in half widths of its range; chosen."""
-WEAKER = 0.6
-"""Saturation and value that count, by those that marks show; chosen."""
+PALER, DARKER = 0.6, 0.3
+"""Saturation and value that count, by those that marks show: a shadow takes light and leaves colour; chosen."""
 LEAST_SATURATION, LEAST_VALUE = 0.12, 0.05
 """Below these no drift is followed: grey and black have no hue; chosen."""
+
+
+LEAST_SDS = np.array([6.0, 0.07])
+"""How far colours of one kind of mark scatter at least, in shadow and light: hue [degrees] and saturation; chosen."""
+KNOWN_AFTER = 3
+"""Frames after which a colour is known well enough to refuse others; chosen."""
+GATE = 13.815510557964274
+"""Squared distance in these scatters at which a colour is not the mark's: chi-square, 2 degrees of freedom, 0.1 %."""
 
 
 class FollowedHue:
     """A kind of mark whose colour is followed from frame to frame.
 
     now: what counts as this kind now
-    State: that, and how many frames it was learned from, and the mean colour as a vector on the circle of hues, its
-    saturation and its value.
+    State: that, and how many frames it was learned from; the mean colour as hue [degrees off where it began],
+    saturation and log of value, and how colours scatter about it.
     """
 
     def __init__(self, hue: MarkHue) -> None:
         self.now = hue
         self._first = hue
         self._n_frames = 0
-        self._color = np.zeros(4)
+        self._color, self._scatter = np.zeros(3), np.zeros(3)
+        if hue.saturation is not None and hue.value is not None:
+            self._n_frames = KNOWN_AFTER
+            self._color[1:] = hue.saturation, np.log(hue.value)
+
+    def fits(self, detection: Detection) -> bool:
+        """Whether a detection's colour may be that of such a mark; any may until a few frames have told."""
+        if self._n_frames < KNOWN_AFTER:
+            return True
+        off = (self._measured(detection.color_bgr) - self._color)[:2]
+        return float((off**2 / np.maximum(self._scatter[:2], LEAST_SDS**2)).sum()) <= GATE
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly covered or cut do not count."""
-        colors = [d.color_bgr for d in detections if not (d.covered or d.clipped)]
+        colors = [self._measured(d.color_bgr) for d in detections if not (d.covered or d.clipped)]
         if not colors:
             return
         self._n_frames += 1
-        blue, green, red = np.mean(colors, axis=0) / 255.0
-        hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
-        seen = np.array([np.cos(2.0 * np.pi * hue), np.sin(2.0 * np.pi * hue), saturation, value])
-        self._color += max(FOLLOW, 1.0 / self._n_frames) * (seen - self._color)
-        first, furthest = self._first, FURTHEST * self._first.half_width_deg
-        x, y, saturation, value = self._color.tolist()
-        drift = (np.degrees(np.arctan2(y, x)) - first.middle_deg + 180.0) % 360.0 - 180.0
+        share = max(FOLLOW, 1.0 / self._n_frames)
+        off = np.array(colors) - self._color
+        self._color += share * off.mean(axis=0)
+        if self._n_frames > 1:
+            most = np.array([*(2.0 * LEAST_SDS) ** 2, np.inf])
+            self._scatter = np.minimum(self._scatter + share * ((off**2).mean(axis=0) - self._scatter), most)
+        first = self._first
+        furthest = FURTHEST * first.half_width_deg
+        drift, saturation, value = self._color[0], self._color[1], float(np.exp(self._color[2]))
         self.now = replace(
             first,
             seen_deg=float((first.middle_deg + np.clip(drift, -furthest, furthest)) % 360.0),
-            min_saturation=max(LEAST_SATURATION, min(first.min_saturation, WEAKER * saturation)),
-            min_value=max(LEAST_VALUE, min(first.min_value, WEAKER * value)),
+            min_saturation=float(max(LEAST_SATURATION, min(first.min_saturation, PALER * saturation))),
+            min_value=float(max(LEAST_VALUE, min(first.min_value, DARKER * value))),
         )
+
+    def _measured(self, color_bgr: Sequence[float]) -> NDArray[np.float64]:
+        """Hue [degrees off where it began], saturation, log of value of a colour, (3,)."""
+        blue, green, red = (max(level, 1.0) / 255.0 for level in color_bgr)
+        hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
+        return np.array([(360.0 * hue - self._first.middle_deg + 180.0) % 360.0 - 180.0, saturation, np.log(value)])

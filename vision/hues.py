@@ -22,6 +22,7 @@ class MarkHue:
     half_width_deg: how far off it a pixel's hue may be [degrees]
     min_saturation, min_value: below these, 0 to 1, a pixel has no hue worth the name
     seen_deg: the hue that such marks show in the light there is, where it is not hue_deg
+    saturation, value: what they show of these, 0 to 1, where that is known
     """
 
     hue_deg: float
@@ -29,6 +30,8 @@ class MarkHue:
     min_saturation: float = 0.4
     min_value: float = 0.2
     seen_deg: float | None = None
+    saturation: float | None = None
+    value: float | None = None
 
     @property
     def middle_deg(self) -> float:

@@ -300,18 +300,6 @@ def _filled(alpha, near, core):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _dipole(alpha, core, area, u, v):  # type: ignore[no-untyped-def]
-    """By how much the core's unevenness would shift the centre, were it not filled: u, v."""
-    dipole_u = dipole_v = 0.0
-    for row in range(alpha.shape[0]):
-        for column in range(alpha.shape[1]):
-            if core[row, column]:
-                dipole_u += (alpha[row, column] - 1.0) * (column - u) / area
-                dipole_v += (alpha[row, column] - 1.0) * (row - v) / area
-    return dipole_u, dipole_v
-
-
-@njit(cache=True, nogil=True, fastmath=True)
 def _arms(edge, area, u, v):  # type: ignore[no-untyped-def]
     """How the pixels of the edge move the centre.
 
@@ -345,14 +333,14 @@ def covered(patch, component, others, discs, constants):  # type: ignore[no-unty
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
     constants: outlier_sds, fit_pixels, rounding, grain_reach, local_gain, local_reach, floor_px2
-    Figures: centre u, v, its covariance uu uv vv, area, dipole of the core u v, colour b g r.
+    Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
     outlier_sds, fit_pixels, rounding, grain_reach, local_gain, local_reach, floor_px2 = constants
     one = np.uint8(1)
     near = _grown(component, discs[0])
     core = one - _grown(one - component, discs[1])
     ring = (one - near) * (one - others)
-    figures = np.zeros(11)
+    figures = np.zeros(10)
     there, plane, gram, noise_cov = _background(patch, ring, outlier_sds, int(fit_pixels), rounding)
     if not there:
         return False, np.zeros(ring.shape), figures
@@ -366,7 +354,6 @@ def covered(patch, component, others, discs, constants):  # type: ignore[no-unty
     measured = _unmixed(patch, plane, weights / strength)
     alpha = measured.copy()
     area, u, v = _filled(alpha, near, core)
-    dipole_u, dipole_v = _dipole(measured, core, area, u, v)
     if not area > 0:
         return False, alpha, figures
     # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
@@ -378,5 +365,5 @@ def covered(patch, component, others, discs, constants):  # type: ignore[no-unty
     cov = max(behind, at_edge) * arms + behind * by_plane @ through + floor_px2 * np.eye(2)
     figures[0], figures[1] = u, v
     figures[2], figures[3], figures[4] = cov[0, 0], cov[0, 1], cov[1, 1]
-    figures[5], figures[6], figures[7], figures[8:] = area, dipole_u, dipole_v, color
+    figures[5], figures[6], figures[7:] = area, 1.0 / np.sqrt(strength), color
     return True, alpha, figures

@@ -21,10 +21,10 @@ SMALLEST_PX = 8
 FEWEST_PIXELS = 12
 SDS = 3.0
 """Standard deviations of its pixels' hues that a kind of mark reaches; chosen."""
-NARROWEST_DEG, WIDEST_DEG = 8.0, 40.0
+NARROWEST_DEG, WIDEST_DEG = 8.0, 25.0
 """Half widths of a learned range; chosen."""
-WEAKEST, WEAKER = 5.0, 0.6
-"""Percentile of saturation and value that is still the mark's, and how much weaker later ones may be; chosen."""
+WEAKEST, PALER, DARKER = 5.0, 0.6, 0.3
+"""Percentile of saturation and value that is still the mark's, and how much paler and darker others may be; chosen."""
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
@@ -60,8 +60,10 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
     return MarkHue(
         hue_deg=float(np.degrees(middle) % 360.0),
         half_width_deg=float(np.clip(SDS * np.degrees(off.std()), NARROWEST_DEG, WIDEST_DEG)),
-        min_saturation=float(WEAKER * weakest[0]),
-        min_value=float(WEAKER * weakest[1]),
+        min_saturation=float(PALER * weakest[0]),
+        min_value=float(DARKER * weakest[1]),
+        saturation=float(saturation.mean()),
+        value=float(value.mean()),
     )
 
 

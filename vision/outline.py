@@ -163,8 +163,8 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
 def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
     """The circle near this one by Tukey's robust least squares.
 
-    Returns (x, y, size), its normal matrix (3, 3), the variance of an edge, and the shares of all directions whose edge
-    lies on it and beyond it.
+    Returns (x, y, size), its normal matrix (3, 3), the variance of an edge and of waves around the outline, and the
+    shares of all directions whose edge lies on it and beyond it.
     """
     n = len(edges)
     fit, normal, step = start.copy(), np.zeros((3, 3)), np.zeros(3)
@@ -213,13 +213,13 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
         normal[2, 0], normal[2, 1], normal[2, 2] = a02, a12, a22
         step[0], step[1], step[2] = g0, g1, g2
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
-            return fit, np.eye(3), variance, 0.0, 0.0
+            return fit, np.eye(3), variance, 0.0, 0.0, 0.0
         fit += np.linalg.solve(normal, step)
         variance = max(squares / n_on, floor)
     # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them
     # says how strong one wave of noise, of highlights and of compression is.
     power = (waves**2).sum() / (HIGHEST_WAVE - 1) / weights2
-    return fit, normal, max(variance, power), n_on / N_RAYS, n_beyond / N_RAYS
+    return fit, normal, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
@@ -227,13 +227,19 @@ def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
     """Centre, covariance, share, beyond, size: of the whole mark, or else of the best circle through three edges."""
     scale = np.sqrt(abs(np.linalg.det(shape)))
     middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
-    fit, normal, variance, share, beyond = _refined(edges, middle, size_sd, scale)
+    fit, normal, variance, power, share, beyond = _refined(edges, middle, size_sd, scale)
     if share <= WHOLE_SHARE:
         start_at = _candidate(edges, size_sd, 0.4 / scale)
-        fit, normal, variance, share, beyond = _refined(edges, start_at, size_sd, scale)
+        fit, normal, variance, power, share, beyond = _refined(edges, start_at, size_sd, scale)
     if share == 0.0:
         return start, np.eye(2), share, beyond, 1.0
     # Errors of neighbouring edges hang together; the corners where the covered part begins pull a little, too.
-    together = 1.0 / share
+    together = max(1.0, BLUR_PX * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
     inside = np.ascontiguousarray(np.linalg.inv(normal)[:2, :2])
-    return start + shape @ fit[:2], variance * together * shape @ inside @ shape.T, share, beyond, fit[2]
+    return (
+        start + shape @ fit[:2],
+        max(variance * together, power / share) * shape @ inside @ shape.T,
+        share,
+        beyond,
+        fit[2],
+    )
