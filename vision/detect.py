@@ -38,8 +38,8 @@ BEYOND = 0.1
 """Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
 SQUARE_5 = np.ones((5, 5), np.uint8)
 FAINTEST = 0.2
-"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames: marks
-0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
+"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
+marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
 WHOLE_AT_LEAST = 0.5
 """A mark whose outline cannot be told must show this share of its area; chosen."""
 SMEAR = 0.12
