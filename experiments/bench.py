@@ -6,6 +6,8 @@ full_step: predict of 1/30 s and update with three marks of the filter that is u
 the marks carry; 16 states of the network and six pokes. considered: the same with ten unknown constants beside.
 advice: what `guide` does in two parts: one second of the target's path, told 30 times; advice from a path, 21 starts
 over 2 s, in the plane and in space; one probability of a hit in space.
+detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
+SimpleBlobDetector with its own settings on the same pictures.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
 """
 
@@ -14,9 +16,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+import cv2
 import filterpy.kalman as filterpy
 import numpy as np
 
+import vision
 from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent, pack, parameters, plain_step
 from estimators import (
     Belief,
@@ -48,6 +52,8 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     advance(0.5)
     report["advice"] = advice()
     advance(0.6)
+    report["detect"] = detect()
+    advance(0.7)
     report["loop_640x480"] = loop_640x480()
     advance(1.0)
     return report
@@ -167,6 +173,40 @@ def advice() -> dict[str, float]:
 
 def _asked(path: TargetPath, insertion: Insertion, lesion: Lesion) -> Callable[[], Guidance]:
     return lambda: advise(path, insertion, lesion)
+
+
+def detect(n_frames: int = 60) -> dict[str, float]:
+    """Marks found in whole pictures and where they are expected, against OpenCV's detector of blobs."""
+    rng = np.random.default_rng(0)
+    radius, names = 12.0, ("M1", "M2", "M3", "M4")
+    homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])
+    outline, hue = vision.Outline(radius * np.eye(2), 0.05), vision.MarkHue(0.0)
+    finder, blobs = vision.MarkFinder([hue]), cv2.SimpleBlobDetector.create()
+    seconds: dict[str, list[float]] = {"full_1280x720_ms": [], "tracked_ms": [], "blob_detector_ms": []}
+    for k in range(n_frames):
+        places = homes + 40.0 * np.array([np.cos(0.1 * k), np.sin(0.13 * k)])
+        discs = [vision.Disc(place, (radius, radius), 0.0) for place in places]
+        strays = vision.distractors(6, (1280, 720), rng, [0.0])
+        image = vision.draw_frame((1280, 720), [*strays, *discs], vision.Lighting(), rng)
+        expected = [
+            vision.Expected(name, place, 4.0 * np.eye(2), 0.0, outline)
+            for name, place in zip(names, places, strict=True)
+        ]
+        work: dict[str, Callable[[], object]] = {
+            "full_1280x720_ms": lambda image=image, places=places: vision.detect_marks(  # type: ignore[misc]
+                image, [hue], min_area_px=60.0, outlines=[outline], expected_px=places
+            ),
+            "tracked_ms": lambda image=image, expected=expected: finder.find(image, expected),  # type: ignore[misc]
+            "blob_detector_ms": lambda image=image: blobs.detect(image),  # type: ignore[misc]
+        }
+        for name, one in work.items():
+            began = time.perf_counter()
+            one()
+            seconds[name].append(time.perf_counter() - began)
+        if finder.missed:
+            raise RuntimeError(f"detect: expected four marks found, missed {sorted(finder.missed)}")
+    told = {name: 1e3 * float(np.median(each[n_frames // 10 :])) for name, each in seconds.items()}
+    return told | {"ratio": told["blob_detector_ms"] / told["full_1280x720_ms"]}
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:

@@ -60,8 +60,6 @@ class PxFollower:
             expected.append(Expected(name, mean, cov, hue.hue_deg, outlines[name]))
         found = {one.name: one.detection for one in self.finder.find(frame.image, expected)}
         for name in self._hues:
-            if name not in self.filters and name in found and found[name].covered:
-                del found[name]  # half of something, anywhere, is not yet a mark
             self._take(name, found.get(name))
         return found
 

@@ -30,13 +30,18 @@ MAX_ELONGATION = 4.0
 """Longest to shortest axis of what may be a mark: round marks smeared by up to three times their width; chosen."""
 SEARCH_SHARE = 0.4
 """A mark may show this share of its least area in the search already; its edge counts only after that; chosen."""
-COARSE_AREA_PX = 150.0
+COARSE_AREA_PX = 60.0
 """Marks of at least so many pixels are searched for in a picture of half the size; chosen."""
 APART = 13.815510557964274
 """Squared distance beyond which two centres of one mark, by area and by outline, differ: chi-square, 0.1 %."""
+AGREE_PX2 = 0.08**2 * np.eye(2)
+"""Covariance of what two centres of one mark may differ by whatever they say of themselves: shading, print; chosen."""
 BEYOND = 0.1
 """Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
 SQUARE_5 = np.ones((5, 5), np.uint8)
+GRAIN_NOISE, GRAIN_GAIN = 0.018, 2.0
+"""Noise of a pixel by a mark's contrast from which errors of an outline hang together more than it shows, and what that
+adds to their variance at most: compression, highlights, shadow; measured on drawn frames."""
 FAINTEST = 0.2
 """Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
 marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
@@ -44,8 +49,12 @@ WHOLE_AT_LEAST = 0.5
 """A mark whose outline cannot be told must show this share of its area; chosen."""
 SMEAR = 0.12
 """Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
+BLURRED = 1.2
+"""Spread of a mark at rest by that of its outline, at most; chosen."""
 RIM_SEEN = 0.3
 """Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
+ALL_SEEN = 0.9
+"""Of its area a mark shows this share, or something covers part of it; chosen."""
 WHOLE_AT_MOST = 1.6
 """Nor may it show more than this: a hand, blood; chosen."""
 MERGED = 1.25
@@ -115,8 +124,9 @@ def detect_marks(
     palette = palette_of(tuple(hues))
     scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
     classes = classes_of(part, palette, scale)
-    starts = np.reshape(expected_px, (-1, 2)) - np.array([left, top])
-    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, tuple(outlines), starts)
+    corner = np.array([left, top], dtype=float)
+    starts = np.reshape(expected_px, (-1, 2)) - corner
+    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, tuple(outlines), starts, corner)
     found: list[Detection] = []
     for number, hue in enumerate(hues, start=1):
         mask = classes if len(hues) == 1 else equal(classes, number)
@@ -129,8 +139,7 @@ def detect_marks(
             if outlines
             else [d for each in of_hue for d in each]
         )
-    placed = found if region is None else [replace(d, center_px=d.center_px + np.array([left, top])) for d in found]
-    return sorted(placed, key=lambda detection: -detection.area_px)
+    return sorted(found, key=lambda detection: -detection.area_px)
 
 
 def _cut(frame: Image, region: tuple[int, int, int, int]) -> Image:
@@ -181,6 +190,7 @@ class _Search:
     """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is.
 
     outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
+    corner_px: of this picture in the frame, (2,)
     """
 
     part: Picture
@@ -191,6 +201,7 @@ class _Search:
     max_area_px: float
     outlines: tuple[Outline, ...]
     starts_px: Floats
+    corner_px: Floats
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
         """The marks inside this contour of the classes."""
@@ -203,13 +214,19 @@ class _Search:
 
         outline = self._outline(piece.corner_px + seen.center_px)
         whole = _Center(seen.center_px, seen.cov_px2)
-        centers = [whole] if outline is None else self._outlined(piece, seen, outline)
+        centers = [whole]
+        if outline is not None:
+            grain = (seen.noise_sd / GRAIN_NOISE) ** 4
+            factor = 1.0 + outline.even * GRAIN_GAIN * grain / (1.0 + grain)
+            centers = self._outlined(piece, seen, outline)
+            if factor != 1.0:
+                centers = [replace(at, cov_px2=factor * at.cov_px2) for at in centers]
         # Of a mark that the border cuts, as much again as is seen may lie outside.
-        outside = (piece.reach_px / 2.0) ** 2 * np.eye(2)
+        outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
             Detection(
-                at.center_px + piece.corner_px,
-                at.cov_px2 + outside if piece.clipped and not at.covered else at.cov_px2,
+                at.center_px + piece.corner_px + self.corner_px,
+                at.cov_px2 if at.covered else at.cov_px2 + outside,
                 seen.area_px,
                 hue_deg,
                 piece.clipped,
@@ -239,16 +256,16 @@ class _Search:
                     return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
             if fitted is not None:
                 apart = fitted.center_px - seen.center_px
-                squared = _squared(apart, seen.cov_px2 + fitted.cov_px2)
+                squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + AGREE_PX2)
                 if squared <= APART and WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST:
                     cov = max(1.0, squared / 2.0) * fitted.cov_px2
                     return [_Center(fitted.center_px, cov, False, fitted.size)]
         rim = self._rim(piece, whole, fitted, outline)
         if rim is not None:
-            return [rim]
+            return [replace(rim, covered=rim.covered or share < ALL_SEEN * rim.size**2)]
         if fitted is not None and fitted.beyond <= BEYOND:
             return [_Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
-        if not WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST:
+        if share < WHOLE_AT_LEAST or (outline.even and share > WHOLE_AT_MOST):
             return []
         # of its outline nothing is to be told: somewhere within it
         return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
@@ -316,8 +333,8 @@ def _smear(component: Picture, outline: Outline) -> Floats:
     """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
-    # of a disc: a quarter of its radius squared
-    values, vectors = np.linalg.eigh(spread - outline.shape_px @ outline.shape_px.T / 4.0)
+    # of a disc: a quarter of its radius squared; a blurred edge adds some
+    values, vectors = np.linalg.eigh(spread - BLURRED * outline.shape_px @ outline.shape_px.T / 4.0)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 

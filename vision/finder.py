@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from math import ceil, floor, hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,8 @@ class MarkFinder:
         """Marks that are missing still, where a rim of the right colour is about where they are expected."""
         names = {f.name for f in found}
         missing = [one for one in expected if one.name not in names]
+        if not missing:
+            return []
         seen = [d for one in missing if (d := look_at(frame_bgr, one)) is not None and self.hues[d.hue_deg].fits(d)]
         taken = [f.detection.center_px for f in found]
         apart = [d for d in seen if all(np.hypot(*(d.center_px - place)) > PAD_PX for place in taken)]
@@ -146,12 +149,14 @@ def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
     """Left, top, width, height of the parts of a picture, (height, width), where marks are expected; none overlap."""
     boxes = []
     for one in expected:
-        size = 0.0 if one.outline is None else 1.3 * np.linalg.norm(one.outline.shape_px, axis=1)
-        reach = REGION_SDS * np.sqrt(one.cov_px2.diagonal()) + size + PAD_PX + 4
-        low = np.maximum(np.floor(one.center_px - reach), 0).astype(int)
-        high = np.minimum(np.ceil(one.center_px + reach) + 1, shape[::-1]).astype(int)
-        if (high > low).all():
-            boxes.append((*low.tolist(), *high.tolist()))
+        (u, v), (uu, vv) = one.center_px.tolist(), one.cov_px2.diagonal().tolist()
+        (a, b), (c, d) = ((0.0, 0.0), (0.0, 0.0)) if one.outline is None else one.outline.shape_px.tolist()
+        across = REGION_SDS * uu**0.5 + 1.3 * hypot(a, b) + PAD_PX + 4
+        down = REGION_SDS * vv**0.5 + 1.3 * hypot(c, d) + PAD_PX + 4
+        low = max(floor(u - across), 0), max(floor(v - down), 0)
+        high = min(ceil(u + across) + 1, shape[1]), min(ceil(v + down) + 1, shape[0])
+        if high[0] > low[0] and high[1] > low[1]:
+            boxes.append((*low, *high))
     apart: list[tuple[int, int, int, int]] = []
     for box in boxes:
         merged = box

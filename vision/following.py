@@ -5,6 +5,7 @@ from __future__ import annotations
 import colorsys
 from collections.abc import Sequence
 from dataclasses import replace
+from math import exp, log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ LEAST_SATURATION, LEAST_VALUE = 0.12, 0.05
 
 LEAST_SDS = np.array([6.0, 0.07])
 """How far colours of one kind of mark scatter at least, in shadow and light: hue [degrees] and saturation; chosen."""
+MOST_SCATTER = np.array([*(2.0 * LEAST_SDS) ** 2, np.inf])
+"""Squared scatters of hue and saturation are never believed to be more: they would admit anything; chosen."""
 KNOWN_AFTER = 3
 """Frames after which a colour is known well enough to refuse others; chosen."""
 GATE = 13.815510557964274
@@ -62,16 +65,16 @@ class FollowedHue:
         self._n_frames += 1
         share = max(FOLLOW, 1.0 / self._n_frames)
         off = np.array(colors) - self._color
-        self._color += share * off.mean(axis=0)
+        self._color = self._color + share * (off.sum(axis=0) / len(off))
         if self._n_frames > 1:
-            most = np.array([*(2.0 * LEAST_SDS) ** 2, np.inf])
-            self._scatter = np.minimum(self._scatter + share * ((off**2).mean(axis=0) - self._scatter), most)
+            spread = (off * off).sum(axis=0) / len(off)
+            self._scatter = np.minimum(self._scatter + share * (spread - self._scatter), MOST_SCATTER)
         first = self._first
         furthest = FURTHEST * first.half_width_deg
-        drift, saturation, value = self._color[0], self._color[1], float(np.exp(self._color[2]))
+        drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
         self.now = replace(
             first,
-            seen_deg=float((first.middle_deg + np.clip(drift, -furthest, furthest)) % 360.0),
+            seen_deg=float((first.middle_deg + min(max(drift, -furthest), furthest)) % 360.0),
             min_saturation=float(max(LEAST_SATURATION, min(first.min_saturation, PALER * saturation))),
             min_value=float(max(LEAST_VALUE, min(first.min_value, DARKER * value))),
         )
@@ -80,4 +83,4 @@ class FollowedHue:
         """Hue [degrees off where it began], saturation, log of value of a colour, (3,)."""
         blue, green, red = (max(level, 1.0) / 255.0 for level in color_bgr)
         hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
-        return np.array([(360.0 * hue - self._first.middle_deg + 180.0) % 360.0 - 180.0, saturation, np.log(value)])
+        return np.array([(360.0 * hue - self._first.middle_deg + 180.0) % 360.0 - 180.0, saturation, log(value)])

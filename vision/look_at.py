@@ -12,7 +12,7 @@ from vision.rim import fit_rim
 
 Image = NDArray[np.uint8]
 
-SHARE = 0.55
+SHARE = 0.45
 """Of all directions, weighed by how clear they are, that must show the rim: more than where colour tells; chosen."""
 REACH_SDS = 2.0
 """How far about the expected place the search begins; chosen."""

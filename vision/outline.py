@@ -6,7 +6,7 @@ too, less well the shorter the arc, but whatever covers the rest. Image axes: u 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -38,12 +38,14 @@ class Outline:
 
     shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
     size_sd: how far its size may be off, as a share of it
+    area_px: of the whole mark [px], from these
     even: it is of one colour; of one that is not, a ball with its shading, say, the rim is looked for, not the colour
     """
 
     shape_px: Floats
     size_sd: float = 0.1
     even: bool = True
+    area_px: float = field(init=False)
 
     def __post_init__(self) -> None:
         shape = np.array(self.shape_px, dtype=np.float64, order="C")
@@ -52,11 +54,7 @@ class Outline:
         if not self.size_sd > 0:
             raise ValueError(f"outline size_sd: expected more than 0, found {self.size_sd}")
         object.__setattr__(self, "shape_px", shape)
-
-    @property
-    def area_px(self) -> float:
-        """Of the whole mark [px]."""
-        return float(np.pi * abs(np.linalg.det(self.shape_px)))
+        object.__setattr__(self, "area_px", float(np.pi * abs(np.linalg.det(shape))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

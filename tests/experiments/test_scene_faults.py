@@ -201,7 +201,12 @@ BAD = {
     "camera in space": (
         "calibration_sd_px = 0.2",
         "translation_mm = [0, 0, 900]",
-        ": camera[0]: cameras in space are not read yet; expected plane_to_px, found translation_mm",
+        ": camera[0]: translation_mm: expected no such key beside plane_to_px, found one",
+    ),
+    "camera in two forms": (
+        "calibration_sd_px = 0.2",
+        'file = "camera.toml"',
+        ": camera[0]: expected one of plane_to_px, matrix, file, found plane_to_px and file",
     ),
 }
 

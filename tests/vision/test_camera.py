@@ -1,11 +1,12 @@
 """Homographies against the formula written out, covariances against sampling and against finite differences."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision import PlaneCamera, squarely
+from vision import Lens, PlaneCamera, Pose, posed, squarely
 
 TILTED = np.array([[900.0, 40.0, 310.0], [-30.0, -860.0, 250.0], [0.15, -0.25, 1.0]])
 """A camera that looks at the plane from the side: metres to pixels."""
@@ -92,3 +93,71 @@ def test_points_beyond_the_horizon_are_refused() -> None:
 def test_bad_cameras_are_refused(size_px: tuple[int, int], plane_to_px: np.ndarray, sd: float, message: str) -> None:
     with pytest.raises(ValueError, match=f"camera side {message}"):
         PlaneCamera("side", size_px, plane_to_px, sd)
+
+
+LENS = Lens(np.array([[800.0, 0, 320], [0, 790, 240], [0, 0, 1]]), np.array([-0.3, 0.1, 0.001, -0.002, 0.02]))
+POSE = Pose(cv2.Rodrigues(np.array([0.4, -0.3, 0.1]))[0] @ np.diag([1.0, -1.0, -1.0]), np.array([0.02, -0.03, 0.8]))
+
+
+def on_plane(n: int = 20) -> np.ndarray:
+    return np.random.default_rng(1).uniform(-0.12, 0.12, (n, 2))
+
+
+def test_a_camera_with_a_lens_sees_what_opencv_projects() -> None:
+    camera = posed("a", (640, 480), LENS, POSE)
+    points = on_plane()
+    turn = cv2.Rodrigues(POSE.rotation)[0]
+    space = np.column_stack([points, np.zeros(len(points))])
+    expected, _ = cv2.projectPoints(space, turn, POSE.translation_m, LENS.matrix, LENS.distortion)
+    np.testing.assert_allclose(camera.project(points), expected.reshape(-1, 2), atol=1e-9)
+    np.testing.assert_allclose(camera.to_plane(camera.project(points)), points, atol=1e-12)
+    np.testing.assert_allclose(camera.pose.rotation, POSE.rotation, atol=1e-12)
+    np.testing.assert_allclose(camera.pose.translation_m, POSE.translation_m, atol=1e-12)
+
+
+def test_covariances_go_through_a_lens_by_its_slope() -> None:
+    camera, points, step = posed("a", (640, 480), LENS, POSE), on_plane(), 1e-6
+    J = np.stack([(camera.project(points + d) - camera.project(points - d)) / (2 * step) for d in step * np.eye(2)], -1)
+    there = camera.cov_to_px(points, np.tile(np.eye(2), (len(points), 1, 1)))
+    np.testing.assert_allclose(there, J @ J.transpose(0, 2, 1), rtol=1e-6)
+    back = camera.cov_to_plane(camera.project(points), there)
+    np.testing.assert_allclose(back, np.tile(np.eye(2), (len(points), 1, 1)), atol=1e-9)
+    np.testing.assert_allclose(camera.disc_shape(points[0], 0.01), 0.01 * J[0], rtol=1e-6)
+
+
+def test_a_discs_middle_is_seen_off_the_middle_of_its_picture() -> None:
+    bent, straight, radius = posed("a", (640, 480), LENS, POSE), PlaneCamera("b", (640, 480), TILTED), 0.02
+    at = np.linspace(-1.0, 1.0, 801)
+    inside = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
+    disc = radius * inside[np.hypot(*inside.T) < 1.0]
+    for point in on_plane(3):
+        seen = bent.project(point + disc)
+        # pixels of equal size: each place of the plane counts by the area that its picture has
+        J = np.stack([bent.project(point + disc + d) - bent.project(point + disc - d) for d in 1e-6 * np.eye(2)], -1)
+        weights = np.abs(np.linalg.det(J))
+        expected = (weights[:, None] * seen).sum(axis=0) / weights.sum() - bent.project(point)[0]
+        assert np.hypot(*expected) > 0.05
+        np.testing.assert_allclose(bent.disc_shift(point, radius)[0], expected, atol=3e-4)
+    # Without a lens the picture is an ellipse: its centre from the dual of the circle's conic, H C* H'
+    (x, y), H = (0.05, -0.03), straight.plane_to_px
+    dual = np.array([[x * x - radius**2, x * y, x], [x * y, y * y - radius**2, y], [x, y, 1.0]])
+    image = H @ dual @ H.T
+    middle = image[:2, 2] / image[2, 2]
+    np.testing.assert_allclose(
+        straight.disc_shift((x, y), radius)[0], middle - straight.project((x, y))[0], rtol=1e-3, atol=1e-6
+    )
+
+
+def test_what_a_calibration_is_off_by_moves_all_points_together() -> None:
+    directions = np.random.default_rng(2).normal(0.0, 1e-4, (4, 15))
+    directions[:, 12:] *= 0.1
+    camera, points = posed("a", (640, 480), LENS, POSE, calibration=directions), on_plane()
+    moved = camera.calibration_error(points)
+    assert moved.shape == (20, 2, 4)
+    for k, direction in enumerate(directions):
+        other = posed("b", (640, 480), LENS.moved(direction[:9]), POSE.moved(direction[9:]))
+        expected = camera.to_plane(other.project(points)) - points
+        np.testing.assert_allclose(moved[:, :, k], expected, atol=2e-3 * np.abs(expected).max())
+    assert PlaneCamera("c", (640, 480), TILTED).calibration_error(points).shape == (20, 2, 0)
+    with pytest.raises(ValueError, match="camera c calibration: expected a lens that it is of, found none"):
+        PlaneCamera("c", (640, 480), TILTED, calibration=directions)
