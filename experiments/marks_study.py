@@ -22,7 +22,24 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.outputs import output_folder, write_whole
-from vision import Expected, Lens, Level, MarkFinder, Outline, Pose, RunFrame, drawn_run, learn_hue, posed
+from experiments.px_follower import PxFollower
+from vision import (
+    Disc,
+    Expected,
+    Frame,
+    Lens,
+    Level,
+    Lighting,
+    MarkFinder,
+    MarkHue,
+    Outline,
+    Pose,
+    RunFrame,
+    draw_frame,
+    drawn_run,
+    learn_hue,
+    posed,
+)
 
 Floats = NDArray[np.float64]
 
@@ -102,6 +119,46 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
+def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
+    """Two marks of one hue that cross, touching or one over the other: frames of lost identity, and of all.
+
+    A filter of constant velocity says where each is expected; a frame is lost in which a mark is named by the other's
+    place, beyond the first frame in which they are apart again.
+    """
+    rng = np.random.default_rng([seed, 9])
+    radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
+    angles = rng.uniform(0.0, 2.0 * np.pi) + np.array([0.0, rng.uniform(0.5, 2.0 * np.pi - 0.5)])
+    speeds = rng.uniform(1.5, 5.0, 2)
+    ways = speeds[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    miss = rng.uniform(-1.5, 1.5, (2, 2)) * radius / 2.0
+    times = np.arange(n_frames) - n_frames / 2.0
+    hue, outline = MarkHue(0.0), Outline(radius * np.eye(2), 0.05)
+    places = middle + miss[:, None] + times[None, :, None] * ways[:, None]
+    follower = PxFollower({"a": hue, "b": hue}, 60.0, {"a": places[0, 0], "b": places[1, 0]})
+    lost = 0
+    for k in range(n_frames):
+        discs = [Disc(place, (radius, radius), 0.0) for place in places[:, k]]
+        frame = Frame(k, k / 30.0, draw_frame((280, 220), discs, Lighting(), rng))
+        found = follower.see(frame, {"a": outline, "b": outline})
+        apart = float(np.hypot(*(places[0, k] - places[1, k])))
+        for own, name in enumerate(("a", "b")):
+            if name in found and apart > 2.0 * radius:
+                off = np.linalg.norm(places[:, k] - found[name].center_px, axis=1)
+                lost += int(off[own] > off[1 - own])
+    return lost, n_frames
+
+
+def crossings(n_runs: int, n_processes: int = 2) -> dict[str, float]:
+    """Frames of lost identity in so many crossings."""
+    with ProcessPoolExecutor(n_processes) as pool:
+        told = list(pool.map(crossing, range(n_runs), chunksize=5))
+    return {
+        "frames": sum(frames for _, frames in told),
+        "frames_lost": sum(lost for lost, _ in told),
+        "crossings_swapped": sum(lost > 0 for lost, _ in told),
+    }
+
+
 def study(n_runs: int, n_frames: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, float]]:
     """Both levels; marks.csv and marks.json in the folder."""
     told: dict[str, dict[str, float]] = {}
@@ -116,6 +173,7 @@ def study(n_runs: int, n_frames: int, out: Path, n_processes: int = 2) -> dict[s
         rows = pd.concat(parts)
         told[level] = figures(rows)
         tables.append(rows.assign(level=level))
+    told["crossings"] = crossings(5 * n_runs, n_processes)
     write_whole(out / "marks.csv", pd.concat(tables).to_csv(index=False, float_format="%.4f"))
     write_whole(out / "marks.json", json.dumps(told, indent=1) + "\n")
     return told

@@ -57,15 +57,16 @@ class Cover:
     color_bgr: tuple[float, ...]
 
 
-def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
+def cover(patch: Picture, component: Picture, others: Picture, *, thorough: bool = True) -> Cover | None:
     """What a component covers of a patch; None where it cannot be told from what lies behind it.
 
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
     others: not 0 on pixels of other marks of the class, which are no background, (h, w) uint8
+    thorough: whether to see how far the noise hangs together; if not, the covariance is rough
     """
     discs = _half_widths(GROW_PX + max(component.shape) // 16), _half_widths(CORE_PX)
-    told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS)
+    told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS, thorough)
     if not told:
         return None
     u, v, uu, uv, vv, area, noise_sd, *color = figures.tolist()

@@ -206,7 +206,7 @@ class _Search:
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
         """The marks inside this contour of the classes."""
         piece = self._piece(contour, number)
-        seen = None if piece is None else cover(piece.patch, piece.component, piece.others)
+        seen = None if piece is None else cover(piece.patch, piece.component, piece.others, thorough=not self.outlines)
         if piece is None or seen is None or seen.noise_sd > FAINTEST:
             return []
         if not self.min_area_px <= seen.area_px <= self.max_area_px:
