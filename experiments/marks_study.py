@@ -120,7 +120,7 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
-    """Two marks of one hue that cross, touching or one over the other: frames of lost identity, and of all.
+    """Two marks of one hue that cross, touching or one over the other, at 2 px a frame or more: frames lost, and all.
 
     A filter of constant velocity says where each is expected; a frame is lost in which a mark is named by the other's
     place, beyond the first frame in which they are apart again.
@@ -130,6 +130,8 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     angles = rng.uniform(0.0, 2.0 * np.pi) + np.array([0.0, rng.uniform(0.5, 2.0 * np.pi - 0.5)])
     speeds = rng.uniform(1.5, 5.0, 2)
     ways = speeds[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    # slower, and they would touch from the first frame to the last
+    ways *= max(1.0, 2.0 / np.hypot(*(ways[0] - ways[1])))
     miss = rng.uniform(-1.5, 1.5, (2, 2)) * radius / 2.0
     times = np.arange(n_frames) - n_frames / 2.0
     hue, outline = MarkHue(0.0), Outline(radius * np.eye(2), 0.05)

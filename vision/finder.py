@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import combinations
 from math import ceil, floor, hypot
 
 import numpy as np
@@ -12,7 +13,7 @@ from vision.coverage import PAD_PX
 from vision.detect import Detection, HueError, detect_marks
 from vision.following import FollowedHue
 from vision.hues import MarkHue
-from vision.identify import Expected, Identified, identify
+from vision.identify import Expected, Identified, identify, squared_distance
 from vision.look_at import look_at
 from vision.outline import Outline
 
@@ -28,6 +29,8 @@ SEEN_AT_LEAST = 0.15
 """The same where what is seen of its outline can tell its centre; chosen."""
 OUTLINE_FROM_PX = 3.5
 """Radius from which on an outline has enough pixels to tell something; measured on drawn frames."""
+SURE = 16.0
+"""By so much the squared distances of two marks must rise if their names are swapped; chosen: odds of 3000 to 1."""
 BLOW_GATE = 9.21
 """Squared Mahalanobis distance at which one of many is given up as a mark after a blow: chi-square, 99 %; chosen."""
 REGION_SDS = 4.3
@@ -66,6 +69,7 @@ class MarkFinder:
         if len(found) < len(expected):
             found = self._anywhere(self._in_all(frame_bgr, expected), expected, struck)
         found += self._by_rim(frame_bgr, expected, found)
+        found = _certain(found, expected)
         self.missed = {one.name for one in expected} - {one.name for one in found}
         for nominal, followed in self.hues.items():
             followed.follow([f.detection for f in found if f.detection.hue_deg == nominal])
@@ -123,6 +127,24 @@ class MarkFinder:
             expected_px=[one.center_px for one in own],
         )
         return [d for d in detections if self.hues[d.hue_deg].fits(d)]
+
+
+def _certain(found: Sequence[Identified], expected: Sequence[Expected]) -> list[Identified]:
+    """Without those that touch another of their hue and might as well be it: better unseen than swapped."""
+    where = {one.name: one for one in expected}
+    doubtful: set[str] = set()
+    for a, b in combinations(found, 2):
+        one, other = where[a.name], where[b.name]
+        if one.hue_deg != other.hue_deg or one.outline is None or other.outline is None:
+            continue
+        reach = (one.outline.area_px**0.5 + other.outline.area_px**0.5) / np.pi**0.5
+        if hypot(*(one.center_px - other.center_px)) > reach:
+            continue
+        named = squared_distance(one, a.detection) + squared_distance(other, b.detection)
+        swapped = squared_distance(one, b.detection) + squared_distance(other, a.detection)
+        if swapped - named < SURE:
+            doubtful |= {a.name, b.name}
+    return [one for one in found if one.name not in doubtful]
 
 
 def _looks(marks: Sequence[Expected]) -> tuple[list[Outline], float, float | None]:

@@ -47,6 +47,12 @@ class Identified:
     detection: Detection
 
 
+def squared_distance(expected: Expected, detection: Detection) -> float:
+    """Squared Mahalanobis distance of a detection from where a mark is expected."""
+    off = detection.center_px - expected.center_px
+    return float(off @ np.linalg.solve(expected.cov_px2 + detection.cov_px2, off))
+
+
 def identify(detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = GATE) -> list[Identified]:
     """The most likely pairs of all, in the order of expected; a mark without a detection is absent.
 
