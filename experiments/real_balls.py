@@ -37,6 +37,7 @@ class Film:
 
     path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
     jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
+    focal_px: of the camera, by what is usual in telephones
     size_sd, follow_size: how far its size may be off, as a share of it; how much of that a new sight corrects
     """
 
@@ -44,15 +45,26 @@ class Film:
     click: tuple[int, float, float]
     radius_px: float
     jolt_px: float
+    focal_px: float
     size_sd: float
     follow_size: float
 
 
 FILMS = {
-    "red-pendulum": Film("red-pendulum/ball.mp4", (150, 229.0, 536.0), 19.5, 3000.0, 0.03, 0.02),
-    "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0, 0.1, 0.1),
-    "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0, 0.1, 0.3),
+    "red-pendulum": Film("red-pendulum/ball.mp4", (150, 229.0, 536.0), 19.5, 3000.0, np.inf, 0.02, 0.02),
+    "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0, 950.0, 0.1, 0.1),
+    "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0, 950.0, 0.08, 0.15),
 }
+
+
+def stretched(off_px: Floats, focal_px: float) -> Floats:
+    """By what a ball off the middle of a picture, (2,), is drawn wider from there on, (2, 2): 1 / cos of the angle."""
+    return np.eye(2) + (np.hypot(1.0, np.hypot(*off_px) / focal_px) - 1.0) * _projector(off_px)
+
+
+def _projector(along: Floats) -> Floats:
+    length = float(np.hypot(*along))
+    return np.zeros((2, 2)) if length == 0.0 else np.outer(along, along) / length**2
 
 
 def followed(path: Path, film: Film) -> pd.DataFrame:
@@ -66,7 +78,12 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
     rows = []
     with VideoFileFrames(path) as frames:
         for frame in frames:
-            outline = Outline(radius_px * np.eye(2), film.size_sd, even=False)
+            if not follower.filters:
+                radius_px = film.radius_px
+            known = follower.filters.get("ball")
+            middle = (np.array(frame.image.shape[1::-1]) - 1.0) / 2.0
+            off = np.zeros(2) if known is None else known.x[:2] - middle
+            outline = Outline(radius_px * stretched(off, film.focal_px), film.size_sd, even=False)
             seen = follower.see(frame, {"ball": outline}).get("ball")
             row: dict[str, float | int | bool] = {"frame": frame.index, "time_s": frame.exposure_s}
             row["seen"] = seen is not None

@@ -207,7 +207,9 @@ class _Search:
         """The marks inside this contour of the classes."""
         piece = self._piece(contour, number)
         seen = None if piece is None else cover(piece.patch, piece.component, piece.others, thorough=not self.outlines)
-        if piece is None or seen is None or seen.noise_sd > FAINTEST:
+        if piece is None or seen is None:
+            return []
+        if seen.noise_sd > FAINTEST and all(one.even for one in self.outlines):
             return []
         if not self.min_area_px <= seen.area_px <= self.max_area_px:
             return []
