@@ -25,6 +25,7 @@ from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
 from estimators.planning import Plan, PlannedNeedle, PlannedTarget, Skin, compliance, displaced, paths, plan
+from estimators.quick_path import QuickPath, quick_path, quick_tables
 from estimators.replay import Replay
 from estimators.scores import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
 from estimators.settings import FilterSettings
@@ -75,6 +76,7 @@ __all__ = [
     "PlannedNeedle",
     "PlannedTarget",
     "Push",
+    "QuickPath",
     "Replay",
     "RunningScale",
     "Skin",
@@ -123,6 +125,8 @@ __all__ = [
     "positive_points",
     "posterior_bound",
     "principal",
+    "quick_path",
+    "quick_tables",
     "tune",
     "uniformity",
 ]

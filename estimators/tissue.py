@@ -9,7 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, NetworkError, Uncertainty, pack, rest_shape, shape_held, stiffness_matrix
+from dynamics import (
+    SAME_STEP,
+    MassSpringNetwork,
+    NetworkError,
+    Uncertainty,
+    pack,
+    rest_shape,
+    shape_held,
+    stiffness_matrix,
+)
 from estimators.adaptation import RunningScale
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.health import Health, after_frame
@@ -173,7 +182,7 @@ class TissueFilter:
         return self.model.propagate_each(points, dt, self.settings.modes)
 
     def _advance(self, dt: float, push: Push | None) -> None:
-        n = max(1, int(np.ceil(dt / self.settings.mix_s - 1e-9)))
+        n = max(1, int(np.ceil(dt / self.settings.mix_s * (1.0 - SAME_STEP))))
         step = dt / n / self.model.stepper.n_steps(dt / n)
         # to a nanosecond: frames at one rate differ by rounding, and their noise does not
         key = round(step, 9)
