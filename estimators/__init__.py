@@ -3,7 +3,6 @@
 from estimators.adaptation import RunningScale
 from estimators.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
 from estimators.advice_settings import AdviceSettings, health_fault
-from estimators.ball_probability import ball_probability
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
@@ -73,6 +72,7 @@ __all__ = [
     "ParticleFilter",
     "PathSource",
     "Plan",
+    "PlannedLesion",
     "PlannedNeedle",
     "PlannedTarget",
     "Push",
@@ -94,7 +94,6 @@ __all__ = [
     "anees",
     "autocorrelation",
     "ball",
-    "ball_probability",
     "best_aim",
     "calibration",
     "calibration_curve",

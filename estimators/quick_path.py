@@ -1,10 +1,10 @@
 """The target's predicted path within a tenth of a millisecond, for a live loop: the filter's tables, made once.
 
-About the rest shape the tissue is linear, and each mode moves it by a matrix of its own. Under modes that turn into each
-other at given rates the moments m_i = P(mode i) E[x | i] and S_i = P(mode i) E[x x' | i] then move linearly, too: in
-each cycle they are mixed, m_j <- sum_i M_ij m_i, and moved, m <- F m, S <- F S F' + P(mode) Q. Mean and covariance of
-the target some cycles ahead are therefore a matrix times the moments of now. That matrix is made backwards, as adjoint
-of the cycles, and only its rows for the target are kept.
+About the rest shape the tissue is linear, and each mode moves it by a matrix of its own. Under modes that turn into
+each other at given rates the moments m_i = P(mode i) E[x | i] and S_i = P(mode i) E[x x' | i] then move linearly, too:
+in each cycle they are mixed, m_j <- sum_i M_ij m_i, and moved, m <- F m, S <- F S F' + P(mode) Q. Mean and covariance
+of the target some cycles ahead are therefore a matrix times the moments of now. That matrix is made backwards, as
+adjoint of the cycles, and only its rows for the target are kept.
 
 Differs from `TissueFilter.predict_path`: springs are taken as straight, friction as a dashpot of F / sqrt(slip² + v²)
 for a speed v out of a few; second moments are carried exactly where the filter matches moments cycle by cycle.
@@ -27,8 +27,8 @@ SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made; chosen, each twice the last."""
 
 SPREAD = 4.0
-"""Weight of the velocities' variance beside their squared mean in the typical speed; chosen so that the covariances agree
-with those of `predict_path`, whose sigma points stand some standard deviations off and feel less friction there."""
+"""Weight of the velocities' variance beside their squared mean in the typical speed; chosen so that the covariances
+agree with those of `predict_path`, whose sigma points stand some standard deviations off and feel less friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +127,7 @@ def _tables(
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """The four tables of `QuickPath` at one speed: backwards from the target, cycle by cycle."""
     model, settings = tissue.model, tissue.settings
-    cycle, modes, n, half = settings.mix_s, settings.modes, model.network.n_state, model.network.n_state // 2
+    cycle, modes, n = settings.mix_s, settings.modes, model.network.n_state
     n_steps = model.stepper.n_steps(cycle)
     M = small_expm(settings.rates * cycle)
     Fs, Qs = [], []

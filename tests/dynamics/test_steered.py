@@ -1,5 +1,7 @@
 """A steered needle's truth against DOP853's, and its forces against those of the needle."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,7 @@ def test_an_insertion_is_that_of_dop853(pieces):
     exact = insert_needle(network, needle, rest, [0.0, 0.5], outside=outside)
     state, punctured = rest, False
     edges = np.linspace(0.0, 0.5, pieces + 1)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         told = drive(target, SPEED * a)
         state, punctured = steered(
             network, needle, state, told, outside=Knots(forces, 1e-3), between_s=(a, b), punctured=punctured
