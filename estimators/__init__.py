@@ -72,7 +72,6 @@ __all__ = [
     "ParticleFilter",
     "PathSource",
     "Plan",
-    "PlannedLesion",
     "PlannedNeedle",
     "PlannedTarget",
     "Push",

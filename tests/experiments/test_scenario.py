@@ -36,7 +36,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_the_shipped_scenarios():
-    assert shipped() == ["paper-camera", "poked", "quiet", "shoved", "webcam"]
+    assert shipped() == ["breathing", "paper-camera", "poked", "quiet", "shoved", "webcam"]
     quiet, poked, paper, webcam = (read_scenario(name) for name in ("quiet", "poked", "paper-camera", "webcam"))
     assert quiet.pokes is None
     assert all(s.pokes is not None and s.pokes.nodes == ["M1", "M3", "M4"] for s in (poked, paper, webcam))
