@@ -146,10 +146,8 @@ class Filtered:
 
     def belief_at(self, time_s: float, pushes: Floats) -> Belief | None:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
-        said = self.tissue.predict_at(time_s, pushes[0])
-        if said.cov is None:
-            return None
-        return Belief.gaussian(said.mean, said.cov + self._by_force(pushes[0]))
+        said = self.tissue.predict_modes(time_s, pushes[0])
+        return Belief(said.weights, said.means, said.covs + self._by_force(pushes[0]))
 
     def _by_force(self, push: Floats) -> Floats:
         """Covariance by forces that are off by one factor, uniform within FORCES_OFF: the linear shift times it."""
