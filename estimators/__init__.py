@@ -5,6 +5,7 @@ from estimators.advice import Advice, Guidance, Outlook, PathSource, TargetPath,
 from estimators.advice_settings import AdviceSettings, health_fault
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
+from estimators.breathing import Breath, Breathing, BreathingSettings
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
 from estimators.ensemble import EnsembleKalmanFilter
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
@@ -43,6 +44,9 @@ __all__ = [
     "Arrival",
     "Baseline",
     "Belief",
+    "Breath",
+    "Breathing",
+    "BreathingSettings",
     "Check",
     "CovarianceError",
     "EnsembleKalmanFilter",

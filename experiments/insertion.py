@@ -30,10 +30,13 @@ from experiments.insertion_world import World
 Floats = NDArray[np.float64]
 
 COMMIT_S = 2.0 / 30.0
-"""The line of the needle is fixed so long before arrival [s]: two frames, for the delays of camera and robot; chosen."""
+"""The line of the needle is fixed so long before arrival [s]: two frames, for delays of camera and robot; chosen."""
 
 DEEPEST_M = 0.06
 """A needle that is so deep and has not met its target is drawn back or has missed [m]; chosen."""
+
+SMALLEST_M, LARGEST_M = 2e-4, 10e-3
+"""Between these, evenly by its logarithm, the lesion is drawn by which probabilities are judged [m]; chosen."""
 
 BOUND = 0.9
 """A policy that may retract does so where a hit is less probable than this at the commitment; chosen."""
@@ -85,7 +88,7 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
     """Drive the needle from the first frame after the warm-up on; `state`: the tissue's then, the policy warmed up."""
     case, lesion = world.case, Lesion.ball(radius_m, world.network.dim)
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
-    told_radius = 5e-4 * 20.0**world.share
+    told_radius = SMALLEST_M * (LARGEST_M / SMALLEST_M) ** world.share
     robot = _Robot(np.array([0.0, -1.0]))
     begun_s, push = world.frame_s(first), None
     for k in range(first, case.n_frames - 1):
@@ -106,26 +109,13 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
             reach = case.steer_m_s * left
             aside = float((goal - world.entry) @ robot.across) - robot.beside
             if left <= COMMIT_S + 1e-9 or robot.depth > DEEPEST_M:
-                left = min(left, COMMIT_S)
-                deep = robot.depth + case.speed_m_s * left
-                aside = float(np.clip(aside, -reach, reach))
-                tip = world.entry + deep * robot.axis + (robot.beside + aside) * robot.across
-                tip_belief = Belief.gaussian(tip, TIP.tip_cov(robot.axis, deep))
-                belief = policy.belief_at(now + left, _way(world, robot, case.speed_m_s, steps=2))
-                p = told = None
-                if belief is not None:
-                    p = hit_probability(belief, tip_belief, robot.axis, lesion, needle=TIP)
-                    told = hit_probability(
-                        belief, tip_belief, robot.axis, Lesion.ball(told_radius, lesion.dim), needle=TIP
-                    )
+                shot = _aimed(world, policy, robot, (now, min(left, COMMIT_S)), float(np.clip(aside, -reach, reach)))
+                p = shot.probability(lesion)
                 if not policy.waits or (p is not None and p >= BOUND):
-                    if left > 0.0:
-                        drive = _drive(world, robot, case.speed_m_s, aside / left)
-                        state, _ = world.moved(state, drive, (now, now + left), robot.punctured)
-                    at = tip + np.linalg.cholesky(tip_belief.covs[0]) @ world.tip_noise
-                    miss = float(np.linalg.norm(at - world.target(state)))
-                    seconds = now + left - begun_s
-                    return Tried(policy.name, miss <= radius_m, miss, seconds, robot.insertions, p, told, told_radius)
+                    miss, seconds = shot.miss(world, robot, state), now + shot.left_s - begun_s
+                    told = shot.probability(Lesion.ball(told_radius, lesion.dim))
+                    hit = miss <= radius_m
+                    return Tried(policy.name, hit, miss, seconds, robot.insertions, p, told, told_radius)
                 robot.doing = "back"
             else:
                 speed, sideways = case.speed_m_s, float(np.clip(aside / dt, -case.steer_m_s, case.steer_m_s))
@@ -141,6 +131,40 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
         robot.depth += speed * dt
         robot.beside += sideways * dt
     return Tried(policy.name, False, None, case.patience_s, robot.insertions, None, None, told_radius)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shot:
+    """What was committed to: from a time on, for left_s [s], aside by so much [m]; where tip and target should be."""
+
+    now_s: float
+    left_s: float
+    aside_m: float
+    tip: Belief
+    target: Belief | None
+    axis: Floats
+
+    def probability(self, lesion: Lesion) -> float | None:
+        """Of a hit, None where nothing is believed of the target."""
+        return None if self.target is None else hit_probability(self.target, self.tip, self.axis, lesion, needle=TIP)
+
+    def miss(self, world: World, robot: _Robot, state: Floats) -> float:
+        """From the tip to the true target at arrival [m]."""
+        arrived = state
+        if self.left_s > 0.0:
+            drive = _drive(world, robot, world.case.speed_m_s, self.aside_m / self.left_s)
+            arrived, _ = world.moved(state, drive, (self.now_s, self.now_s + self.left_s), robot.punctured)
+        tip = self.tip.means[0] + np.linalg.cholesky(self.tip.covs[0]) @ world.tip_noise
+        return float(np.linalg.norm(tip - world.target(arrived)))
+
+
+def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float], aside: float) -> _Shot:
+    now, left = when
+    speed = world.case.speed_m_s
+    deep = robot.depth + speed * left
+    tip = world.entry + deep * robot.axis + (robot.beside + aside) * robot.across
+    target = policy.belief_at(now + left, _way(world, robot, speed, steps=2))
+    return _Shot(now, left, aside, Belief.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
 
 
 def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> Drive:

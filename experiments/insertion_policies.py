@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +14,7 @@ from dynamics import HIDDEN, OUTER, Drive, sliding_forces
 from estimators import (
     AdviceSettings,
     Belief,
+    Breathing,
     MarkMeasurement,
     OpenLoop,
     QuickPath,
@@ -25,13 +27,16 @@ from estimators import (
     quick_tables,
 )
 from estimators.tissue import Snapshot
-from experiments.insertion_world import BELIEVED, FORCES_OFF, World, needle_with
+from experiments.insertion_world import BELIEVED, ENTRY_M, FORCES_OFF, World, needle_with
 
 Floats = NDArray[np.float64]
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
-HORIZON_S = 1.5
-"""So far ahead the target is told [s]: the way of 25 mm at 50 mm/s, later starts, and a target that moves away."""
+SETTLED_S = 0.5
+"""The breath is learnt from then on [s]: the first estimates are far off."""
+
+WAYS, MARGIN_S = 1.5, 0.75
+"""So many ways of the needle, and so long, ahead the target is told: later starts, a target that moves away; chosen."""
 
 
 class Policy(Protocol):
@@ -53,12 +58,18 @@ class Policy(Protocol):
         """Why it gives no guidance now, None where it does."""
 
 
+def horizon_s(world: World) -> float:
+    """How far ahead the target is told [s], whole frames."""
+    way_s = float(np.linalg.norm(ENTRY_M)) / world.case.speed_m_s
+    return float(np.ceil((WAYS * way_s + MARGIN_S) * world.case.frames_per_s) / world.case.frames_per_s)
+
+
 def believed_push(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
     """Forces on the free nodes [N] that the needle is believed to make in coming frames, (n, n_free, dim).
 
     steps: how many frames; 0: as many as a path is told for. Full cutting and friction forward, friction back.
     """
-    n = steps or round(HORIZON_S * world.case.frames_per_s)
+    n = steps or round(horizon_s(world) * world.case.frames_per_s)
     ahead = (np.arange(n) + 0.5) / world.case.frames_per_s
     depths = depth + speed * ahead
     across = np.array([-axis[1], axis[0]])
@@ -117,12 +128,13 @@ class Paper(Rest):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: what it knew, its last estimate, and its tables."""
+    """A filter after the warm-up: what it knew, its last estimate, its tables, and the breath."""
 
     tissue: TissueFilter
     then: Snapshot
     estimate: TargetEstimate
     tables: QuickPath
+    breathing: Breathing
 
 
 class Filtered:
@@ -160,13 +172,42 @@ class Filtered:
 
 
 class Ahead(Filtered):
-    """Follow where the filter believes that the target will be. State: as `Filtered`."""
+    """Follow where the target will be: by its breath where it breathes, by the filter's equations where it does not.
+
+    State: as `Filtered`, and the breath, of the target less the shift that the needle is believed to make.
+    """
 
     name = "filter-ahead"
 
+    def __init__(self, world: World, warm: Warm) -> None:
+        super().__init__(world, warm)
+        self._breathing = deepcopy(warm.breathing)
+
+    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
+        """The filter, then the breath."""
+        super().see(time_s, marks, push)
+        shift = 0.0 if push is None else self._compliance @ push.ravel()
+        self._breathing.update(time_s, self.estimate.mean - shift)
+
     def path(self, pushes: Floats) -> TargetPath:
-        """The filter's path by its tables."""
-        return TargetPath(*quick_path(self._tables, self.tissue, pushes))
+        """By the breath, or by the filter's tables."""
+        if self._breathing.breath() is None:
+            return TargetPath(*quick_path(self._tables, self.tissue, pushes))
+        n = self._tables.n_times
+        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n)
+        means, covs = self._breathing.predict(times)
+        return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
+
+    def belief_at(self, time_s: float, pushes: Floats) -> Belief | None:
+        """By the breath, or by the filter, and what wrong forces of the needle make of it."""
+        if self._breathing.breath() is None:
+            return super().belief_at(time_s, pushes)
+        mean, cov = self._breathing.predict(np.array([time_s]))
+        return Belief.gaussian(mean[0] + self._shifts(pushes[:1])[0], cov[0] + self._by_force(pushes[0]))
+
+    def _shifts(self, pushes: Floats) -> Floats:
+        """Where the target rests under pushes, from where it rests under none [m], (n, dim), to first order."""
+        return pushes.reshape(len(pushes), -1) @ self._compliance.T
 
 
 class Waiting(Ahead):
@@ -182,14 +223,17 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """
     case = world.case
     tissue, paper = TissueFilter(world.network, HIDDEN, OUTER), Paper(world)
-    tables = quick_tables(tissue, HORIZON_S)
+    tables = quick_tables(tissue, horizon_s(world))
     state, outside = world.start, Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
-    estimate = None
+    estimate, breathing = None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):
         marks = world.marks(k, state)
         paper.see(world.frame_s(k), marks, None)
         tissue.predict(world.frame_s(k))
         estimate = tissue.update(marks)
+        if world.frame_s(k) >= SETTLED_S:
+            breathing.update(world.frame_s(k), estimate.mean)
         state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
-    assert estimate is not None
-    return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables)
+    if estimate is None:
+        raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")
+    return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables, breathing)
