@@ -25,6 +25,7 @@ class BreathingSettings:
     alike_s: the filter's errors are as good as independent after this time [s]
     cycles: of the longest period tried that have to be seen before anything is said
     explained: part of the track's variance that the breath has to account for
+    least: part of the track's variance about its breath that is the target's at least, however unsure the filter was
     """
 
     shortest_s: float = 2.5
@@ -35,6 +36,7 @@ class BreathingSettings:
     alike_s: float = 0.2
     cycles: float = 1.5
     explained: float = 0.9
+    least: float = 0.3
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_s < self.longest_s < np.inf:
@@ -49,7 +51,7 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """What the track says of the breath now: period_s [s] and its standard deviation, the track's scatter about it [m].
+    """What the track says of the breath now: period_s [s] and its standard deviation, the target's scatter about it [m].
 
     explained: part of the track's variance; weights: of the periods tried, (n_periods,)
     """
@@ -65,7 +67,7 @@ class Breathing:
     """A predictor of a target that breathes, fed with a filter's estimates, frame by frame.
 
     State: sums over the track, those of the past faded: information (n_periods, n, n), products with the track
-    (n_periods, n, dim), squares, weight and mean; time of the first and the last estimate; the last fit.
+    (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -78,12 +80,13 @@ class Breathing:
         self._last_s = -np.inf
         self._information = np.zeros((s.n_periods, n, n))
         self._products = np.zeros((s.n_periods, n, dim))
+        self._said = 0.0
         self._squares, self._weight, self._sum = 0.0, 0.0, np.zeros(dim)
         self._fit: tuple[Floats, Floats, Breath] | None = None
         self._origin = np.zeros(dim)
 
-    def update(self, time_s: float, mean: Floats) -> None:
-        """Take in where the filter says that the target is at a time [s], mean [m], (dim,).
+    def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
+        """Take in where the filter says that the target is at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
 
         Raises ValueError where time does not rise, for another dimension and for what is not finite.
         """
@@ -100,6 +103,7 @@ class Breathing:
         self._products = keep * self._products + phi[:, :, None] * x
         self._squares = keep * self._squares + float(x @ x)
         self._weight, self._sum = keep * self._weight + 1.0, keep * self._sum + x
+        self._said = keep * self._said + float(np.trace(cov)) / self.dim
         self._last_s, self._fit = time_s, None
 
     def breath(self) -> Breath | None:
@@ -112,7 +116,7 @@ class Breathing:
         return breath if seen and breath.explained >= s.explained else None
 
     def predict(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) at times [s] (k,); of the track, scatter included.
+        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) at times [s] (k,), scatter included.
 
         Raises ValueError where `breath` gives None.
         """
@@ -155,6 +159,7 @@ class Breathing:
             period = float(weights @ self.periods_s)
             period_sd = float(np.sqrt(weights @ (self.periods_s - period) ** 2))
             total = self._squares - float(self._sum @ self._sum) / self._weight
-            breath = Breath(period, period_sd, float(np.sqrt(scatter2)), 1.0 - least / max(total, 1e-18), weights)
+            own = max(scatter2 - self._said / self._weight, self.settings.least * scatter2)
+            breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
             self._fit = found, inverse * self._weight / independent, breath
         return self._fit

@@ -58,6 +58,13 @@ class Policy(Protocol):
         """Why it gives no guidance now, None where it does."""
 
 
+def covariance(estimate: TargetEstimate) -> Floats:
+    """That of an estimate of a filter [m²], (dim, dim)."""
+    if estimate.cov is None:
+        raise ValueError("estimate: expected a covariance, found none")
+    return estimate.cov
+
+
 def horizon_s(world: World) -> float:
     """How far ahead the target is told [s], whole frames."""
     way_s = float(np.linalg.norm(ENTRY_M)) / world.case.speed_m_s
@@ -187,7 +194,7 @@ class Ahead(Filtered):
         """The filter, then the breath."""
         super().see(time_s, marks, push)
         shift = 0.0 if push is None else self._compliance @ push.ravel()
-        self._breathing.update(time_s, self.estimate.mean - shift)
+        self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
 
     def path(self, pushes: Floats) -> TargetPath:
         """By the breath, or by the filter's tables."""
@@ -232,7 +239,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
         tissue.predict(world.frame_s(k))
         estimate = tissue.update(marks)
         if world.frame_s(k) >= SETTLED_S:
-            breathing.update(world.frame_s(k), estimate.mean)
+            breathing.update(world.frame_s(k), estimate.mean, covariance(estimate))
         state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
     if estimate is None:
         raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")
