@@ -28,8 +28,8 @@ class BreathingSettings:
     least: part of the track's variance about its breath that is the target's at least, however unsure the filter was
     """
 
-    shortest_s: float = 2.5
-    longest_s: float = 7.0
+    shortest_s: float = 2.8
+    longest_s: float = 6.5
     n_periods: int = 80
     harmonics: int = 3
     memory_s: float = 15.0
@@ -51,7 +51,7 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """What the track says of the breath now: period_s [s] and its standard deviation, the target's scatter about it [m].
+    """What the track says of the breath now: its period [s] and how surely, the target's scatter about it [m].
 
     explained: part of the track's variance; weights: of the periods tried, (n_periods,)
     """

@@ -103,7 +103,7 @@ def quick_path(tables: QuickPath, tissue: TissueFilter, push: Floats | None = No
     covs[:, b, a] = covs[:, a, b]
     if push is not None:
         means = means + _moved_by(tables.pushed[level], np.asarray(push, dtype=float), half)
-    return tissue.time_s + tables.cycle_s * np.arange(k), means + tables.rest[tables.target], covs
+    return tissue.time_s + tables.cycle_s * np.arange(k, dtype=np.float64), means + tables.rest[tables.target], covs
 
 
 def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:

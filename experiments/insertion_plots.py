@@ -23,9 +23,9 @@ def write_plots(done: Trials, folder: Path) -> None:
         drawn(done).savefig(folder / f"{name}.png", dpi=110)
 
 
-def _axes(title: str) -> tuple[Figure, Axes]:
+def _axes(title: str, size: tuple[float, float] = (7.0, 4.2)) -> tuple[Figure, Axes]:
     with mpl.rc_context({"font.size": 10}):
-        figure = Figure(figsize=(7, 4.2), layout="constrained")
+        figure = Figure(figsize=size, layout="constrained")
         ax = figure.subplots()
     ax.spines[["top", "right"]].set_visible(False)
     ax.set_title(title, fontsize=11)
@@ -63,7 +63,7 @@ def misses_figure(done: Trials) -> Figure:
 
 def reliability_figure(done: Trials) -> Figure:
     """Hit rates against predicted probabilities, tenth by tenth, with 99 % intervals."""
-    figure, ax = _axes("what filter-ahead told at the commitment, and what came of it")
+    figure, ax = _axes("what filter-ahead told at the commitment, and what came of it", (5.5, 5.4))
     ax.plot([0, 1], [0, 1], color="0.6", lw=1.0)
     for row in calibrated(done):
         if row.mean is None or row.n < N_LEAST:

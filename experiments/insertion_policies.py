@@ -201,7 +201,7 @@ class Ahead(Filtered):
         if self._breathing.breath() is None:
             return TargetPath(*quick_path(self._tables, self.tissue, pushes))
         n = self._tables.n_times
-        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n)
+        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n, dtype=np.float64)
         means, covs = self._breathing.predict(times)
         return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
 

@@ -96,6 +96,6 @@ def test_a_fault_is_told_in_one_line(path: Path, old: str, new: str, told: str):
 def test_a_name_that_is_neither_lists_what_there_is(tmp_path: Path):
     for name in ("quite", str(tmp_path)):
         with pytest.raises(
-            InputError, match="expected one of paper-camera, poked, quiet, shoved, webcam or a scenario file"
+            InputError, match="expected one of breathing, paper-camera, poked, quiet, shoved, webcam or a scenario file"
         ):
             read_scenario(name)
