@@ -165,7 +165,7 @@ def advice() -> dict[str, float]:
     clock = iter(400 * FRAME_S + FRAME_S * np.arange(1000, dtype=np.float64))
     place = network.positions[network.index(HIDDEN)]
     ahead, disc = AdviceSettings(horizon_s=0.3), Lesion.ball(5e-3, 2)
-    towards = Insertion(place + [0.0, 0.025], np.array([0.0, -1.0]), 0.05)
+    towards = Insertion(place + np.array([0.0, 0.025]), np.array([0.0, -1.0]), 0.05)
 
     def live_frame() -> Guidance:
         breathing.update(next(clock), place, 1e-6 * np.eye(2))
