@@ -2,6 +2,7 @@
 
 from dynamics.forces import kinetic_energy, node_forces, potential_energy
 from dynamics.insertion import Insertion, force_on_free, insert_needle, pushed_states
+from dynamics.kernels import SLIP_VELOCITY
 from dynamics.needle import (
     GAUGES_MM,
     SHAFT,
@@ -32,7 +33,8 @@ from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
 from dynamics.plain import plain_derivative, plain_step
 from dynamics.rest import at_rest_where_seen, rest_shape, shape_held
 from dynamics.reversal import reversed_springs
-from dynamics.stepping import Stepper, adaptive, derivative, motion
+from dynamics.steered import Drive, Knots, sliding_forces, steered
+from dynamics.stepping import SAME_STEP, Stepper, adaptive, derivative, motion
 from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
 
 __all__ = [
@@ -40,8 +42,12 @@ __all__ = [
     "HIDDEN",
     "KINDS",
     "OUTER",
+    "SAME_STEP",
     "SHAFT",
+    "SLIP_VELOCITY",
+    "Drive",
     "Insertion",
+    "Knots",
     "MassSpringNetwork",
     "Needle",
     "NeedleLoad",
@@ -80,8 +86,10 @@ __all__ = [
     "shape_held",
     "shared_force",
     "shares",
+    "sliding_forces",
     "stable_step",
     "state_matrix",
+    "steered",
     "stiffness_matrix",
     "straight_insertion",
     "unpack",

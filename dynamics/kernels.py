@@ -136,6 +136,135 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
     return np.ascontiguousarray(start.T)
 
 
+class PackedNeedle(NamedTuple):
+    """A needle's constants as `steered_steps` reads them; see `dynamics.needle.Needle`."""
+
+    puncture: float
+    contact: float
+    cutting: float
+    friction: float
+    reach: float
+    slip: float
+
+
+@njit(cache=True, nogil=True)
+def _share(nodes, point, reach, share):  # type: ignore[no-untyped-def]
+    """Write the part that each node takes of a force at a point into `share`, (n_nodes,)."""
+    n_nodes, dim = nodes.shape
+    nearest = np.inf
+    for i in range(n_nodes):
+        share[i] = 0.0
+        for d in range(dim):
+            share[i] += (point[d] - nodes[i, d]) ** 2
+        nearest = min(nearest, share[i])
+    total = 0.0
+    for i in range(n_nodes):
+        share[i] = np.exp(-0.5 * (share[i] - nearest) / (reach * reach))
+        total += share[i]
+    for i in range(n_nodes):
+        share[i] /= total
+
+
+@njit(cache=True, nogil=True)
+def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # type: ignore[no-untyped-def]
+    """Add the needle's push to `force` (n_nodes, dim, 1); gives the contact force [N] before the puncture, else 0.
+
+    at: tip (dim,), direction (dim,), speed along it, length in the tissue
+    """
+    tip, u, speed, inserted = at
+    n_nodes, dim = nodes.shape
+    point = np.empty(dim)
+    if not punctured:
+        for d in range(dim):
+            point[d] = tip[d] - inserted * u[d]
+        _share(nodes, point, needle.reach, share)
+        dent = inserted
+        for i in range(n_nodes):
+            for d in range(dim):
+                dent -= share[i] * (x[i, d, 0] - nodes[i, d]) * u[d]
+        push = needle.contact * max(0.0, dent)
+        for i in range(n_nodes):
+            for d in range(dim):
+                force[i, d, 0] += push * share[i] * u[d]
+        return push
+    for q in range(shaft.shape[1] + 1):
+        most = needle.cutting
+        back = 0.0
+        if q > 0:
+            back = 0.5 * inserted * (shaft[0, q - 1] + 1.0)
+            most = needle.friction * 0.5 * inserted * shaft[1, q - 1]
+        for d in range(dim):
+            point[d] = tip[d] - back * u[d]
+        _share(nodes, point, needle.reach, share)
+        slide = speed
+        for i in range(n_nodes):
+            for d in range(dim):
+                slide -= share[i] * v[i, d, 0] * u[d]
+        push = most * slide / np.sqrt(slide * slide + needle.slip * needle.slip)
+        if q == 0:
+            push = max(0.0, push)
+        for i in range(n_nodes):
+            for d in range(dim):
+                force[i, d, 0] += push * share[i] * u[d]
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
+def steered_steps(state, knots, place, dt, n_steps, nodes, free, inverse_mass, p, needle, moves, punctured, shaft):  # type: ignore[no-untyped-def]
+    """State after n_steps Runge-Kutta steps of dt under forces told by knots and a needle, and whether it is punctured.
+
+    knots: forces on the free coordinates [N], (n_knots, n_free dim), straight between
+    place: where now is among the knots, and how long a step is, in knots
+    moves: tip (dim,) and its velocity (dim,), direction (dim,), length in the tissue now; punctured: so far
+    """
+    n_nodes, dim = nodes.shape
+    n_half = free.shape[0] * dim
+    x, v, force = np.empty((n_nodes, dim, 1)), np.zeros((n_nodes, dim, 1)), np.empty((n_nodes, dim, 1))
+    pull, square, share = np.empty(1), np.empty(1), np.empty(n_nodes)
+    start, total, tip = state.copy(), np.empty(2 * n_half), np.empty(dim)
+    first, velocity, u, inserted = moves
+    speed = 0.0
+    for d in range(dim):
+        speed += velocity[d] * u[d]
+    for i in range(n_nodes):
+        for d in range(dim):
+            x[i, d, 0] = nodes[i, d]
+    for step in range(n_steps):
+        for r in range(n_half):
+            x[free[r // dim], r % dim, 0] = start[r]
+            v[free[r // dim], r % dim, 0] = start[n_half + r]
+        total[:] = 0.0
+        for stage in range(4):
+            done = step + (0.0 if stage == 0 else (1.0 if stage == 3 else 0.5))
+            for d in range(dim):
+                tip[d] = first[d] + done * dt * velocity[d]
+            spring_forces(x, v, p, pull, square, force)
+            length = inserted + done * dt * speed
+            contact = 0.0
+            if length > 0.0:
+                at = (tip, u, speed, length)
+                contact = _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force)
+            where = min(max(place[0] + done * place[1], 0.0), knots.shape[0] - 1.000001)
+            k = int(where)
+            part = where - k
+            by = dt / 6.0 if stage in (0, 3) else dt / 3.0
+            ahead = dt if stage == 2 else dt / 2.0
+            for r in range(n_half):
+                i, d = free[r // dim], r % dim
+                outside = (1.0 - part) * knots[k, r] + part * knots[k + 1, r]
+                moved = v[i, d, 0]
+                acceleration = (force[i, d, 0] + outside) * inverse_mass[i]
+                total[r] += by * moved
+                total[n_half + r] += by * acceleration
+                x[i, d, 0] = start[r] + ahead * moved
+                v[i, d, 0] = start[n_half + r] + ahead * acceleration
+        if contact >= needle.puncture:
+            punctured = True
+        for r in range(2 * n_half):
+            start[r] += total[r]
+    return start, punctured
+
+
 @njit(cache=True, nogil=True)
 def write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
     """Write what a change of the log of each constant adds to the force on the free coordinates [N] into `out`.

@@ -16,6 +16,9 @@ from dynamics.tangent import stable_step
 LONGEST_STEP = 1.0 / 240.0
 """Longest Runge-Kutta step [s]; chosen: `docs/decisions.md` has the error that it makes."""
 
+SAME_STEP = 1e-6
+"""By how much of itself an interval may be longer and take no step more: times are often rounded to the nanosecond."""
+
 
 class Stepper:
     """Moves batches of states of one network ahead in time by compiled classical Runge-Kutta steps.
@@ -33,7 +36,7 @@ class Stepper:
 
     def n_steps(self, dt: float) -> int:
         """How many equal steps an interval of dt seconds takes."""
-        return max(1, int(np.ceil(dt / self.max_step_s - 1e-9)))
+        return max(1, int(np.ceil(dt / self.max_step_s * (1.0 - SAME_STEP))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
         """States dt seconds later, (n_points, n_state), under outside forces held meanwhile.

@@ -3,9 +3,9 @@
 from estimators.adaptation import RunningScale
 from estimators.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
 from estimators.advice_settings import AdviceSettings, health_fault
-from estimators.ball_probability import ball_probability
 from estimators.baseline import Baseline
 from estimators.bound import posterior_bound
+from estimators.breathing import Breath, Breathing, BreathingSettings
 from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
 from estimators.ensemble import EnsembleKalmanFilter
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
@@ -25,6 +25,7 @@ from estimators.open_loop import OpenLoop
 from estimators.open_loop_belief import OpenLoopBelief
 from estimators.particles import ParticleFilter
 from estimators.planning import Plan, PlannedNeedle, PlannedTarget, Skin, compliance, displaced, paths, plan
+from estimators.quick_path import QuickPath, quick_path, quick_tables
 from estimators.replay import Replay
 from estimators.scores import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
 from estimators.settings import FilterSettings
@@ -43,6 +44,9 @@ __all__ = [
     "Arrival",
     "Baseline",
     "Belief",
+    "Breath",
+    "Breathing",
+    "BreathingSettings",
     "Check",
     "CovarianceError",
     "EnsembleKalmanFilter",
@@ -75,6 +79,7 @@ __all__ = [
     "PlannedNeedle",
     "PlannedTarget",
     "Push",
+    "QuickPath",
     "Replay",
     "RunningScale",
     "Skin",
@@ -92,7 +97,6 @@ __all__ = [
     "anees",
     "autocorrelation",
     "ball",
-    "ball_probability",
     "best_aim",
     "calibration",
     "calibration_curve",
@@ -123,6 +127,8 @@ __all__ = [
     "positive_points",
     "posterior_bound",
     "principal",
+    "quick_path",
+    "quick_tables",
     "tune",
     "uniformity",
 ]

@@ -236,6 +236,13 @@ def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
+def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
+    """Probability that a point at each of these offsets [m], (k, d), of these covariances, lies in the ball, (k,)."""
+    d = offsets.shape[1]
+    return hit_each(offsets, covs, np.zeros(d), np.eye(d) / radius, 0.0, 0.0)
+
+
+@njit(cache=True, nogil=True)
 def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
     """The path's mean at t in its interval j: cubic, its slopes those of parabolas through three neighbours."""
     n, d = means.shape

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, rest_shape, shares, stiffness_matrix
-from estimators.ball_probability import ball_probability
+from estimators.hit_kernels import ball_hits
 from estimators.obstacles import Obstacle, clearances
 
 Floats = NDArray[np.float64]
@@ -196,7 +196,7 @@ def plan(
     # the forces are off by one factor: the target stays on the line along which it is pushed
     covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)
     covs = covs + needle.force_sd**2 * pushed[:, :, None] * pushed[:, None, :]
-    hits = ball_probability(tips - means, covs, lesion.radius_m)
+    hits = ball_hits(tips - means, covs, lesion.radius_m)
     room = clearances(entries, tips, obstacles, needle.radius_m)
     angles = np.arccos(np.clip(-directions @ skin.normal, -1.0, 1.0))
     low, high = np.minimum(skin.start, skin.end) - 1e-9, np.maximum(skin.start, skin.end) + 1e-9

@@ -9,10 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, NetworkError, Uncertainty, pack, rest_shape, shape_held, stiffness_matrix
+from dynamics import (
+    SAME_STEP,
+    MassSpringNetwork,
+    NetworkError,
+    Uncertainty,
+    pack,
+    rest_shape,
+    shape_held,
+    stiffness_matrix,
+)
 from estimators.adaptation import RunningScale
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.health import Health, after_frame
+from estimators.hit_probability import Belief
 from estimators.known_push import KnownPush, Push
 from estimators.mixture import InteractingMixture, Move
 from estimators.open_loop_belief import OpenLoopBelief
@@ -173,7 +183,7 @@ class TissueFilter:
         return self.model.propagate_each(points, dt, self.settings.modes)
 
     def _advance(self, dt: float, push: Push | None) -> None:
-        n = max(1, int(np.ceil(dt / self.settings.mix_s - 1e-9)))
+        n = max(1, int(np.ceil(dt / self.settings.mix_s * (1.0 - SAME_STEP))))
         step = dt / n / self.model.stepper.n_steps(dt / n)
         # to a nanosecond: frames at one rate differ by rounding, and their noise does not
         key = round(step, 9)
@@ -202,6 +212,20 @@ class TissueFilter:
             if time_s > self.time_s:
                 self._advance(time_s - self.time_s, push)
             return self._estimate(time_s, 0, None)
+        finally:
+            self.restore(now)
+
+    def predict_modes(self, time_s: float, push: Push | None = None) -> Belief:
+        """As `predict_at`, of each mode by itself: nearer to the truth where a poke may have begun and may not have."""
+        if self.time_s is None or not self.time_s <= time_s < np.inf:
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        now = self.snapshot()
+        try:
+            if time_s > self.time_s:
+                self._advance(time_s - self.time_s, push)
+            modes, columns = self.mixture.beliefs(), self.mixture.columns[:, self.target]
+            covs = modes.covs[:, self.target, self.target] + columns @ columns.swapaxes(1, 2)
+            return Belief(modes.mu / modes.mu.sum(), modes.means[:, self.target], covs)
         finally:
             self.restore(now)
 

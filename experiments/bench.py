@@ -5,7 +5,8 @@ marks; ours, and stock filterpy with the same model in plain NumPy, one sigma po
 full_step: predict of 1/30 s and update with three marks of the filter that is used: three modes, gates, health, what
 the marks carry; 16 states of the network and six pokes. considered: the same with ten unknown constants beside.
 advice: what `guide` does in two parts: one second of the target's path, told 30 times; advice from a path, 21 starts
-over 2 s, in the plane and in space; one probability of a hit in space.
+over 2 s, in the plane and in space; one probability of a hit in space. live_frame: all that a live loop adds to a frame
+for it: the breath's fit, 1.5 s of path by tables, advice from it on 4 starts; and the path by tables alone.
 detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
@@ -23,7 +24,9 @@ import numpy as np
 import vision
 from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent, pack, parameters, plain_step
 from estimators import (
+    AdviceSettings,
     Belief,
+    Breathing,
     Guidance,
     Insertion,
     Lesion,
@@ -34,6 +37,8 @@ from estimators import (
     advise,
     hit_probability,
     positive_points,
+    quick_path,
+    quick_tables,
 )
 from experiments.line import FILTER, Line
 from experiments.scenario import read_scenario
@@ -158,6 +163,22 @@ def advice() -> dict[str, float]:
     times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
     report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
     t = FRAME_S * np.arange(121, dtype=np.float64)
+    tables, breathing, first = quick_tables(tissue, 1.5), Breathing(2), 9 * FRAME_S
+    for k in range(400):
+        angle = 2.0 * np.pi * k * FRAME_S / 4.0
+        breathing.update(k * FRAME_S, 0.01 * np.array([np.cos(angle), np.sin(angle)]), 1e-6 * np.eye(2))
+    report["quick_path_ms"] = median_ms(lambda: quick_path(tables, tissue), 200)
+    clock = iter(400 * FRAME_S + FRAME_S * np.arange(1000, dtype=np.float64))
+    place = network.positions[network.index(HIDDEN)]
+    ahead, disc = AdviceSettings(horizon_s=0.3), Lesion.ball(5e-3, 2)
+    towards = Insertion(place + np.array([0.0, 0.025]), np.array([0.0, -1.0]), 0.05)
+
+    def live_frame() -> Guidance:
+        breathing.update(next(clock), place, 1e-6 * np.eye(2))
+        breathing.breath()
+        return advise(TargetPath(*quick_path(tables, tissue)), towards, disc, settings=ahead, now_s=first)
+
+    report["live_frame_ms"] = median_ms(live_frame, 200)
     for dim, name in ((2, "plane"), (3, "space")):
         means = np.zeros((121, dim))
         means[:, 0] = 5e-3 * np.cos(3.0 * t)

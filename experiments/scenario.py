@@ -54,6 +54,28 @@ class Pokes(Strict):
         return self
 
 
+class Breathing(Strict):
+    """Nodes are pushed to and fro as breath does: a wave and half as much of its second harmonic.
+
+    shortest_s, longest_s: between which the period is drawn, the same for the whole run
+    acceleration_m_s2: of the first wave, by the node's mass, along `direction`
+    """
+
+    nodes: Annotated[list[str], Field(min_length=1)]
+    acceleration_m_s2: Positive
+    shortest_s: Positive
+    longest_s: Positive
+    direction: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(default=[0.3, 1.0])
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Breathing:
+        if self.longest_s < self.shortest_s:
+            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
+        if not any(self.direction):
+            raise ValueError("direction: expected one other than nought, found nought")
+        return self
+
+
 class Marks(Strict):
     """One disc on each free node; the hidden one is drawn too, for scoring only."""
 
@@ -91,6 +113,7 @@ class Scenario(Strict):
     tremor: Tremor | None = None
     release: Release | None = None
     pokes: Pokes | None = None
+    breathing: Breathing | None = None
     marks: Marks = Marks()
     camera: Camera
     video: Video = Video()

@@ -18,7 +18,7 @@ from dynamics.phantom import HIDDEN
 from experiments.errors import InputError
 from experiments.outputs import output_folder
 from experiments.recording import write_frames_csv, write_truth_csv
-from experiments.scenario import Pokes, Scenario, Tremor
+from experiments.scenario import Breathing, Pokes, Scenario, Tremor
 from experiments.scene import Mark, Scene, Target, write_scene
 
 Floats = NDArray[np.float64]
@@ -100,6 +100,21 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
     return force
 
 
+def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
+    """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim)."""
+    rows = [_row(network, node) for node in breathing.nodes]
+    direction = np.array(breathing.direction) / np.linalg.norm(breathing.direction)
+    peak = np.zeros((len(network.free), network.dim))
+    peak[rows] = breathing.acceleration_m_s2 * network.masses[network.free[rows]][:, None] * direction
+    rate = 2.0 * np.pi / rng.uniform(breathing.shortest_s, breathing.longest_s)
+    phase, second = rng.uniform(0.0, 2.0 * np.pi, 2)
+
+    def force(t: float) -> Floats:
+        return (np.cos(rate * t + phase) + 0.5 * np.cos(2.0 * rate * t + second)) * peak
+
+    return force
+
+
 def _row(network: MassSpringNetwork, node: str) -> int:
     try:
         return network.coordinates(node).start // network.dim
@@ -107,9 +122,10 @@ def _row(network: MassSpringNetwork, node: str) -> int:
         raise InputError(f"scenario: {fault}") from None
 
 
-def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """Where the scenario's nodes are at its exposure times."""
-    times = exposures(scenario)
+def start_and_forces(
+    network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator
+) -> tuple[Floats, list[Force]]:
+    """Where the free nodes start from [m], (n_free, dim), and what acts on them. Raises InputError."""
     rest = network.positions[network.free]
     held = np.zeros_like(rest)
     if scenario.release is not None:
@@ -123,7 +139,16 @@ def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.G
         forces.append(tremor_force(network, scenario.tremor, scenario.duration_s, rng))
     if scenario.pokes is not None:
         forces.append(poke_force(network, scenario.pokes, scenario.duration_s, rng))
-    nothing = np.zeros_like(rest)
+    if scenario.breathing is not None:
+        forces.append(breathing_force(network, scenario.breathing, rng))
+    return start, forces
+
+
+def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
+    """Where the scenario's nodes are at its exposure times."""
+    times = exposures(scenario)
+    start, forces = start_and_forces(network, scenario, rng)
+    nothing = np.zeros_like(start)
     try:
         states = adaptive(
             network,

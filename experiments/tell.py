@@ -56,6 +56,25 @@ def plan_table(told: Mapping[str, Any]) -> Table:
     return table
 
 
+def insertion_table(told: Mapping[str, Any]) -> Table:
+    """One row a policy, from summary.json: hits with their interval, misses, time, insertions."""
+    table = Table(title=f"{told['runs']} runs, a lesion of {told['radius_mm']:g} mm at {told['speed_mm_s']:g} mm/s")
+    for head in ("policy", "hits", "95 % interval", "miss [mm]", "s to a hit", "insertions", "never there"):
+        table.add_column(head, justify="left" if head == "policy" else "right")
+    for policy, row in told.items():
+        if isinstance(row, Mapping):
+            table.add_row(
+                policy,
+                f"{row['hit_rate']:.1%}",
+                f"{row['hit_rate_low']:.1%} to {row['hit_rate_high']:.1%}",
+                _number(row["miss_mm"], ".2f"),
+                _number(row["seconds_to_hit"], ".2f"),
+                f"{row['insertions']:.2f}",
+                str(row["never"]),
+            )
+    return table
+
+
 def demo_table(figures: Figures) -> Table:
     """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
     table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")

@@ -8,17 +8,21 @@ import pytest
 
 from dynamics import HIDDEN, MassSpringNetwork, Needle, Pose, needle_load, rest_shape
 from estimators import (
+    Belief,
+    Hit,
+    Lesion,
     Obstacle,
     PlannedNeedle,
     PlannedTarget,
     Skin,
     ball,
-    ball_probability,
     compliance,
     displaced,
+    hit_probability,
     paths,
     plan,
 )
+from estimators import Needle as Sampler
 
 SKIN = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 1.0], np.radians(60.0), 0.25)
 SOFT = PlannedNeedle(cutting_N=0.2, friction_N_m=3.0)
@@ -102,8 +106,12 @@ def test_the_order_is_that_of_the_hits_among_the_allowed(phantom, lesion):
     assert found.allowed[found.order[:n]].all()
     assert (np.diff(np.round(found.hits[found.order[:n]], 3)) <= 0.0).all()
     assert sorted(found.order) == list(range(len(found.hits)))
-    again = ball_probability(found.tips - found.means, found.covs, lesion.radius_m)
-    np.testing.assert_array_equal(again, found.hits)
+    disc, tip = Lesion.ball(lesion.radius_m, 2), Sampler(hit=Hit.TIP)
+    again = [
+        hit_probability(Belief.gaussian(mean, cov), Belief.gaussian(at, np.zeros((2, 2))), at, disc, needle=tip)
+        for mean, cov, at in zip(found.means, found.covs, found.tips, strict=True)
+    ]
+    np.testing.assert_allclose(found.hits, again, rtol=0, atol=1e-12)
 
 
 def test_every_rejection_has_its_reason(phantom, lesion):

@@ -36,7 +36,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_the_shipped_scenarios():
-    assert shipped() == ["paper-camera", "poked", "quiet", "shoved", "webcam"]
+    assert shipped() == ["breathing", "paper-camera", "poked", "quiet", "shoved", "webcam"]
     quiet, poked, paper, webcam = (read_scenario(name) for name in ("quiet", "poked", "paper-camera", "webcam"))
     assert quiet.pokes is None
     assert all(s.pokes is not None and s.pokes.nodes == ["M1", "M3", "M4"] for s in (poked, paper, webcam))
@@ -96,6 +96,6 @@ def test_a_fault_is_told_in_one_line(path: Path, old: str, new: str, told: str):
 def test_a_name_that_is_neither_lists_what_there_is(tmp_path: Path):
     for name in ("quite", str(tmp_path)):
         with pytest.raises(
-            InputError, match="expected one of paper-camera, poked, quiet, shoved, webcam or a scenario file"
+            InputError, match="expected one of breathing, paper-camera, poked, quiet, shoved, webcam or a scenario file"
         ):
             read_scenario(name)

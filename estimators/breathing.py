@@ -1,0 +1,165 @@
+"""A target that breathes: the period and phase of its track, and where it will be, from a filter's own estimates.
+
+For each of a row of periods the track is a constant and some harmonics, fitted by least squares whose past fades.
+What a period leaves of the track is its evidence: periods are weighed by exp(-misfit / 2), and the prediction is the
+mixture of theirs. The misfit counts for what it holds of independent errors: those of one frame and the next are not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BreathingSettings:
+    """What is assumed of a breath; every figure chosen.
+
+    shortest_s, longest_s, n_periods: periods that are tried, evenly spaced in frequency
+    harmonics: of each period
+    memory_s: the track is forgotten by 1/e in this time [s]
+    alike_s: the filter's errors are as good as independent after this time [s]
+    cycles: of the longest period tried that have to be seen before anything is said
+    explained: part of the track's variance that the breath has to account for
+    least: part of the track's variance about its breath that is the target's at least, however unsure the filter was
+    """
+
+    shortest_s: float = 2.8
+    longest_s: float = 6.5
+    n_periods: int = 80
+    harmonics: int = 3
+    memory_s: float = 15.0
+    alike_s: float = 0.2
+    cycles: float = 1.5
+    explained: float = 0.9
+    least: float = 0.3
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.shortest_s < self.longest_s < np.inf:
+            raise ValueError(
+                f"breathing: expected 0 < shortest_s < longest_s, found {self.shortest_s}, {self.longest_s}"
+            )
+        if self.n_periods < 2 or self.harmonics < 1:
+            raise ValueError(
+                f"breathing: expected 2 periods, 1 harmonic or more, found {self.n_periods}, {self.harmonics}"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Breath:
+    """What the track says of the breath now: its period [s] and how surely, the target's scatter about it [m].
+
+    explained: part of the track's variance; weights: of the periods tried, (n_periods,)
+    """
+
+    period_s: float
+    period_sd_s: float
+    scatter_m: float
+    explained: float
+    weights: Floats
+
+
+class Breathing:
+    """A predictor of a target that breathes, fed with a filter's estimates, frame by frame.
+
+    State: sums over the track, those of the past faded: information (n_periods, n, n), products with the track
+    (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit.
+    """
+
+    def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
+        self.settings = BreathingSettings() if settings is None else settings
+        s = self.settings
+        self.periods_s = 1.0 / np.linspace(1.0 / s.longest_s, 1.0 / s.shortest_s, s.n_periods)
+        n = 2 * s.harmonics + 1
+        self.dim = dim
+        self._first_s: float | None = None
+        self._last_s = -np.inf
+        self._information = np.zeros((s.n_periods, n, n))
+        self._products = np.zeros((s.n_periods, n, dim))
+        self._said = 0.0
+        self._squares, self._weight, self._sum = 0.0, 0.0, np.zeros(dim)
+        self._fit: tuple[Floats, Floats, Breath] | None = None
+        self._origin = np.zeros(dim)
+
+    def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
+        """Take in where the filter says that the target is at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
+
+        Raises ValueError where time does not rise, for another dimension and for what is not finite.
+        """
+        if not (self._last_s < time_s < np.inf):
+            raise ValueError(f"time_s: expected more than {self._last_s}, found {time_s}")
+        if np.shape(mean) != (self.dim,) or not np.isfinite(mean).all():
+            raise ValueError(f"mean: expected {self.dim} finite coordinates, found {mean}")
+        if self._first_s is None:
+            self._first_s, self._origin = time_s, np.array(mean, dtype=float)
+            self._last_s = time_s
+        keep = np.exp(-(time_s - self._last_s) / self.settings.memory_s)
+        x, phi = np.asarray(mean) - self._origin, self._waves(time_s)
+        self._information = keep * self._information + phi[:, :, None] * phi[:, None, :]
+        self._products = keep * self._products + phi[:, :, None] * x
+        self._squares = keep * self._squares + float(x @ x)
+        self._weight, self._sum = keep * self._weight + 1.0, keep * self._sum + x
+        self._said = keep * self._said + float(np.trace(cov)) / self.dim
+        self._last_s, self._fit = time_s, None
+
+    def breath(self) -> Breath | None:
+        """What the track says of the breath; None before enough of it was seen, and where it does not breathe."""
+        s = self.settings
+        if self._first_s is None or self._last_s - self._first_s < s.cycles * s.shortest_s:
+            return None
+        _, _, breath = self._fitted()
+        seen = self._last_s - self._first_s >= s.cycles * breath.period_s
+        return breath if seen and breath.explained >= s.explained else None
+
+    def predict(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) at times [s] (k,), scatter included.
+
+        Raises ValueError where `breath` gives None.
+        """
+        if self.breath() is None:
+            raise ValueError("predict: expected a track that breathes, found none")
+        found, unsure, breath = self._fitted()
+        times = np.asarray(times_s, dtype=float)
+        angle = 2.0 * np.pi * times / self.periods_s[:, None]
+        phi = self._of_angle(angle)
+        each = phi @ found
+        means = np.einsum("p,pkd->kd", breath.weights, each)
+        away = each - means
+        covs = np.einsum("p,pkd,pke->kde", breath.weights, away, away)
+        own = np.einsum("p,pkn,pnm,pkm->k", breath.weights, phi, unsure, phi)
+        covs += (breath.scatter_m**2 * (1.0 + own))[:, None, None] * np.eye(self.dim)
+        return means + self._origin, covs
+
+    def _waves(self, time_s: float) -> Floats:
+        return self._of_angle(2.0 * np.pi * time_s / self.periods_s)
+
+    def _of_angle(self, angle: Floats) -> Floats:
+        turns = angle[..., None] * np.arange(1, self.settings.harmonics + 1)
+        return np.concatenate([np.ones((*angle.shape, 1)), np.cos(turns), np.sin(turns)], axis=-1)
+
+    def _fitted(self) -> tuple[Floats, Floats, Breath]:
+        """Coefficients (n_periods, n, dim), their covariance by the scatter (n_periods, n, n), and the breath."""
+        if self._fit is None:
+            n = self._information.shape[1]
+            inverse = np.linalg.inv(self._information + 1e-3 * np.eye(n))
+            found = inverse @ self._products
+            misfit = np.maximum(self._squares - np.einsum("pnd,pnd->p", found, self._products), 0.0)
+            span = self._last_s - (self._last_s if self._first_s is None else self._first_s)
+            filled = self.settings.memory_s * -np.expm1(-span / self.settings.memory_s)
+            independent = max(filled / self.settings.alike_s, n + 1.0)
+            least = max(float(misfit.min()), 1e-18)
+            scatter2 = least / self._weight / self.dim * independent / (independent - n)
+            likely = -0.5 * (misfit - least) / self._weight * independent / scatter2
+            weights = np.exp(likely - likely.max())
+            weights /= weights.sum()
+            period = float(weights @ self.periods_s)
+            period_sd = float(np.sqrt(weights @ (self.periods_s - period) ** 2))
+            total = self._squares - float(self._sum @ self._sum) / self._weight
+            own = max(scatter2 - self._said / self._weight, self.settings.least * scatter2)
+            breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
+            self._fit = found, inverse * self._weight / independent, breath
+        return self._fit

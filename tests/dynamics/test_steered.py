@@ -1,0 +1,91 @@
+"""A steered needle's truth against DOP853's, and its forces against those of the needle."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dynamics import (
+    HIDDEN,
+    Drive,
+    Knots,
+    Needle,
+    Pose,
+    four_mass_phantom,
+    insert_needle,
+    needle_load,
+    pack,
+    sliding_forces,
+    steered,
+    straight_insertion,
+)
+
+ENTRY = np.array([0.02, 0.22])
+SPEED = 0.05
+
+
+def drive(towards, depth):
+    """The needle from ENTRY towards a point, so deep [m]."""
+    u = (towards - ENTRY) / np.linalg.norm(towards - ENTRY)
+    return Drive(ENTRY + depth * u, SPEED * u, u, depth)
+
+
+@pytest.mark.parametrize("pieces", [1, 20])
+def test_an_insertion_is_that_of_dop853(pieces):
+    """0.5 s, contact, puncture, cutting and friction, under a force that swings; told in one piece or in twenty.
+
+    insert_needle at 1e-8: 2 µm, of a target pushed by more than a millimetre. The puncture is noticed a step late.
+    """
+    network = four_mass_phantom()
+    target = network.positions[network.index(HIDDEN)]
+    needle = Needle(straight_insertion(ENTRY, target, SPEED), ENTRY, puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0)
+    t = np.arange(0.0, 0.51, 1e-3)
+    forces = np.zeros((len(t), 4, 2))
+    forces[:, 0, 0] = np.sin(8.0 * t)
+    free = network.positions[network.free]
+    rest = pack(free, np.zeros_like(free))
+
+    def outside(now):
+        return np.array([[np.interp(now, t, forces[:, i, d]) for d in range(2)] for i in range(4)])
+
+    exact = insert_needle(network, needle, rest, [0.0, 0.5], outside=outside)
+    state, punctured = rest, False
+    edges = np.linspace(0.0, 0.5, pieces + 1)
+    for a, b in pairwise(edges):
+        told = drive(target, SPEED * a)
+        state, punctured = steered(
+            network, needle, state, told, outside=Knots(forces, 1e-3), between_s=(a, b), punctured=punctured
+        )
+    assert punctured
+    still, _ = steered(
+        network, needle, rest, drive(target, -1.0), outside=Knots(forces, 1e-3), between_s=(0.0, 0.5), punctured=False
+    )
+    place = network.coordinates(HIDDEN)
+    assert np.linalg.norm((exact.states[-1] - still)[place]) > 1e-3
+    np.testing.assert_allclose(state[:8], exact.states[-1][:8], rtol=0, atol=2e-6)
+
+
+def test_a_needle_that_slides_pushes_as_its_load_says():
+    """`needle_load` of a needle a thousand times as fast as its slip, in tissue at rest: 1e-6."""
+    network = four_mass_phantom()
+    told = drive(network.positions[network.index(HIDDEN)], 0.02)
+    needle = Needle(lambda _t: Pose(told.tip, told.direction, 2.0, 0.02), ENTRY)
+    still = np.zeros_like(network.positions)
+    exact = needle_load(network, needle, 0.0, network.positions, still, punctured=True).nodes[network.free]
+    found = sliding_forces(network, needle, told.tip[None], told.direction, np.array([0.02]))
+    np.testing.assert_allclose(found[0], exact, rtol=1e-6, atol=1e-12)
+
+
+def test_time_does_not_go_back():
+    network = four_mass_phantom()
+    needle = Needle(lambda _t: Pose(ENTRY, ENTRY, 0.0, 0.0), ENTRY)
+    with pytest.raises(ValueError, match="between_s: expected times that rise"):
+        steered(
+            network,
+            needle,
+            np.zeros(16),
+            drive(np.zeros(2), 0.0),
+            outside=Knots(np.zeros((2, 4, 2)), 1.0),
+            between_s=(1.0, 0.5),
+            punctured=False,
+        )

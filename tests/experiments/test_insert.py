@@ -1,0 +1,105 @@
+"""Insertions with the loop closed: figures, their repetition, and what the command writes."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from dynamics import HIDDEN, OUTER, Drive
+from estimators import Breathing, TissueFilter
+from experiments.cli import app
+from experiments.errors import InputError
+from experiments.insert import case_of, figures, insert, one_run
+from experiments.insertion import Tried
+from experiments.insertion_world import Case, world_of
+from experiments.scenario import read_scenario
+
+
+def case(name):
+    return case_of(read_scenario(name), speed_m_s=0.05, strength=1.0)
+
+
+@pytest.fixture(scope="module")
+def poked():
+    return insert(case("poked"), 12, 0.005)
+
+
+def test_looking_ahead_and_waiting_hits_more_than_the_paper_s_loop(poked):
+    """Twelve worlds, the same for all: at least eleven hits, and three tenths more than the open loop's."""
+    ours, paper = (sum(one.hit for one in poked.of(policy)) for policy in ("wait-for-go", "open-loop"))
+    assert ours >= 11
+    assert ours - paper >= 0.3 * 12
+
+
+def test_a_miss_is_judged_by_the_truth(poked):
+    """A hit is a tip within 5 mm; whoever looks ahead comes nearer on average than whoever does not look."""
+    tried = [one for run in poked.runs for one in run]
+    assert all(one.hit == (one.miss_m is not None and one.miss_m <= 0.005) for one in tried)
+    assert {one.probability is None for one in poked.of("rest") + poked.of("open-loop")} == {True}
+    assert all(0.0 <= one.probability <= 1.0 for one in poked.of("filter-ahead"))
+    ahead, rest = (np.mean([one.miss_m for one in poked.of(policy)]) for policy in ("filter-ahead", "rest"))
+    assert ahead < 0.7 * rest
+
+
+def test_a_world_is_its_seed(poked):
+    assert one_run((case("poked"), 0.005)) == poked.runs[0]
+
+
+def test_figures_of_those_that_hit_missed_and_never_came():
+    """Two hits, a miss, and one that never arrived after three insertions; the interval of 2 in 4 by R's binom.test."""
+    tried = [
+        Tried("x", True, 1e-3, 0.5, 1, 0.9, 0.9, 1e-3),
+        Tried("x", True, 2e-3, 1.5, 2, 0.9, 0.9, 1e-3),
+        Tried("x", False, 9e-3, 0.5, 1, 0.9, 0.9, 1e-3),
+        Tried("x", False, None, 10.0, 3, None, None, 1e-3),
+    ]
+    said = figures(tried)
+    assert said["hit_rate"] == 0.5
+    assert (said["hit_rate_low"], said["hit_rate_high"]) == pytest.approx((0.06758599, 0.93241401))
+    assert (said["miss_mm"], said["seconds_to_hit"]) == pytest.approx((4.0, 1.0))
+    assert (said["insertions"], said["retractions"], said["never"]) == (1.75, 1.0, 1)
+
+
+def test_a_breathing_target_is_foretold_half_a_second_ahead():
+    """Two runs of unknown period, marks of 4.14 mm: at most 1.5 times the filter's own error now, from 12 s on."""
+    now, ahead = [], []
+    for seed in (1, 2):
+        world = world_of(Case(read_scenario("breathing"), seed, warm_s=18.0, patience_s=0.5))
+        tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
+        away, state = Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
+        truth, said = [], {}
+        for k in range(18 * 30):
+            t = world.frame_s(k)
+            tissue.predict(t)
+            estimate = tissue.update(world.marks(k, state))
+            truth.append(world.target(state))
+            if k >= 15:
+                breathing.update(t, estimate.mean, estimate.cov)
+            if k >= 12 * 30:
+                now.append(np.linalg.norm(estimate.mean - truth[k]))
+                said[k + 15] = breathing.predict(np.array([t + 0.5]))[0][0]
+            state, _ = world.moved(state, away, (t, world.frame_s(k + 1)), False)
+        assert np.std(truth, axis=0).max() > 7e-3
+        ahead += [np.linalg.norm(place - truth[k]) for k, place in said.items() if k < len(truth)]
+    assert np.mean(ahead) < 1.5 * np.mean(now)
+    assert np.mean(now) < 3e-3
+
+
+def test_the_command_writes_summary_runs_and_pictures(tmp_path):
+    done = CliRunner().invoke(app, ["insert", "quiet", "--out", str(tmp_path / "out"), "--runs", "2"])
+    assert done.exit_code == 0, done.output
+    written = json.loads((tmp_path / "out" / "summary.json").read_text())
+    for policy in ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go"):
+        row = written[policy]
+        assert row["hit_rate_low"] <= row["hit_rate"] <= row["hit_rate_high"]
+        assert {"miss_mm", "seconds_to_hit", "insertions"} <= set(row)
+    assert [row["low"] for row in written["calibration"]] == [k / 10 for k in range(10)]
+    assert sum(row["n"] for row in written["calibration"]) == 2
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"summary.json", "runs.csv", "hits.png", "misses.png", "reliability.png"}
+
+
+def test_a_lesion_has_a_size():
+    with pytest.raises(InputError, match="--radius-mm: expected more than 0"):
+        insert(case("quiet"), 1, 0.0)
