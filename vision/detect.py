@@ -49,6 +49,8 @@ WHOLE_AT_LEAST = 0.5
 """A mark whose outline cannot be told must show this share of its area; chosen."""
 SMEAR = 0.12
 """Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
+UNEVEN = 0.01
+"""By what shading pulls the rim of a ball, by its size, were all of the rim seen; measured on real films."""
 BLURRED = 1.2
 """Spread of a mark at rest by that of its outline, at most; chosen."""
 RIM_SEEN = 0.3
@@ -281,6 +283,8 @@ class _Search:
         if rim is None or (outline.even and rim.share < RIM_SEEN):
             return None
         cov = rim.cov_px2 + SMEAR * _smear(piece.component, outline)
+        if not outline.even:
+            cov = cov + UNEVEN**2 / rim.share * outline.shape_px @ outline.shape_px.T
         return _Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)
 
     def _inside(self, piece: _Piece) -> list[Floats]:

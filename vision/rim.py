@@ -21,7 +21,7 @@ N_STEPS = 3
 """Steps kept of each ray: the rim, and what lies before or behind it."""
 CONTRAST = 5.0
 """Least step over two pixels, summed over the colours [grey levels]; chosen: five times the noise of a fair film."""
-SMOOTH_PX = 0.8
+SMOOTH_PX = 1.5
 WIDEST, NARROWEST_PX = 0.3, 1.0
 """How far off the circle a step may lie, at first in sizes of the mark and at last in pixels; chosen."""
 
