@@ -101,7 +101,7 @@ class Baseline(ABC):
                 )
         places = [network.coordinates(mark.node) for mark in marks]
         rows = np.concatenate([np.arange(place.start, place.stop) for place in places])
-        return np.concatenate([mark.position for mark in marks]), rows, block_diag(*(mark.cov for mark in marks))
+        return np.concatenate([mark.position for mark in marks]), rows, block_diag(*(mark.total_cov for mark in marks))
 
     def _status(self, unseen_s: float) -> Status:
         if unseen_s == 0.0:

@@ -29,14 +29,27 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkMeasurement:
-    """One mark seen: the node it sits on, its position [m], (dim,), and the covariance of that [m²], (dim, dim)."""
+    """One mark seen.
+
+    node: that it sits on; position [m], (dim,); cov: of its own errors [m²], (dim, dim)
+    shared: what errors that all marks of a frame share, those of the camera's calibration, move it by: by one standard
+        deviation of each independent one [m], (dim, n_shared)
+    """
 
     node: str
     position: Floats
     cov: Floats
+    shared: Floats | None = None
+
+    @property
+    def total_cov(self) -> Floats:
+        """Of its own errors and of those that it shares [m²], (dim, dim)."""
+        return self.cov if self.shared is None else self.cov + self.shared @ self.shared.T
 
     def __post_init__(self) -> None:
         dim = len(self.position)
+        if self.shared is not None and self.shared.shape[:1] != (dim,):
+            raise ValueError(f"mark {self.node} shared: expected {dim} rows, found {self.shared.shape}")
         if self.cov.shape != (dim, dim):
             raise ValueError(f"mark {self.node} cov: expected shape {(dim, dim)}, found {self.cov.shape}")
         if not (np.isfinite(self.position).all() and np.isfinite(self.cov).all()):

@@ -291,7 +291,7 @@ class TissueFilter:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         anew = self.health.since_s is None or self.health.status is Status.LOST
         taken = list(marks) if anew else self._believable(self.time_s, marks)
-        self.open_loop.take(dt, {mark.node: mark.cov for mark in taken if self._places[mark.node] != self.target})
+        self.open_loop.take(dt, {mark.node: mark.total_cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
             return self._estimate(self.time_s, 0, None)
@@ -369,7 +369,7 @@ class TissueFilter:
         """Squared Mahalanobis distance of a mark from where the node may be, had it been struck."""
         mean, cov = self.struck(mark.node)
         y = mark.position - mean
-        return float(y @ np.linalg.solve(cov + mark.cov, y))
+        return float(y @ np.linalg.solve(cov + mark.total_cov, y))
 
     def _check(self, marks: Sequence[MarkMeasurement]) -> None:
         dim = self.model.network.dim
@@ -422,6 +422,9 @@ class TissueFilter:
         for k, mark in enumerate(marks):
             own = slice(k * dim, (k + 1) * dim)
             R[own, own] = mark.cov
+        if all(mark.shared is not None for mark in marks):
+            shared = np.concatenate([mark.shared for mark in marks if mark.shared is not None])
+            R += shared @ shared.T
         return z, rows, R
 
     def _doubted(self, marks: Sequence[MarkMeasurement], *, again: bool) -> None:

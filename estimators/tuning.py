@@ -104,7 +104,4 @@ def leveled(settings: FilterSettings, values: Floats) -> FilterSettings:
 
 def noisier(frames: Frames, factor: float) -> Frames:
     """The frames with each mark's standard deviation times a factor."""
-    return [
-        (time_s, [MarkMeasurement(mark.node, mark.position, factor**2 * mark.cov) for mark in marks])
-        for time_s, marks in frames
-    ]
+    return [(time_s, [replace(mark, cov=factor**2 * mark.cov) for mark in marks]) for time_s, marks in frames]

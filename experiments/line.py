@@ -104,7 +104,8 @@ class Line:
         radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
         centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
         positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
-        return tuple(MarkMeasurement(mark.node, positions[k], covs_m[k]) for k, mark in enumerate(marks))
+        shared = camera.calibration_error(positions) if len(camera.calibration) else [None] * len(marks)
+        return tuple(MarkMeasurement(m.node, positions[k], covs_m[k], shared[k]) for k, m in enumerate(marks))
 
     def _looked_for(self, node: str, belief: Callable[[str], tuple[Floats, Floats]]) -> vision.Expected:
         camera, mark = self.scene.cameras[0], self._marks[node]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -104,6 +105,7 @@ def detect_marks(
     region: tuple[int, int, int, int] | None = None,
     outlines: Sequence[Outline] = (),
     expected_px: ArrayLike = (),
+    expected_hues: Sequence[float] = (),
 ) -> list[Detection]:
     """Marks of these hues, largest first.
 
@@ -112,7 +114,8 @@ def detect_marks(
     region: left, top, width, height of the part to search [px]; all of the frame where None
     outlines: what a whole mark looks like, one for all or one for each expected mark, of which the nearest counts; with
         it, marks that are partly covered are found at their centre
-    expected_px: where marks are expected, (n, 2); it helps to tell apart marks of one hue that touch
+    expected_px, expected_hues: where marks are expected, (n, 2), and of which hue; they help to tell apart marks that
+        touch, and which outline a mark has
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
     """
@@ -128,7 +131,18 @@ def detect_marks(
     classes = classes_of(part, palette, scale)
     corner = np.array([left, top], dtype=float)
     starts = np.reshape(expected_px, (-1, 2)) - corner
-    search = _Search(part, classes, palette, scale, min_area_px, max_area_px or np.inf, tuple(outlines), starts, corner)
+    search = _Search(
+        part,
+        classes,
+        palette,
+        scale,
+        min_area_px,
+        max_area_px or np.inf,
+        tuple(outlines),
+        starts,
+        corner,
+        tuple(expected_hues),
+    )
     found: list[Detection] = []
     for number, hue in enumerate(hues, start=1):
         mask = classes if len(hues) == 1 else equal(classes, number)
@@ -192,7 +206,7 @@ class _Search:
     """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is.
 
     outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
-    corner_px: of this picture in the frame, (2,)
+    corner_px: of this picture in the frame, (2,); hues_deg: of those that are expected, none where all are alike
     """
 
     part: Picture
@@ -204,6 +218,7 @@ class _Search:
     outlines: tuple[Outline, ...]
     starts_px: Floats
     corner_px: Floats
+    hues_deg: tuple[float, ...]
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
         """The marks inside this contour of the classes."""
@@ -216,7 +231,7 @@ class _Search:
         if not self.min_area_px <= seen.area_px <= self.max_area_px:
             return []
 
-        outline = self._outline(piece.corner_px + seen.center_px)
+        outline = self._outline(piece.corner_px + seen.center_px, hue_deg)
         whole = _Center(seen.center_px, seen.cov_px2)
         centers = [whole]
         if outline is not None:
@@ -241,11 +256,14 @@ class _Search:
             for at in centers
         ]
 
-    def _outline(self, place_px: Floats) -> Outline | None:
-        """What the mark that is expected nearest to this place looks like."""
+    def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
+        """What the mark of this hue that is expected nearest to this place looks like."""
         if len(self.outlines) < 2:
             return self.outlines[0] if self.outlines else None
-        return self.outlines[int(np.argmin(np.linalg.norm(self.starts_px - place_px, axis=1)))]
+        off = np.linalg.norm(self.starts_px - place_px, axis=1)
+        if self.hues_deg:
+            off = np.where(np.array(self.hues_deg) == hue_deg, off, np.inf)
+        return self.outlines[int(np.argmin(off))]
 
     def _outlined(self, piece: _Piece, seen: Cover, outline: Outline) -> list[_Center]:
         """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none."""
@@ -256,7 +274,7 @@ class _Search:
             if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
                 starts = _starts(piece, self._inside(piece), outline)
                 several = [fit_outline(seen.alpha, start, outline, reach=NEXT) for start in starts]
-                if all(several):
+                if all(several) and _apart(several, outline):
                     return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
             if fitted is not None:
                 apart = fitted.center_px - seen.center_px
@@ -333,6 +351,13 @@ def _starts(piece: _Piece, expected_px: list[Floats], outline: Outline) -> Float
     lengths = (places - middle) @ along
     radius = (outline.area_px / np.pi) ** 0.5
     return middle + np.array([[lengths.min() + radius], [lengths.max() - radius]]) * along
+
+
+def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
+    """Whether centres are those of different marks, and not of one that is larger than it was thought to be."""
+    near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
+    pairs = combinations((one.center_px for one in several if one is not None), 2)
+    return all(np.hypot(*(a - b)) > near for a, b in pairs)
 
 
 def _smear(component: Picture, outline: Outline) -> Floats:

@@ -125,6 +125,7 @@ class MarkFinder:
             region=region,
             outlines=outlines,
             expected_px=[one.center_px for one in own],
+            expected_hues=[one.hue_deg for one in own],
         )
         return [d for d in detections if self.hues[d.hue_deg].fits(d)]
 

@@ -62,3 +62,25 @@ def test_faults_of_cameras_are_told(tmp_path: Path, old: str, new: str, message:
         read_scene(path)
     assert message in str(fault.value)
     assert str(fault.value).startswith(str(tmp_path))
+
+
+def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> None:
+    import vision
+    from experiments.line import Line
+
+    rows = "uncertainty = [[4.0, 4.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 8.0]]\n"
+    scene = read_scene(scene_with(tmp_path, TABLE + rows))
+    camera, rng = scene.cameras[0], np.random.default_rng(0)
+    discs = []
+    for mark in scene.marks:
+        at = scene.network.positions[scene.network.index(mark.node)]
+        size = np.linalg.norm(camera.disc_shape(at, mark.diameter_m / 2.0), axis=1)
+        discs.append(vision.Disc(camera.project(at[None])[0], (size[0], size[1]), mark.hue_deg))
+    step = Line(scene, baseline=False).see(0.0, vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng))
+    assert len(step.marks) == len(scene.marks)
+    for mark in step.marks:
+        assert mark.shared is not None
+        at = scene.network.positions[scene.network.index(mark.node)]
+        # a camera that stands half a percent further off, by 8 mm of 1.8 m, sees the same with a lens as much longer
+        np.testing.assert_allclose(mark.shared, camera.calibration_error(at[None])[0], rtol=0.05, atol=1e-5)
+        assert np.abs(mark.position - at).max() < 1e-3
