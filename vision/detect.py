@@ -272,9 +272,10 @@ class _Search:
         share = seen.area_px / outline.area_px
         if outline.even:
             if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
-                starts = _starts(piece, self._inside(piece), outline)
+                expected = self._inside(piece)
+                starts = _starts(piece, expected, outline)
                 several = [fit_outline(seen.alpha, start, outline, reach=NEXT) for start in starts]
-                if all(several) and _apart(several, outline):
+                if all(several) and (len(expected) > 1 or _apart(several, outline)):
                     return [_Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
             if fitted is not None:
                 apart = fitted.center_px - seen.center_px
