@@ -320,6 +320,19 @@ def record(
 
 
 @app.command()
+def hue(
+    source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
+    at: Annotated[str, typer.Option("--at", help="U,V: a place on a mark [px].", show_default=False)],
+    frame: Annotated[int, typer.Option("--frame", min=0, help="Which frame, counted from 0.")] = 0,
+    fps: Fps = None,
+) -> None:
+    """Learn the hue of a kind of mark from one place in a picture: the keys for its table in scene.toml."""
+    from experiments.hue import hue_lines
+
+    print(*hue_lines(source, at, frame, fps), sep="\n")
+
+
+@app.command()
 def bench(
     as_json: AsJson = False,
 ) -> None:
