@@ -8,7 +8,8 @@ from vision.board import DICTIONARIES, Board, Corners, find_board
 from vision.bundle import CalibrationError
 from vision.calibration import Calibration, View, board_text, calibrate, rms
 from vision.camera import PlaneCamera, posed, squarely
-from vision.detect import Detection, HueError, detect_marks
+from vision.detect import detect_marks
+from vision.detection import Detection, HueError
 from vision.draw import Disc, Lighting, distractors, draw_frame, paper_camera
 from vision.drawn_camera import Highlight, RealCamera, RealFrame, RealMark, Shadow, draw_real_frame, reflectance
 from vision.drawn_clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.coverage import PAD_PX
-from vision.detect import Detection, HueError, detect_marks
+from vision.detect import detect_marks
+from vision.detection import Detection, HueError
 from vision.following import FollowedHue
 from vision.hues import MarkHue
 from vision.identify import Expected, Identified, identify, squared_distance

@@ -10,7 +10,7 @@ from math import exp, log
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detect import Detection
+from vision.detection import Detection
 from vision.hues import MarkHue
 
 FOLLOW = 0.05

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from vision.detect import Detection
+from vision.detection import Detection
 from vision.hues import hue_distance
 from vision.outline import Outline
 

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.coverage import Picture
-from vision.detect import LARGEST_SHARE, HueError
+from vision.detect import LARGEST_SHARE
+from vision.detection import HueError
 from vision.hues import MarkHue
 
 Image = NDArray[np.uint8]

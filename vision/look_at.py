@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detect import Detection
+from vision.detection import Detection
 from vision.identify import Expected
 from vision.rim import fit_rim
 
