@@ -203,29 +203,35 @@ def detect(n_frames: int = 60) -> dict[str, float]:
     homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])
     outline, hue = vision.Outline(radius * np.eye(2), 0.05), vision.MarkHue(0.0)
     finder, blobs = vision.MarkFinder([hue]), cv2.SimpleBlobDetector.create()
-    seconds: dict[str, list[float]] = {"full_1280x720_ms": [], "tracked_ms": [], "blob_detector_ms": []}
+    frames, where = [], []
     for k in range(n_frames):
         places = homes + 40.0 * np.array([np.cos(0.1 * k), np.sin(0.13 * k)])
         discs = [vision.Disc(place, (radius, radius), 0.0) for place in places]
         strays = vision.distractors(6, (1280, 720), rng, [0.0])
-        image = vision.draw_frame((1280, 720), [*strays, *discs], vision.Lighting(), rng)
-        expected = [
-            vision.Expected(name, place, 4.0 * np.eye(2), 0.0, outline)
-            for name, place in zip(names, places, strict=True)
-        ]
-        work: dict[str, Callable[[], object]] = {
-            "full_1280x720_ms": lambda image=image, places=places: vision.detect_marks(  # type: ignore[misc]
-                image, [hue], min_area_px=60.0, outlines=[outline], expected_px=places
-            ),
-            "tracked_ms": lambda image=image, expected=expected: finder.find(image, expected),  # type: ignore[misc]
-            "blob_detector_ms": lambda image=image: blobs.detect(image),  # type: ignore[misc]
-        }
-        for name, one in work.items():
+        frames.append(vision.draw_frame((1280, 720), [*strays, *discs], vision.Lighting(), rng))
+        where.append(
+            [vision.Expected(n, at, 4.0 * np.eye(2), 0.0, outline) for n, at in zip(names, places, strict=True)]
+        )
+
+    def full(k: int) -> None:
+        places = [one.center_px for one in where[k]]
+        vision.detect_marks(frames[k], [hue], min_area_px=60.0, outlines=[outline], expected_px=places)
+
+    def tracked(k: int) -> None:
+        if len(finder.find(frames[k], where[k])) < len(names):
+            raise RuntimeError(f"detect: expected four marks found, missed {sorted(finder.missed or ())}")
+
+    work: dict[str, Callable[[int], object]] = {
+        "full_1280x720_ms": full,
+        "tracked_ms": tracked,
+        "blob_detector_ms": lambda k: blobs.detect(frames[k]),
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in work}
+    for name, one in work.items():
+        for k in range(n_frames):
             began = time.perf_counter()
-            one()
+            one(k)
             seconds[name].append(time.perf_counter() - began)
-        if finder.missed:
-            raise RuntimeError(f"detect: expected four marks found, missed {sorted(finder.missed)}")
     told = {name: 1e3 * float(np.median(each[n_frames // 10 :])) for name, each in seconds.items()}
     return told | {"ratio": told["blob_detector_ms"] / told["full_1280x720_ms"]}
 

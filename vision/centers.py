@@ -25,6 +25,9 @@ AGREE_PX2 = 0.08**2 * np.eye(2)
 """Covariance of what two centres of one mark may differ by whatever they say of themselves: shading, print; chosen."""
 BEYOND = 0.1
 """Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
+FAINTEST = 0.2
+"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
+marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
 GRAIN_NOISE, GRAIN_GAIN = 0.018, 2.0
 """Noise of a pixel by a mark's contrast from which errors of an outline hang together more than it shows, and what that
 adds to their variance at most: compression, highlights, shadow; measured on drawn frames."""
@@ -81,9 +84,32 @@ def centers_of(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Fl
 
     expected_px: where marks of its hue are expected inside it, each (2,) from its corner
     """
-    grain = (seen.noise_sd / GRAIN_NOISE) ** 4
-    factor = 1.0 + outline.even * GRAIN_GAIN * grain / (1.0 + grain)
+    factor = _trust(seen, outline)
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px)]
+
+
+def centers_agreed(seen: Cover, outline: Outline) -> Center | None:
+    """The centre of a mark that is clear, and whose area and outline say the same; None where they do not."""
+    if seen.noise_sd > FAINTEST:
+        return None
+    center = _agreed(seen, fit_outline(seen.alpha, seen.center_px, outline), outline)
+    return None if center is None else replace(center, cov_px2=_trust(seen, outline) * center.cov_px2)
+
+
+def _trust(seen: Cover, outline: Outline) -> float:
+    """A factor on the covariance of an outline in noise."""
+    grain = (seen.noise_sd / GRAIN_NOISE) ** 4
+    return 1.0 + outline.even * GRAIN_GAIN * grain / (1.0 + grain)
+
+
+def _agreed(seen: Cover, fitted: Fitted | None, outline: Outline) -> Center | None:
+    if fitted is None or not WHOLE_AT_LEAST <= seen.area_px / outline.area_px <= WHOLE_AT_MOST:
+        return None
+    apart = fitted.center_px - seen.center_px
+    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + AGREE_PX2)
+    if squared > APART:
+        return None
+    return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
 
 
 def _by_outline(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Floats]) -> list[Center]:
@@ -96,12 +122,9 @@ def _by_outline(piece: Piece, seen: Cover, outline: Outline, expected_px: list[F
             several = [fit_outline(seen.alpha, start, outline, reach=NEXT) for start in starts]
             if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
                 return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
-        if fitted is not None:
-            apart = fitted.center_px - seen.center_px
-            squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + AGREE_PX2)
-            if squared <= APART and WHOLE_AT_LEAST <= share <= WHOLE_AT_MOST:
-                cov = max(1.0, squared / 2.0) * fitted.cov_px2
-                return [Center(fitted.center_px, cov, False, fitted.size)]
+        agreed = _agreed(seen, fitted, outline)
+        if agreed is not None:
+            return [agreed]
     circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in expected_px)]
     if fitted is not None:
         circles.append((*fitted.center_px, fitted.size))

@@ -67,8 +67,22 @@ def cover(patch: Picture, component: Picture, others: Picture, *, thorough: bool
     """
     discs = _half_widths(GROW_PX + max(component.shape) // 16), _half_widths(CORE_PX)
     told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS, thorough)
-    if not told:
-        return None
+    return _cover(alpha, figures) if told else None
+
+
+def cover_alone(
+    frame: Picture, box: tuple[int, int, int, int], number: int, palette: tuple[Any, ...], fewest: int
+) -> tuple[tuple[int, int], Cover] | None:
+    """The corner [px] of a patch, and what the only mark of a class covers of it, in a part of a picture; else None.
+
+    box: left, top, right, bottom; number: of the class; palette: as `kernels.alone` has it; fewest: pixels of a mark
+    """
+    discs = _half_widths(GROW_PX + min(box[2] - box[0], box[3] - box[1]) // 20), _half_widths(CORE_PX)
+    told, left, top, alpha, figures = kernels.alone(frame, box, number, palette, fewest, PADS, discs, FEWER)
+    return ((left, top), _cover(alpha, figures)) if told else None
+
+
+def _cover(alpha: Floats, figures: Floats) -> Cover:
     u, v, uu, uv, vv, area, noise_sd, *color = figures.tolist()
     return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, noise_sd, tuple(color))
 
@@ -80,5 +94,9 @@ def _half_widths(radius: int) -> Picture:
     return (disc.sum(axis=1).astype(np.int64) - 1) // 2
 
 
+PADS = (PAD_PX, 8)
+"""What is looked at around a piece: so many pixels, and an eighth of its longer side."""
 CONSTANTS = (OUTLIER_SDS, FIT_PIXELS, ROUNDING, GRAIN_REACH, LOCAL_GAIN, LOCAL_REACH, FLOOR_PX2)
 """As the kernel takes them."""
+FEWER = (OUTLIER_SDS, FIT_PIXELS // 2, ROUNDING, GRAIN_REACH, LOCAL_GAIN, LOCAL_REACH, FLOOR_PX2)
+"""The same, of half as many pixels behind the mark, for a mark that is alone."""

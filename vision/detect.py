@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.centers import ONE_MARK, Center, Piece, centers_of
+from vision.centers import FAINTEST, ONE_MARK, Center, Piece, centers_of
 from vision.coverage import PAD_PX, Picture, cover
 from vision.detection import Detection, HueError
 from vision.hues import MarkHue
@@ -34,9 +34,6 @@ SEARCH_SHARE = 0.4
 COARSE_AREA_PX = 60.0
 """Marks of at least so many pixels are searched for in a picture of half the size; chosen."""
 SQUARE_5 = np.ones((5, 5), np.uint8)
-FAINTEST = 0.2
-"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
-marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
 
 
 def detect_marks(

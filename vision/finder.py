@@ -14,9 +14,10 @@ from vision.detect import detect_marks
 from vision.detection import Detection, HueError
 from vision.following import FollowedHue
 from vision.hues import MarkHue
-from vision.identify import Expected, Identified, identify, squared_distance
+from vision.identify import GATE, Expected, Identified, identify, squared_distance
 from vision.look_at import look_at
 from vision.outline import Outline
+from vision.quick import mark_alone
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -65,11 +66,11 @@ class MarkFinder:
         if self.missed is not None and not self.missed:
             regions = _regions(expected, frame_bgr.shape[:2])
             if sum(width * height for _, _, width, height in regions) < SMALL_SHARE * frame_bgr[..., 0].size:
-                near = [d for region in regions for d in self._detected(frame_bgr, expected, region)]
-                found = identify(near, expected)
+                found = self._near(frame_bgr, expected, regions)
         if len(found) < len(expected):
             found = self._anywhere(self._in_all(frame_bgr, expected), expected, struck)
-        found += self._by_rim(frame_bgr, expected, found)
+        if len(found) < len(expected):
+            found += self._by_rim(frame_bgr, expected, found)
         found = _certain(found, expected)
         self.missed = {one.name for one in expected} - {one.name for one in found}
         for nominal, followed in self.hues.items():
@@ -115,6 +116,24 @@ class MarkFinder:
         missing = [name for name in missing if self.missed is not None and name in self.missed]
         return found + identify(left, [struck(name) for name in missing], gate=BLOW_GATE)
 
+    def _near(self, frame_bgr: Image, expected: Sequence[Expected], regions: Sequence[Box]) -> list[Identified]:
+        """The marks in these parts of the picture, of which none overlap."""
+        hues = [followed.now for followed in self.hues.values()]
+        found: list[Identified] = []
+        unclear: list[Detection] = []
+        for region in regions:
+            own = [one for one in expected if _inside(one.center_px, region)]
+            alone = mark_alone(frame_bgr, hues, region, own[0]) if len(own) == 1 else None
+            # alone in a part of its own: whose mark it is, is no question
+            if alone is not None and self.hues[alone.hue_deg].fits(alone) and squared_distance(own[0], alone) <= GATE:
+                found.append(Identified(own[0].name, alone))
+            else:
+                unclear += self._detected(frame_bgr, expected, region)
+        if not unclear:
+            return found
+        names = {f.name for f in found}
+        return found + identify(unclear, [one for one in expected if one.name not in names])
+
     def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
         own = [one for one in expected if region is None or _inside(one.center_px, region)]
         outlines, min_area_px, max_area_px = _looks(own)
@@ -134,13 +153,15 @@ class MarkFinder:
 def _certain(found: Sequence[Identified], expected: Sequence[Expected]) -> list[Identified]:
     """Without those that touch another of their hue and might as well be it: better unseen than swapped."""
     where = {one.name: one for one in expected}
+    sizes = {one.name: 0.0 if one.outline is None else (one.outline.area_px / np.pi) ** 0.5 for one in expected}
+    places = {one.name: one.center_px.tolist() for one in expected}
     doubtful: set[str] = set()
     for a, b in combinations(found, 2):
-        one, other = where[a.name], where[b.name]
-        if one.hue_deg != other.hue_deg or one.outline is None or other.outline is None:
+        (u, v), (other_u, other_v) = places[a.name], places[b.name]
+        if abs(u - other_u) + abs(v - other_v) > 1.5 * (sizes[a.name] + sizes[b.name]):
             continue
-        reach = (one.outline.area_px**0.5 + other.outline.area_px**0.5) / np.pi**0.5
-        if hypot(*(one.center_px - other.center_px)) > reach:
+        one, other = where[a.name], where[b.name]
+        if one.hue_deg != other.hue_deg or hypot(u - other_u, v - other_v) > sizes[a.name] + sizes[b.name]:
             continue
         named = squared_distance(one, a.detection) + squared_distance(other, b.detection)
         swapped = squared_distance(one, b.detection) + squared_distance(other, a.detection)

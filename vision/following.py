@@ -5,6 +5,7 @@ from __future__ import annotations
 import colorsys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from math import exp, log
 
 import numpy as np
@@ -54,8 +55,16 @@ class FollowedHue:
         """Whether a detection's colour may be that of such a mark; any may until a few frames have told."""
         if self._n_frames < KNOWN_AFTER:
             return True
-        off = (self._measured(detection.color_bgr) - self._color)[:2]
-        return float((off**2 / np.maximum(self._scatter[:2], LEAST_SDS**2)).sum()) <= GATE
+        squared = 0.0
+        for seen, mean, scatter, least in zip(
+            _told(tuple(detection.color_bgr), self._first.middle_deg),
+            self._color,
+            self._scatter,
+            LEAST_SDS,
+            strict=False,
+        ):
+            squared += (seen - mean) ** 2 / max(scatter, least**2)
+        return squared <= GATE
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly covered or cut do not count."""
@@ -72,15 +81,22 @@ class FollowedHue:
         first = self._first
         furthest = FURTHEST * first.half_width_deg
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
+        # in steps, so that the table of classes is the same from frame to frame
+        drift = round(2.0 * min(max(drift, -furthest), furthest)) / 2.0
         self.now = replace(
             first,
-            seen_deg=float((first.middle_deg + min(max(drift, -furthest), furthest)) % 360.0),
-            min_saturation=float(max(LEAST_SATURATION, min(first.min_saturation, PALER * saturation))),
-            min_value=float(max(LEAST_VALUE, min(first.min_value, DARKER * value))),
+            seen_deg=float((first.middle_deg + drift) % 360.0),
+            min_saturation=max(LEAST_SATURATION, min(first.min_saturation, round(PALER * float(saturation), 2))),
+            min_value=max(LEAST_VALUE, min(first.min_value, round(DARKER * value, 2))),
         )
 
     def _measured(self, color_bgr: Sequence[float]) -> NDArray[np.float64]:
         """Hue [degrees off where it began], saturation, log of value of a colour, (3,)."""
-        blue, green, red = (max(level, 1.0) / 255.0 for level in color_bgr)
-        hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
-        return np.array([(360.0 * hue - self._first.middle_deg + 180.0) % 360.0 - 180.0, saturation, log(value)])
+        return np.array(_told(tuple(color_bgr), self._first.middle_deg))
+
+
+@lru_cache(maxsize=64)
+def _told(color_bgr: tuple[float, ...], middle_deg: float) -> tuple[float, float, float]:
+    blue, green, red = (max(level, 1.0) / 255.0 for level in color_bgr)
+    hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
+    return (360.0 * hue - middle_deg + 180.0) % 360.0 - 180.0, saturation, log(value)

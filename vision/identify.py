@@ -49,8 +49,9 @@ class Identified:
 
 def squared_distance(expected: Expected, detection: Detection) -> float:
     """Squared Mahalanobis distance of a detection from where a mark is expected."""
-    off = detection.center_px - expected.center_px
-    return float(off @ np.linalg.solve(expected.cov_px2 + detection.cov_px2, off))
+    (u, v) = (detection.center_px - expected.center_px).tolist()
+    (uu, uv), (_, vv) = (expected.cov_px2 + detection.cov_px2).tolist()
+    return float((vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv))
 
 
 def identify(detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = GATE) -> list[Identified]:

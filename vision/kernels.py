@@ -11,6 +11,8 @@ from numba import njit
 
 HUE_STEPS = 720
 """Half degrees on the circle of hues: what a table of classes is indexed by."""
+NARROW_PX = 12
+"""Around the pixels of a mark that is looked at alone: its edge, and what lies behind it."""
 ROUGHLY = 12.0
 """Variance of noise as it moves a centre, by that of a pixel, where nobody looks closer; measured on drawn frames."""
 
@@ -372,3 +374,113 @@ def covered(patch, component, others, discs, constants, thorough):  # type: igno
     figures[2], figures[3], figures[4] = cov[0, 0], cov[0, 1], cov[1, 1]
     figures[5], figures[6], figures[7:] = area, 1.0 / np.sqrt(strength), color
     return True, alpha, figures
+
+
+@njit(cache=True, nogil=True)
+def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
+    """Whether one piece of this class has so many pixels, and there are no others to speak of; the piece, (h, w).
+
+    Pixels hang together by their sides and corners; what a piece encloses is of it. It must not touch the rim.
+    """
+    height, width = classes.shape
+    piece = np.zeros((height, width), dtype=np.uint8)
+    stack = np.empty((height * width, 2), dtype=np.int64)
+    seen = np.zeros((height, width), dtype=np.uint8)
+    found, stray = False, 0
+    for row in range(height):
+        for column in range(width):
+            if classes[row, column] != number or seen[row, column]:
+                continue
+            n, met = 1, 0
+            stack[0, 0], stack[0, 1] = row, column
+            seen[row, column] = 1
+            while met < n:  # the stack keeps all that was met: it is the piece
+                i, j = stack[met, 0], stack[met, 1]
+                met += 1
+                for k in range(max(i - 1, 0), min(i + 2, height)):
+                    for m in range(max(j - 1, 0), min(j + 2, width)):
+                        if classes[k, m] == number and not seen[k, m]:
+                            seen[k, m] = 1
+                            stack[n, 0], stack[n, 1] = k, m
+                            n += 1
+            if n < fewest:
+                stray += n
+                continue
+            if found:
+                return False, piece
+            found = True
+            for p in range(n):
+                i, j = stack[p, 0], stack[p, 1]
+                if i == 0 or j == 0 or i == height - 1 or j == width - 1:
+                    return False, piece
+                piece[i, j] = 1
+    if not found or stray > fewest // 4:
+        return False, piece
+    # from the rim inward: what is not reached lies inside
+    outside = np.zeros((height, width), dtype=np.uint8)
+    stack[0, 0], stack[0, 1] = 0, 0
+    outside[0, 0], n = 1, 1
+    while n > 0:
+        n -= 1
+        i, j = stack[n, 0], stack[n, 1]
+        for k, m in ((i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)):
+            if 0 <= k < height and 0 <= m < width and not piece[k, m] and not outside[k, m]:
+                outside[k, m] = 1
+                stack[n, 0], stack[n, 1] = k, m
+                n += 1
+    return True, np.uint8(1) - outside
+
+
+@njit(cache=True, nogil=True)
+def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
+    """Whether every other pixel of every other row shows the class at all, and a box around those that do."""
+    table, least_value, least_saturation = palette
+    left, top, right, bottom = box
+    one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
+    low_v, high_v, low_u, high_u = bottom, -1, right, -1
+    for row in range(top, bottom, 2):
+        classify(frame[row : row + 1, left:right:2], table, least_value, least_saturation, one)
+        for k in range(one.shape[1]):
+            if one[0, k] == number:
+                low_v, high_v = min(low_v, row), row
+                low_u, high_u = min(low_u, left + 2 * k), max(high_u, left + 2 * k)
+    if high_v < 0:
+        return False, box
+    low = max(low_u - NARROW_PX, left), max(low_v - NARROW_PX, top)
+    high = min(high_u + NARROW_PX + 1, right), min(high_v + NARROW_PX + 1, bottom)
+    return True, (low[0], low[1], high[0], high[1])
+
+
+@njit(cache=True, nogil=True)
+def alone(frame, box, number, palette, fewest, pads, discs, constants):  # type: ignore[no-untyped-def]
+    """The one mark of a class in a part of a picture: whether there is one and no more; corner, alpha and figures.
+
+    frame: (h, w, 3) uint8; box: left, top, right, bottom; number: of the class
+    palette: table, least values and least saturations as `classify` has them
+    fewest: pixels of a mark at least; pads: px around it, and 1 / that of its longer side besides
+    discs, constants: as `covered` has them, whose alpha and figures these are, from the corner (u, v)
+    """
+    there, box = _narrowed(frame, box, number, palette)
+    none = np.zeros((1, 1))
+    if not there:
+        return False, 0, 0, none, np.zeros(10)
+    height, width = box[3] - box[1], box[2] - box[0]
+    classes = np.empty((height, width), dtype=np.uint8)
+    # as it is: where noise breaks a mark into pieces, the slow way knows more
+    classify(frame[box[1] : box[3], box[0] : box[2]], palette[0], palette[1], palette[2], classes)
+    there, piece = _only_piece(classes, number, fewest)
+    if not there:
+        return False, 0, 0, none, np.zeros(10)
+    low_v, high_v, low_u, high_u = height, 0, width, 0
+    for row in range(height):
+        for column in range(width):
+            if piece[row, column]:
+                low_v, high_v = min(low_v, row), max(high_v, row)
+                low_u, high_u = min(low_u, column), max(high_u, column)
+    pad = pads[0] + max(high_v - low_v + 1, high_u - low_u + 1) // pads[1]
+    v0, u0 = max(low_v - pad, 0), max(low_u - pad, 0)
+    v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
+    patch = frame[box[1] + v0 : box[1] + v1, box[0] + u0 : box[0] + u1].copy()
+    component = piece[v0:v1, u0:u1].copy()
+    told, alpha, figures = covered(patch, component, np.zeros_like(component), discs, constants, False)
+    return told, box[0] + u0, box[1] + v0, alpha, figures

@@ -1,10 +1,13 @@
 """Marks found frame after frame: where they are expected, named, and none where there is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import vision.finder
-from vision import Disc, Expected, HueError, Lighting, MarkFinder, MarkHue, Outline, draw_frame
+from vision import Disc, Expected, HueError, Lighting, MarkFinder, MarkHue, Outline, detect_marks, draw_frame
+from vision.quick import mark_alone
 
 SIZE = (640, 480)
 HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
@@ -23,13 +26,18 @@ def frame(places: dict[str, np.ndarray], rng: np.random.Generator, *more: Disc) 
 
 def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.MonkeyPatch) -> None:
     rng, regions = np.random.default_rng(1), []
-    detect = vision.finder.detect_marks
+    detect, alone = vision.finder.detect_marks, vision.finder.mark_alone
 
     def watched(*given, **more):
         regions.append(more["region"])
         return detect(*given, **more)
 
+    def watched_alone(frame_bgr, hues, region, expected):
+        regions.append(region)
+        return alone(frame_bgr, hues, region, expected)
+
     monkeypatch.setattr(vision.finder, "detect_marks", watched)
+    monkeypatch.setattr(vision.finder, "mark_alone", watched_alone)
     finder = MarkFinder([MarkHue(0.0)])
     for k in range(5):
         places = {name: np.array([at[0] + 3.0 * k, at[1] + 0.3]) for name, at in HOMES.items()}
@@ -108,3 +116,43 @@ def test_a_hue_that_is_everywhere_is_an_error_at_first_and_a_hand_before_the_cam
     finder.find(frame(HOMES, np.random.default_rng(6)), expected(HOMES))
     assert finder.find(red, expected(HOMES)) == []
     assert finder.missed == set(HOMES)
+
+
+def test_the_quick_way_says_what_the_long_way_says() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(10):
+        at = rng.uniform((100.0, 100.0), (540.0, 380.0))
+        image = frame({"M1": at}, rng)
+        (one,) = expected({"M1": at + rng.normal(0.0, 2.0, 2)})
+        left, top = (int(x) - 40 for x in one.center_px)
+        quick = mark_alone(image, [MarkHue(0.0)], (left, top, 80, 80), one)
+        (slow,) = detect_marks(
+            image, [MarkHue(0.0)], min_area_px=100.0, region=(left, top, 80, 80), outlines=[one.outline]
+        )
+        assert quick is not None
+        np.testing.assert_allclose(quick.center_px, slow.center_px, atol=0.02)
+        np.testing.assert_allclose(quick.cov_px2, slow.cov_px2, rtol=0.5, atol=1e-5)
+        assert quick.area_px == pytest.approx(slow.area_px, rel=0.01)
+        np.testing.assert_allclose(quick.color_bgr, slow.color_bgr, atol=3.0)
+
+
+def test_the_quick_way_leaves_what_is_odd_to_the_long_way() -> None:
+    rng = np.random.default_rng(8)
+    at = np.array([300.0, 200.0])
+    (one,) = expected({"M1": at})
+    region, hues = (255, 155, 90, 90), [MarkHue(0.0)]
+    whole = frame({"M1": at}, rng)
+    assert mark_alone(whole, hues, region, one) is not None
+    half = whole.copy()
+    half[:, 302:] = (150, 160, 170)
+    two = frame({"M1": at, "M3": np.array([326.0, 200.0])}, rng)
+    stain = Disc(at, (3.0, 3.0), 0.0)
+    for image in (half, two, frame({}, rng), frame({}, rng, stain)):
+        assert mark_alone(image, hues, region, one) is None
+    assert mark_alone(whole, hues, (296, 155, 49, 90), one) is None  # cut by the region
+    assert mark_alone(whole, hues, region, replace(one, outline=replace_even(one.outline))) is None
+
+
+def replace_even(outline: Outline | None) -> Outline:
+    assert outline is not None
+    return Outline(outline.shape_px, outline.size_sd, even=False)
