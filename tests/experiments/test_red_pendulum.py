@@ -55,7 +55,7 @@ def test_the_real_film(tmp_path):
     assert told["frames"] == told["frames_found"] == 334
     assert told["mm_per_px"] == pytest.approx(1.33, abs=0.05)
     covered = {kind: figures["coverage95"] for kind, figures in told["withheld"].items()}
-    expected = {"all": 0.80, "flying": 0.85, "struck": 0.49, "leaning": 0.92}
+    expected = {"all": 0.79, "flying": 0.86, "struck": 0.42, "leaning": 0.94}
     assert covered == pytest.approx(expected, abs=0.05)
     assert (tmp_path / "out" / "withheld.png").stat().st_size > 10_000
     assert (tmp_path / "out" / "recording" / "scene.toml").is_file()
