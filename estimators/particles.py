@@ -11,7 +11,7 @@ from dynamics import MassSpringNetwork
 from estimators.baseline import Baseline, sub_steps
 from estimators.exponential import small_expm
 from estimators.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
-from estimators.settings import FilterSettings, stationary
+from estimators.settings import N_QUIET, FilterSettings, stationary
 from estimators.unscented import positive_points
 
 Floats = NDArray[np.float64]
@@ -106,7 +106,7 @@ class ParticleFilter(Baseline):
         return means[0][place], covs[0][place, place]
 
     def _poked(self) -> float:
-        return float(self.weights[self.modes == len(self.settings.modes) - 1].sum())
+        return float(self.weights[self.modes >= N_QUIET].sum())
 
 
 def fewer(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:

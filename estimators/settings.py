@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from estimators.tissue_model import FixBias, ForceMode
 
 Floats = NDArray[np.float64]
+
+N_QUIET = 2
+"""Modes in which nobody pokes: calm, and between; they come first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,7 @@ class FilterSettings:
     test_s: innovations of this time [s] are tested together for divergence
     test_sigmas: and may be improbable as a normal variable so many standard deviations out
     mix_s: the modes are mixed at least this often [s]
+    one_of: so many marked nodes are poked one at a time, a poked mode for each; 0: any, all in one mode
     marks_bounds: between which factors the variances of the marks, as told, adapt to their innovations; (1, 1): not
     fix_bias: what fixes of the target are off by together; None where none are to come
     """
@@ -51,26 +55,32 @@ class FilterSettings:
     test_s: float = 0.25
     test_sigmas: float = 10.0
     mix_s: float = 1.0 / 30.0
+    one_of: int = 0
     marks_bounds: tuple[float, float] = (1.0, 1.0)
     fix_bias: FixBias | None = None
 
     @property
     def modes(self) -> tuple[ForceMode, ...]:
-        """What calm, between and poked believe of the force."""
-        return (self.quiet, self.quiet, self.poked)
+        """What calm, between and poked believe of the force; poked once, or once for each of `one_of` marked nodes."""
+        if not self.one_of:
+            return (self.quiet, self.quiet, self.poked)
+        one = (replace(self.poked, only=k, others=self.quiet) for k in range(self.one_of))
+        return (self.quiet, self.quiet, *one)
 
     @property
     def rates(self) -> Floats:
-        """How often each mode turns into each other [1/s], (3, 3), rows summing to zero."""
-        end = 1.0 / self.poked_s
-        rates = np.array(
-            [
-                [0.0, 0.0, 1.0 / self.calm_s],
-                [0.0, 0.0, 1.0 / self.between_s],
-                [self.calm_share * end, (1.0 - self.calm_share) * end, 0.0],
-            ]
-        )
+        """How often each mode turns into each other [1/s], (n_modes, n_modes), rows summing to zero."""
+        n_poked = max(1, self.one_of)
+        rates = np.zeros((N_QUIET + n_poked, N_QUIET + n_poked))
+        rates[0, N_QUIET:] = 1.0 / self.calm_s / n_poked
+        rates[1, N_QUIET:] = 1.0 / self.between_s / n_poked
+        rates[N_QUIET:, 0] = self.calm_share / self.poked_s
+        rates[N_QUIET:, 1] = (1.0 - self.calm_share) / self.poked_s
         return rates - np.diag(rates.sum(axis=1))
+
+    def poked_share(self, odds: Floats) -> float:
+        """Probability that somebody pokes, of the odds of the modes, (n_modes,)."""
+        return float(np.sum(odds[N_QUIET:]))
 
 
 def stationary(rates: Floats) -> Floats:

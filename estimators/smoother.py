@@ -74,7 +74,7 @@ def fixed_interval(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]
     """The target at each frame, given the marks of all frames: (time [s], marks) in order."""
     passage = Passage(tissue)
     passed = [passage.take(time_s, marks) for time_s, marks in frames]
-    return [_told(one, known, tissue.target) for one, known in zip(passed, smoothed(passed), strict=True)]
+    return [_told(one, known, tissue) for one, known in zip(passed, smoothed(passed), strict=True)]
 
 
 class FixedLag:
@@ -99,7 +99,7 @@ class FixedLag:
             self._passed.popleft()
         if self._passed[0].estimate.time_s > due_s:
             return None
-        return _told(self._passed[0], smoothed(tuple(self._passed))[0], self._passage.tissue.target)
+        return _told(self._passed[0], smoothed(tuple(self._passed))[0], self._passage.tissue)
 
 
 def smoothed(passed: Sequence[Passed]) -> list[Beliefs]:
@@ -117,9 +117,10 @@ def smoothed(passed: Sequence[Passed]) -> list[Beliefs]:
     return known[::-1]
 
 
-def _told(one: Passed, known: Beliefs, target: slice) -> TargetEstimate:
+def _told(one: Passed, known: Beliefs, tissue: TissueFilter) -> TargetEstimate:
+    target, poked = tissue.target, tissue.settings.poked_share(known.mu)
     mean, cov = mixed(known.mu, known.means[:, target], known.covs[:, target, target])
-    return replace(one.estimate, mean=mean, cov=cov + one.considered, poked=float(known.mu[-1]))
+    return replace(one.estimate, mean=mean, cov=cov + one.considered, poked=poked)
 
 
 def smoothed_before(after: Beliefs, cycle: Transition, before: Beliefs) -> Beliefs:

@@ -26,7 +26,7 @@ from estimators.hit_probability import Belief
 from estimators.known_push import KnownPush, Push
 from estimators.mixture import InteractingMixture, Move
 from estimators.open_loop_belief import OpenLoopBelief
-from estimators.settings import FilterSettings, stationary
+from estimators.settings import N_QUIET, FilterSettings, stationary
 from estimators.tissue_model import ForceMode, TissueModel, grown_covariance
 from estimators.unscented import UnscentedKalmanFilter
 
@@ -94,11 +94,13 @@ class TissueFilter:
         self._marked = tuple(marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
-        rates, modes = self.settings.rates, self.settings.modes
-        filters = [UnscentedKalmanFilter(self.model.dim_x, lambda _points, _dt: _points) for _ in modes]
+        rates, self._modes = self.settings.rates, self.settings.modes
+        if self.settings.one_of not in (0, len(marked)):
+            raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
+        filters = [UnscentedKalmanFilter(self.model.dim_x, lambda _points, _dt: _points) for _ in self._modes]
         move = Move(
             points=self._propagated,
-            columns=lambda means, columns, dt: self.model.carried(means, columns, dt, modes),
+            columns=lambda means, columns, dt: self.model.carried(means, columns, dt, self._modes),
             turned=self.model.turned,
         )
         self.mixture = InteractingMixture(filters, stationary(rates), rates, move)
@@ -180,7 +182,7 @@ class TissueFilter:
     def _propagated(self, points: Floats, dt: float) -> Floats:
         if self.model.push is not None:
             self.model.push.step(dt)
-        return self.model.propagate_each(points, dt, self.settings.modes)
+        return self.model.propagate_each(points, dt, self._modes)
 
     def _advance(self, dt: float, push: Push | None) -> None:
         n = max(1, int(np.ceil(dt / self.settings.mix_s * (1.0 - SAME_STEP))))
@@ -188,8 +190,8 @@ class TissueFilter:
         # to a nanosecond: frames at one rate differ by rounding, and their noise does not
         key = round(step, 9)
         if self._noises is None or self._noises[0] != key:
-            self._noises = key, {mode: self.model.noise(step, mode) for mode in set(self.settings.modes)}
-        for f, mode in zip(self.mixture.filters, self.settings.modes, strict=True):
+            self._noises = key, {mode: self.model.noise(step, mode) for mode in set(self._modes)}
+        for f, mode in zip(self.mixture.filters, self._modes, strict=True):
             f.Q = self._noises[1][mode]
         if push is not None and self.time_s is not None:
             self.model.push = KnownPush(push, self.model.network, self.time_s)
@@ -216,18 +218,27 @@ class TissueFilter:
             self.restore(now)
 
     def predict_modes(self, time_s: float, push: Push | None = None) -> Belief:
-        """As `predict_at`, of each mode by itself: nearer to the truth where a poke may have begun and may not have."""
+        """As `predict_at`, of each mode of now and each of then by itself, n_modes² Gaussians.
+
+        Nearer to the truth where a poke may have begun or ended and may not have: to merge those that go on in one mode
+        would give the one that knows well the spread of the one that does not. Costs n_modes times `predict_at`.
+        """
         if self.time_s is None or not self.time_s <= time_s < np.inf:
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
-        now = self.snapshot()
+        now, mixture, parts = self.snapshot(), self.mixture, []
         try:
-            if time_s > self.time_s:
-                self._advance(time_s - self.time_s, push)
-            modes, columns = self.mixture.beliefs(), self.mixture.columns[:, self.target]
-            covs = modes.covs[:, self.target, self.target] + columns @ columns.swapaxes(1, 2)
-            return Belief(modes.mu / modes.mu.sum(), modes.means[:, self.target], covs)
+            for k, (mean, cov) in enumerate(now.beliefs):
+                mixture.mu = np.eye(len(now.mu))[k]
+                mixture.restart(mean, cov, now.columns[k])
+                if time_s > self.time_s:
+                    self._advance(time_s - self.time_s, push)
+                modes, columns = mixture.beliefs(), mixture.columns[:, self.target]
+                covs = modes.covs[:, self.target, self.target] + columns @ columns.swapaxes(1, 2)
+                parts.append((now.mu[k] * modes.mu, modes.means[:, self.target], covs))
         finally:
             self.restore(now)
+        weights, means, covs = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return Belief(weights / weights.sum(), means, covs)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """What is believed now of the target at later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).
@@ -260,9 +271,10 @@ class TissueFilter:
         The belief of the poked mode, not of the mixture: a poke that begins is improbable before it is seen, and a gate
         drawn by the mixture would shut out the very marks that show it.
         """
-        place, poked = self._places[node], self.mixture.filters[-1]
-        columns = self.mixture.columns[-1][place]
-        return poked.x[place].copy(), poked.P[place, place] + columns @ columns.T
+        place, filters = self._places[node], self.mixture.filters
+        poked = max(range(N_QUIET, len(filters)), key=lambda mode: float(np.trace(filters[mode].P[place, place])))
+        columns = self.mixture.columns[poked][place]
+        return filters[poked].x[place].copy(), filters[poked].P[place, place] + columns @ columns.T
 
     def struck(self, node: str) -> tuple[Floats, Floats]:
         """As `expected`, were the node struck just after its mark was last taken in.
@@ -394,7 +406,7 @@ class TissueFilter:
             status=self.health.status,
             marks_used=marks_used,
             nis=nis,
-            poked=float(self.mixture.mu[-1]),
+            poked=self.settings.poked_share(self.mixture.mu),
             model_only=unseen_s > self.settings.lost_s or float(np.trace(cov)) > MODEL_ONLY * self._alone_m2,
             gain=None if open_loop_m2 <= 0.0 else 1.0 - float(np.trace(cov)) / open_loop_m2,
             carried={} if carried is None else carried,

@@ -40,11 +40,23 @@ class ForceMode:
     white: acceleration noise on every free node [m/s²/sqrt(Hz)]: what the model leaves out
     poke: standard deviation of the poke on each marked node, by its mass [m/s²]
     lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]
+    only: place among the marked nodes of the only one that is poked so; None: all are
+    others: what is believed of the poke on the others then
     """
 
     white: float
     poke: float
     lasting_s: float
+    only: int | None = None
+    others: ForceMode | None = None
+
+    def pokes(self, n_marked: int, dim: int) -> tuple[Floats, Floats]:
+        """Standard deviation [m/s²] and correlation time [s] of the poke on each marked coordinate, (n_marked dim,)."""
+        sd, lasting = np.full(n_marked * dim, self.poke), np.full(n_marked * dim, self.lasting_s)
+        if self.only is not None and self.others is not None:
+            beside = np.arange(n_marked * dim) // dim != self.only
+            sd[beside], lasting[beside] = self.others.poke, self.others.lasting_s
+        return sd, lasting
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +93,7 @@ class TissueModel:
         self.dim_x = n_fixed + (0 if bias is None else network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownPush | None = None
+        self._asked: tuple[Sequence[ForceMode], Floats] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
         self.n_columns = 0 if uncertainty is None else len(uncertainty.directions)
@@ -96,7 +109,7 @@ class TissueModel:
 
     def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | float) -> Floats:
         n, half = self.network.n_state, self.network.n_state // 2
-        lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
+        lasting = self._lasting(modes)
         fade = np.exp(-dt / lasting)
         forces = np.zeros((*points.shape[:2], half))
         # of the poke at the start, the mean share over the step
@@ -129,6 +142,15 @@ class TissueModel:
             outside[k] = 0.5 * self.uncertainty.directions @ ends
         moved = self._moved(means[:, None] + columns.swapaxes(1, 2), dt, modes, outside)
         return (moved - base).swapaxes(1, 2)
+
+    def _lasting(self, modes: Sequence[ForceMode]) -> Floats:
+        """Correlation times of the pokes [s], (n_modes, 1, n_pokes); those of the modes asked for last are kept."""
+        if self._asked is None or self._asked[0] is not modes:
+            self._asked = modes, np.array([self._pokes(mode)[1] for mode in modes])[:, None, :]
+        return self._asked[1]
+
+    def _pokes(self, mode: ForceMode) -> tuple[Floats, Floats]:
+        return mode.pokes(len(self.poked_rows) // self.network.dim, self.network.dim)
 
     def turned(self, points: Floats) -> NDArray[np.bool_]:
         """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""
@@ -163,13 +185,13 @@ class TissueModel:
         white = mode.white**2
         Q[q, q], Q[v, v] = white * dt**3 / 3.0, white * dt
         Q[q, v] = Q[v, q] = white * dt**2 / 2.0
-        poke = _poke_noise(dt, mode)
+        poke = np.array([_poke_noise(dt, sd, lasting) for sd, lasting in zip(*self._pokes(mode), strict=True)])
         rows, mass = self.poked_rows, self.mass[self.poked_rows]
         places = (rows, half + rows, n + np.arange(len(rows)))
         scales = (np.ones(len(rows)), np.ones(len(rows)), mass)  # acceleration to force in the third only
         for a in range(3):
             for b in range(3):
-                Q[places[a], places[b]] += scales[a] * poke[a, b] * scales[b]
+                Q[places[a], places[b]] += scales[a] * poke[:, a, b] * scales[b]
         if self.bias is not None:
             slow = -np.expm1(-2.0 * dt / self.bias.lasting_s) * self.bias.sd_m**2
             Q[self.bias_rows, self.bias_rows] = slow * np.eye(self.network.dim)
@@ -182,10 +204,10 @@ class TissueModel:
         A[:n, :n] = state_matrix(self.network, rest)
         density = np.zeros_like(A)
         density[range(half, n), range(half, n)] = mode.white**2
-        for k, row in enumerate(self.poked_rows):
+        for k, (row, sd, lasting) in enumerate(zip(self.poked_rows, *self._pokes(mode), strict=True)):
             A[half + row, n + k] = 1.0 / self.mass[row]
-            A[n + k, n + k] = -1.0 / mode.lasting_s
-            density[n + k, n + k] = 2.0 * (mode.poke * self.mass[row]) ** 2 / mode.lasting_s
+            A[n + k, n + k] = -1.0 / lasting
+            density[n + k, n + k] = 2.0 * (sd * self.mass[row]) ** 2 / lasting
         if self.bias is not None:
             for row in range(self.bias_rows.start, self.bias_rows.stop):
                 A[row, row] = -1.0 / self.bias.lasting_s
@@ -212,14 +234,15 @@ def grown_covariance(A: Floats, density: Floats, seconds: float) -> Floats:
     return 0.5 * (Q + Q.T)
 
 
-def _poke_noise(dt: float, mode: ForceMode) -> Floats:
+def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
     """Covariance of place, velocity and poke by mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
+
+    sd: of the force by mass [m/s²]; tau: its correlation time [s]
 
     The integral of g g' over the age s of the noise, g what noise of that age has become: Gauss-Legendre.
     """
-    tau = mode.lasting_s
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)
     g = np.array([tau * (s - tau * gone), tau * gone, 1.0 - gone])
-    Q = (0.5 * dt * LEGENDRE[1] * (2.0 * mode.poke**2 / tau) * g) @ g.T
+    Q = (0.5 * dt * LEGENDRE[1] * (2.0 * sd**2 / tau) * g) @ g.T
     return 0.5 * (Q + Q.T)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import HIDDEN, OUTER, Drive, sliding_forces
+from dynamics import HIDDEN, OUTER, Drive, four_mass_phantom, sliding_forces
 from estimators import (
     AdviceSettings,
     Belief,
     Breathing,
+    FilterSettings,
     MarkMeasurement,
     OpenLoop,
     QuickPath,
@@ -37,6 +39,14 @@ SETTLED_S = 0.5
 
 WAYS, MARGIN_S = 1.5, 0.75
 """So many ways of the needle, and so long, ahead the target is told: later starts, a target that moves away; chosen."""
+
+ONE_AT_A_TIME = FilterSettings(
+    quiet=replace(FilterSettings().quiet, lasting_s=0.01),
+    poked=replace(FilterSettings().poked, poke=3.4),
+    one_of=len(OUTER),
+)
+"""One outer mass at a time is poked, and when a poke ends its force is gone. 3.4 m/s² is the root mean square on a
+coordinate of a half sine in any direction whose peak is 3 to 10 m/s², as `poked` has them."""
 
 
 class Policy(Protocol):
@@ -223,14 +233,20 @@ class Waiting(Ahead):
     name, waits = "wait-for-go", True
 
 
+@cache
+def _tables(ahead_s: float) -> QuickPath:
+    """Of the filter of every world: network, marks and settings are the same in all."""
+    return quick_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, ONE_AT_A_TIME), ahead_s)
+
+
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """The tissue's state, the paper's simulation and the filter at the first frame at which a needle may start.
 
     That frame itself has not been seen yet.
     """
     case = world.case
-    tissue, paper = TissueFilter(world.network, HIDDEN, OUTER), Paper(world)
-    tables = quick_tables(tissue, horizon_s(world))
+    tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, ONE_AT_A_TIME), Paper(world)
+    tables = _tables(horizon_s(world))
     state, outside = world.start, Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
     estimate, breathing = None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):
