@@ -30,6 +30,7 @@ from estimators import (
 )
 from estimators.tissue import Snapshot
 from experiments.insertion_world import BELIEVED, ENTRY_M, FORCES_OFF, World, needle_with
+from experiments.scenario import Scenario
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +48,9 @@ ONE_AT_A_TIME = FilterSettings(
 )
 """One outer mass at a time is poked, and when a poke ends its force is gone. 3.4 m/s² is the root mean square on a
 coordinate of a half sine in any direction whose peak is 3 to 10 m/s², as `poked` has them."""
+
+TOGETHER = FilterSettings()
+"""All outer masses may be pushed at once."""
 
 
 class Policy(Protocol):
@@ -233,10 +237,16 @@ class Waiting(Ahead):
     name, waits = "wait-for-go", True
 
 
+def settings_for(scenario: Scenario) -> FilterSettings:
+    """What the filter is told of the scenario: whether outer masses are pushed one at a time or together."""
+    together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
+    return TOGETHER if together else ONE_AT_A_TIME
+
+
 @cache
-def _tables(ahead_s: float) -> QuickPath:
-    """Of the filter of every world: network, marks and settings are the same in all."""
-    return quick_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, ONE_AT_A_TIME), ahead_s)
+def _tables(settings: FilterSettings, ahead_s: float) -> QuickPath:
+    """Of the filter of every world with these settings: network and marks are the same in all."""
+    return quick_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, settings), ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
@@ -245,8 +255,9 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     That frame itself has not been seen yet.
     """
     case = world.case
-    tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, ONE_AT_A_TIME), Paper(world)
-    tables = _tables(horizon_s(world))
+    settings = settings_for(case.scenario)
+    tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, settings), Paper(world)
+    tables = _tables(settings, horizon_s(world))
     state, outside = world.start, Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
     estimate, breathing = None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):

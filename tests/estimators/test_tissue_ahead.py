@@ -1,7 +1,10 @@
 """What the filter says of the target at a later moment, when a needle would arrive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from dynamics import HIDDEN, OUTER
 from estimators import TissueFilter, coverage, mixed, normalised_squared
@@ -111,12 +114,39 @@ def test_a_path_goes_forward_and_ends(followed, ahead):
 
 
 def test_the_modes_together_are_the_mixture(followed):
-    """Mean and covariance of `predict_modes` against `predict_at`: 1e-12 of a metre."""
-    said, whole = (tell(followed.time_s + AHEAD_S) for tell in (followed.predict_modes, followed.predict_at))
+    """Mean and covariance of `predict_modes` against `predict_at`, 0.1 s ahead: 1 % of a standard deviation, 1 %.
+
+    Were the tissue linear they would be the same: what is merged keeps its moments.
+    """
+    said, whole = (tell(followed.time_s + 0.1) for tell in (followed.predict_modes, followed.predict_at))
     mean, cov = mixed(said.weights, said.means, said.covs)
-    np.testing.assert_allclose(mean, whole.mean, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(cov, whole.cov, rtol=1e-9, atol=1e-15)
+    sigma = np.sqrt(np.trace(whole.cov))
+    np.testing.assert_allclose(mean, whole.mean, rtol=0, atol=0.01 * sigma)
+    np.testing.assert_allclose(cov, whole.cov, rtol=0, atol=0.01 * sigma**2)
     assert np.ptp(np.trace(said.covs, axis1=1, axis2=2)) > 0.1 * np.trace(cov)
+
+
+def test_a_poke_that_may_have_been_blurs_no_history_without_one(followed):
+    """Between pokes now and on arrival: as a filter says to which only that mode is left, and nothing else can come.
+
+    Its poked mode is a metre beside, at odds of a half. Odds by exp(rates t); 1e-12 of a metre, 1e-9.
+    """
+    mixture, at = followed.mixture, followed.time_s + 1 / 30
+    mixture.mu = np.array([0.0, 0.5, 0.5])
+    mixture.filters[2].x = mixture.filters[2].x.copy()
+    mixture.filters[2].x[followed.target] += 1.0
+    said = followed.predict_modes(at)
+    never = replace(followed.settings, calm_s=1e12, between_s=1e12)
+    alone = TissueFilter(followed.model.network, HIDDEN, OUTER, never)
+    alone.restore(followed.snapshot())
+    alone.mixture.mu = np.array([0.0, 1.0, 0.0])
+    alone.mixture.restart(mixture.filters[1].x, mixture.filters[1].P)
+    expected = alone.predict_at(at)
+    history = 3 + 1
+    np.testing.assert_allclose(said.means[history], expected.mean, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(said.covs[history], expected.cov, rtol=1e-9, atol=1e-15)
+    stays = expm(followed.settings.rates / 30)[1, 1]
+    assert said.weights[history] == pytest.approx(0.5 * stays, rel=1e-6)
 
 
 def test_times_rounded_to_the_nanosecond_take_as_many_steps(phantom, rest_state, marks_of):

@@ -86,6 +86,30 @@ def test_noise_of_a_step_is_the_integral_of_free_motion(model, mode, dt):
     assert np.linalg.eigvalsh(Q / scale)[0] > 0
 
 
+ONLY_M3 = ForceMode(0.3, 5.0, 0.2, only=1, others=ForceMode(0.3, 0.7, 0.01))
+"""The second of the outer masses is poked; the others' pokes fade at once."""
+
+
+def test_where_one_node_is_poked_the_others_are_not(model, phantom, rest_state):
+    """Noise of a step by quadrature of free motion in which only M3, coordinates 4 and 5, has the strong slow poke.
+
+    And pokes of 1 N fade by exp(-dt / tau), each by its own time; 1e-10 and rounding.
+    """
+    sd, tau, dt = np.full(6, 0.7), np.full(6, 0.01), 1 / 240
+    sd[2:4], tau[2:4] = 5.0, 0.2
+    A, density = free_motion(model, MODE)
+    A[range(16, 22), range(16, 22)] = -1.0 / tau
+    density[range(16, 22), range(16, 22)] = 2.0 * (sd * 0.2) ** 2 / tau
+    expected = integrated(A, density, dt)
+    scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+    np.testing.assert_allclose(model.noise(dt, ONLY_M3) / scale, expected / scale, rtol=0, atol=1e-10)
+    moved = model.propagate(np.r_[rest_state, np.ones(6)][None], dt, ONLY_M3)[0]
+    np.testing.assert_allclose(moved[16:], np.exp(-dt / tau), rtol=1e-12)
+    found = model.linearised(phantom.positions, ONLY_M3)
+    np.testing.assert_allclose(found[0].diagonal()[16:], -1.0 / tau, rtol=1e-12)
+    np.testing.assert_allclose(found[1].diagonal(), density.diagonal(), rtol=1e-12)
+
+
 def test_noise_is_what_drawn_forces_do_to_one_mass(one_mass):
     """20,000 masses under drawn white noise and a drawn Gauss-Markov poke, 200 steps of 0.5 ms, no spring.
 
