@@ -16,7 +16,7 @@ ONE = replace(USUAL, poked=replace(USUAL.poked, poke=3.4), one_of=len(OUTER))
 
 @pytest.fixture(scope="module")
 def poked_on(phantom, rest_state, driven, marks_of):
-    """Frames of 1 s of a phantom at rest, one outer mass of which is pushed with 8 m/s² from 0.7 s on; noise of 1 mm."""
+    """Frames of 1 s of a phantom at rest, one outer mass of which is pushed with 8 m/s² from 0.7 s on; noise 1 mm."""
 
     def frames(node):
         rng = np.random.default_rng(3)
