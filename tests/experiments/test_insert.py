@@ -12,6 +12,7 @@ from experiments.cli import app
 from experiments.errors import InputError
 from experiments.insert import case_of, figures, insert, one_run
 from experiments.insertion import Tried
+from experiments.insertion_policies import settings_for
 from experiments.insertion_world import Case, world_of
 from experiments.scenario import read_scenario
 
@@ -103,3 +104,23 @@ def test_the_command_writes_summary_runs_and_pictures(tmp_path):
 def test_a_lesion_has_a_size():
     with pytest.raises(InputError, match="--radius-mm: expected more than 0"):
         insert(case("quiet"), 1, 0.0)
+
+
+@pytest.mark.parametrize(("name", "n_poked"), [("poked", 3), ("quiet", 3), ("shoved", 1), ("breathing", 1)])
+def test_the_filter_is_told_whether_masses_are_pushed_together(name, n_poked):
+    """A poked mode for each of three outer masses, or one for all, beside calm and between."""
+    settings = settings_for(read_scenario(name))
+    assert len(settings.modes) == 2 + n_poked
+    assert sum(mode.poke == settings.poked.poke for mode in settings.modes) == n_poked
+
+
+def test_pokes_are_believed_as_strong_as_the_scenario_has_them():
+    """Root mean square on a coordinate of drawn half sines in random directions while they last, to 3 %.
+
+    20,000 pokes, a mean over their time; a standard error of 0.5 %.
+    """
+    pokes, rng = read_scenario("poked").pokes, np.random.default_rng(0)
+    peak = pokes.acceleration_m_s2 * rng.uniform(pokes.weakest, 1.0, 20_000)
+    angle, phase = rng.uniform(0.0, 2.0 * np.pi, 20_000), rng.uniform(0.0, np.pi, 20_000)
+    drawn = np.sqrt(np.mean((peak * np.sin(phase) * np.cos(angle)) ** 2))
+    assert settings_for(read_scenario("poked")).poked.poke == pytest.approx(drawn, rel=0.03)
