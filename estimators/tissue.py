@@ -39,6 +39,18 @@ MODEL_ONLY = 0.5
 """Part of the variance that the target has without any marks, above which the model alone speaks; chosen."""
 
 
+def log_density(mark: MarkMeasurement, mean: Floats, cov: Floats, squared: float | None = None) -> float:
+    """Log of the Gaussian density of a mark whose node is at mean (dim,), covariance (dim, dim).
+
+    squared: the squared Mahalanobis distance to take in place of its own
+    """
+    S = cov + mark.total_cov
+    if squared is None:
+        y = mark.position - mean
+        squared = float(y @ np.linalg.solve(S, y))
+    return -0.5 * (squared + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """All that a filter knows at one time, for going back to it."""
@@ -68,7 +80,8 @@ class TissueFilter:
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
     what was mended (repairs): sigma points `narrowed`, covariances made `definite`, beliefs `doubted` after a
     divergence, `restarted` after another or a loss; open_loop, how sure the paper's method has reason to be;
-    marks_scale, what the marks' variances are multiplied by.
+    marks_scale, what the marks' variances are multiplied by; log_likelihood, of the marks of the last update: one that
+    was refused counts as if at the gate, and at a start each by itself.
     """
 
     def __init__(
@@ -107,6 +120,7 @@ class TissueFilter:
         self._alone_m2 = float(np.trace(self.mixture.P[self.target, self.target]))
         self.open_loop = OpenLoopBelief(network, target, [n for n in marked if n != target], self.settings.quiet.white)
         self.marks_scale = RunningScale(self.settings.marks_bounds)
+        self.log_likelihood = 0.0
 
     @property
     def repairs(self) -> Counter[str]:
@@ -277,6 +291,11 @@ class TissueFilter:
             off = self.settings.startle_m_s * min(since_s, self.settings.startle_s)
         return mean, cov + off**2 * np.eye(len(mean))
 
+    def at_start(self, node: str) -> tuple[Floats, Floats]:
+        """As `expected`, were nothing known but where a free node rests; in doubt of that, too."""
+        place = self._places[node]
+        return self._rest[self.model.network.index(node)].copy(), DOUBT * self._start_cov[place, place]
+
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and say where the target is.
 
@@ -290,6 +309,7 @@ class TissueFilter:
         if self.marks_scale.scale != 1.0:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         anew = self.health.since_s is None or self.health.status is Status.LOST
+        self.log_likelihood = 0.0
         taken = list(marks) if anew else self._believable(self.time_s, marks)
         self.open_loop.take(dt, {mark.node: mark.total_cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:
@@ -305,11 +325,13 @@ class TissueFilter:
         if anew:
             if self.health.since_s is not None:
                 self.repairs["restarted"] += 1
+            self.log_likelihood = sum(log_density(mark, *self.at_start(mark.node)) for mark in taken)
             self._start_at(taken)
             self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
             self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)
             return self._estimate(self.time_s, len(taken), nis)
         self.mixture.update_linear(z, H, R)
+        self.log_likelihood += self.mixture.log_likelihood
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(y, R / self.marks_scale.scale, S - R, dt)
         least = min(f.nis for f in self.mixture.filters)
@@ -361,6 +383,7 @@ class TissueFilter:
                 self._off_s.pop(mark.node, None)
             elif time_s - self._off_s.setdefault(mark.node, time_s) <= self.settings.stubborn_s:
                 self.refused[mark.node] += 1
+                self.log_likelihood += log_density(mark, *self.struck(mark.node), squared=self.settings.gate)
                 continue
             taken.append(mark)
         return taken

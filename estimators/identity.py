@@ -1,0 +1,266 @@
+"""Which of the marks that look alike is which: names as hypotheses, a filter for each while they are in doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.health import Health
+from estimators.kernels import naming_costs
+from estimators.tissue import Snapshot, TissueFilter
+from estimators.unscented import CovarianceError
+
+Floats = NDArray[np.float64]
+Names = tuple[int, ...]
+
+DOUBT = log(1e3)
+"""Names are in doubt that are worse than those told by less than this, by one frame; chosen: odds of 1,000 to 1."""
+RARE = log(1e2)
+"""What an exchange of two names costs before anything was seen of it; chosen: one in a hundred doubts is one."""
+SURE = log(1e3)
+"""By so much, beyond that, other names must be better before they are believed; chosen."""
+MOST = 5
+"""Other names at most that are followed at a time, the best: those of three marks alike; chosen."""
+LONGEST_S = 5.0
+"""Names that were neither believed nor ruled out for so long are no longer followed [s]; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swap:
+    """Marks that had been taken for each other, and are no longer.
+
+    time_s, since_s: when it was undone, and since when it had been so [s]; nodes: whose marks they are
+    """
+
+    time_s: float
+    since_s: float
+    nodes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """What came of a frame: the estimate, the marks by the names that they bear now, a swap if one was undone."""
+
+    estimate: TargetEstimate
+    marks: tuple[MarkMeasurement, ...]
+    swap: Swap | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Other names for the marks, and what the filter would know had it believed them.
+
+    names: by place among the nodes alike, the place of the node that a mark of that name is on
+    ahead: log of how much more probable than the names that are believed, negative as long as they are less
+    since_s: since when the names differ [s]
+    """
+
+    names: Names
+    ahead: float
+    since_s: float
+    knows: Snapshot
+    estimate: TargetEstimate
+
+
+class Identity:
+    """Takes marks in, and goes over to other names for those that look alike once they explain clearly more.
+
+    A hidden Markov model of the names. In each frame an exchange of two names that the frame alone does not rule out
+    makes a rival: the filter as it was before, given the marks by those names, and followed from then on. Of two ways
+    to the same names the more probable is kept (Viterbi's algorithm). The probability of a rival is the product of the
+    likelihoods of its marks, frame by frame, with RARE for each exchange. It is dropped when it is clearly the worse;
+    when it is clearly the better the filter goes on as if it had been believed from the start, and the names with it.
+
+    tissue: the filter; predict it, and then come here with the marks
+    alike: groups of nodes whose marks look alike; names are never exchanged between groups
+    State: called, the node of each mark that another gave a name to, if it is another one; rivals; swaps undone.
+    """
+
+    def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
+        self.tissue = tissue
+        groups = [tuple(group) for group in alike if len(group) > 1]
+        self._nodes = tuple(node for group in groups for node in group)
+        kind = np.array([k for k, group in enumerate(groups) for _ in group])
+        self._pairs = np.triu(kind[:, None] == kind[None, :], 1)
+        self._place = {node: i for i, node in enumerate(self._nodes)}
+        network = tissue.model.network
+        states = range(network.n_state)
+        self._rows = np.array([states[network.coordinates(node)] for node in self._nodes], dtype=np.int64)
+        self._own: Names = tuple(range(len(self._nodes)))
+        self.called: dict[str, str] = {}
+        self.rivals: list[Rival] = []
+        self.swaps: list[Swap] = []
+
+    def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
+        """Marks that another tracker named, by the nodes that they are believed to be on."""
+        return tuple(_renamed(mark, self.called) for mark in marks)
+
+    def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
+        """Take in a sighting of the target, as `TissueFilter.fix` does, whatever the names."""
+        time_s, tissue = self.tissue.time_s, self.tissue
+        estimate = tissue.fix(position, cov)
+        if self.rivals and time_s is not None:
+            now = tissue.snapshot()
+            self.rivals = [self._fixed(rival, time_s, position, cov) for rival in self.rivals]
+            tissue.restore(now)
+        return estimate
+
+    def _fixed(self, rival: Rival, time_s: float, position: Floats, cov: Floats) -> Rival:
+        self.tissue.restore(rival.knows)
+        self.tissue.predict(time_s)
+        self.tissue.fix(position, cov)
+        return replace(rival, knows=self.tissue.snapshot())
+
+    def update(self, marks: Sequence[MarkMeasurement]) -> Named:
+        """Take in marks by the nodes that they are believed to be on, at the filter's time.
+
+        Raises ValueError and CovarianceError as the filter does.
+        """
+        tissue = self.tissue
+        before = tissue.snapshot()
+        costs = self._costs(marks)
+        others = self._others(self._own, costs)
+        estimate = tissue.update(marks)
+        fresh = estimate.status is Status.DIVERGED and not tissue.health.innovations
+        if not others and not self.rivals and not fresh:
+            return Named(estimate, tuple(marks))
+        told = tissue.log_likelihood
+        readings = {self._own: Rival(self._own, 0.0, estimate.time_s, tissue.snapshot(), estimate)}
+        for names, n_changes in others.items():
+            self._follow(readings, before, (names, -told - n_changes * RARE, estimate.time_s), marks)
+        if fresh:
+            self._start_anew(readings, before, marks)
+        for rival in self.rivals:
+            tissue.restore(rival.knows)
+            tissue.predict(estimate.time_s)
+            predicted = tissue.snapshot()
+            ahead = rival.ahead - told
+            ways = self._others(rival.names, self._costs(marks)) if costs is not None else {}
+            self._follow(readings, predicted, (rival.names, ahead, rival.since_s), marks)
+            for names, n_changes in ways.items():
+                if names != self._own:
+                    self._follow(readings, predicted, (names, ahead - n_changes * RARE, estimate.time_s), marks)
+        return self._decided(readings, marks)
+
+    def _start_anew(self, readings: dict[Names, Rival], before: Snapshot, marks: Sequence[MarkMeasurement]) -> None:
+        """The belief was refuted: it may have been the names, and then nothing else that was believed counts."""
+        costs = self._costs(marks, anew=True)
+        nothing = replace(before, health=Health())
+        if costs is None:
+            return
+        own = float(costs.trace())
+        for names, n_changes in self._others(self._own, costs).items():
+            self.tissue.restore(nothing)
+            estimate = self.tissue.update([_renamed(mark, self._by_node(names)) for mark in marks])
+            ahead = own - float(costs[list(names), range(len(names))].sum()) - n_changes * RARE
+            _keep(readings, Rival(names, ahead, estimate.time_s, self.tissue.snapshot(), estimate))
+
+    def _follow(
+        self,
+        readings: dict[Names, Rival],
+        before: Snapshot,
+        way: tuple[Names, float, float],
+        marks: Sequence[MarkMeasurement],
+    ) -> None:
+        """Take the marks in by other names: way has these, how far ahead without this frame, and since when [s]."""
+        names, ahead, since_s = way
+        self.tissue.restore(before)
+        try:
+            estimate = self.tissue.update([_renamed(mark, self._by_node(names)) for mark in marks])
+        except CovarianceError:
+            return
+        ahead += self.tissue.log_likelihood
+        _keep(readings, Rival(names, ahead, since_s, self.tissue.snapshot(), estimate))
+
+    def _decided(self, readings: dict[Names, Rival], marks: Sequence[MarkMeasurement]) -> Named:
+        """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
+        best = max(readings.values(), key=lambda one: one.ahead)
+        if best.ahead <= SURE:
+            best = readings[self._own]
+        self.tissue.restore(best.knows)
+        now_s, turned = best.estimate.time_s, self._by_node(best.names)
+        swap = None
+        if best.names != self._own:
+            moved = tuple(node for node, other in turned.items() if node != other)
+            swap = Swap(now_s, best.since_s, moved)
+            self.swaps.append(swap)
+            called = {node: turned[self.called.get(node, node)] for node in self._nodes}
+            self.called = {node: other for node, other in called.items() if node != other}
+        others = []
+        for one in readings.values():
+            ahead = one.ahead - best.ahead
+            if one is best or ahead < -DOUBT - RARE - SURE or now_s - one.since_s > LONGEST_S:
+                continue
+            names = [0] * len(self._own)
+            for i, new in enumerate(best.names):
+                names[new] = one.names[i]
+            others.append(replace(one, names=tuple(names), ahead=ahead))
+        self.rivals = sorted(others, key=lambda one: -one.ahead)[:MOST]
+        return Named(best.estimate, tuple(_renamed(mark, turned) for mark in marks), swap)
+
+    def _by_node(self, names: Names) -> dict[str, str]:
+        return {self._nodes[i]: self._nodes[new] for i, new in enumerate(names)}
+
+    def _costs(self, marks: Sequence[MarkMeasurement], *, anew: bool = False) -> Floats | None:
+        """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
+
+        Nothing for a mark that is not seen; None where there are no names to be exchanged.
+        """
+        places = [self._place[mark.node] for mark in marks if mark.node in self._place]
+        if not places:
+            return None
+        seen = [mark for mark in marks if mark.node in self._place]
+        if anew or self.tissue.health.since_s is None or self.tissue.health.status is Status.LOST:
+            beliefs = [self.tissue.at_start(node) for node in self._nodes]
+            means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
+        else:
+            poked, rows = self.tissue.mixture.filters[-1], self._rows
+            columns = self.tissue.mixture.columns[-1][rows]
+            means, covs = poked.x[rows], poked.P[rows[:, :, None], rows[:, None, :]] + columns @ columns.swapaxes(1, 2)
+        costs = np.zeros((len(self._nodes), len(self._nodes)))
+        z, R = np.array([mark.position for mark in seen]), np.array([mark.total_cov for mark in seen])
+        costs[:, places] = naming_costs(means, covs, z, R)
+        return costs
+
+    def _others(self, names: Names, costs: Floats | None) -> Mapping[Names, int]:
+        """Names that some exchanges of two, beginning with these names, lead to without clearly losing: how many.
+
+        The best first, as many as are followed at most.
+        """
+        if costs is None:
+            return {}
+        seen = costs.any(axis=0)
+        pairs = self._pairs & (seen[:, None] | seen[None, :])
+        found: dict[Names, tuple[float, int]] = {names: (0.0, 0)}
+        ahead = [names]
+        while ahead and len(found) <= MOST:
+            now = ahead.pop(0)
+            gain, n_changes = found[now]
+            taken = costs[list(now)]
+            fits = taken.diagonal()
+            gains = fits[:, None] + fits[None, :] - taken - taken.T
+            for i, j in np.argwhere(pairs & (gains > -DOUBT - gain)):
+                other = list(now)
+                other[i], other[j] = now[j], now[i]
+                if tuple(other) not in found:
+                    found[tuple(other)] = gain + float(gains[i, j]), n_changes + 1
+                    ahead.append(tuple(other))
+        del found[names]
+        best = sorted(found, key=lambda one: -found[one][0])[:MOST]
+        return {one: found[one][1] for one in best}
+
+
+def _keep(readings: dict[Names, Rival], one: Rival) -> None:
+    known = readings.get(one.names)
+    if known is None or one.ahead > known.ahead:
+        readings[one.names] = one
+
+
+def _renamed(mark: MarkMeasurement, names: Mapping[str, str]) -> MarkMeasurement:
+    node = names.get(mark.node, mark.node)
+    return mark if node == mark.node else replace(mark, node=node)
