@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.health import Health
-from estimators.kernels import naming_costs
+from estimators.kernels import names_in_doubt, naming_costs
 from estimators.tissue import Snapshot, TissueFilter
 from estimators.unscented import CovarianceError
 
@@ -232,7 +232,7 @@ class Identity:
 
         The best first, as many as are followed at most.
         """
-        if costs is None:
+        if costs is None or (names == self._own and not names_in_doubt(costs, self._pairs, DOUBT)):
             return {}
         seen = costs.any(axis=0)
         pairs = self._pairs & (seen[:, None] | seen[None, :])
@@ -244,7 +244,7 @@ class Identity:
             taken = costs[list(now)]
             fits = taken.diagonal()
             gains = fits[:, None] + fits[None, :] - taken - taken.T
-            for i, j in np.argwhere(pairs & (gains > -DOUBT - gain)):
+            for i, j in zip(*np.nonzero(pairs & (gains > -DOUBT - gain)), strict=True):
                 other = list(now)
                 other[i], other[j] = now[j], now[i]
                 if tuple(other) not in found:

@@ -215,3 +215,19 @@ def naming_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
                 w[a] /= C[a, a]
                 costs[i, j] += 0.5 * w[a] * w[a] + np.log(C[a, a])
     return costs
+
+
+@njit(cache=True, nogil=True)
+def names_in_doubt(costs, pairs, limit):  # type: ignore[no-untyped-def]
+    """Whether some pair of marks costs no more than limit if their names are exchanged: costs (n, n), pairs (n, n).
+
+    A mark that is not seen costs nothing.
+    """
+    n = len(costs)
+    for i in range(n):
+        for j in range(i + 1, n):
+            if not pairs[i, j] or (costs[i, i] == 0.0 and costs[j, j] == 0.0):
+                continue
+            if costs[j, i] + costs[i, j] - costs[i, i] - costs[j, j] < limit:
+                return True
+    return False
