@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.health import Health
+from estimators.health import Health, diverged
 from estimators.kernels import names_in_doubt, naming_costs
 from estimators.tissue import Snapshot, TissueFilter
 from estimators.unscented import CovarianceError
@@ -24,6 +24,10 @@ RARE = log(1e2)
 """What an exchange of two names costs before anything was seen of it; chosen: one in a hundred doubts is one."""
 SURE = log(1e3)
 """By so much, beyond that, other names must be better before they are believed; chosen."""
+UNEASY_SIGMAS = 5.0
+"""Innovations as improbable as this may come of wrong names, which are then tried from a start; chosen."""
+PAUSE_S, LONGEST_PAUSE_S = 0.5, 60.0
+"""Not again within this time after that; each time in vain makes it twice as long, up to the other [s]; chosen."""
 MOST = 5
 """Other names at most that are followed at a time, the best: those of three marks alike; chosen."""
 LONGEST_S = 5.0
@@ -76,9 +80,14 @@ class Identity:
     likelihoods of its marks, frame by frame, with RARE for each exchange. It is dropped when it is clearly the worse;
     when it is clearly the better the filter goes on as if it had been believed from the start, and the names with it.
 
+    Where nothing is believed yet, any names may be right: at a start, after a divergence, and when innovations are
+    too large for some time. Then those which lie best about the rest shape start the filter anew, each its own; for the
+    tissue may be turned or displaced, that counts for no more than DOUBT.
+
     tissue: the filter; predict it, and then come here with the marks
     alike: groups of nodes whose marks look alike; names are never exchanged between groups
-    State: called, the node of each mark that another gave a name to, if it is another one; rivals; swaps undone.
+    State: called, the node of each mark that another gave a name to, if it is another one; rivals; swaps undone; when
+    the names may next be tried from a start, and how long the pause after that is.
     """
 
     def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
@@ -95,6 +104,7 @@ class Identity:
         self.called: dict[str, str] = {}
         self.rivals: list[Rival] = []
         self.swaps: list[Swap] = []
+        self._next_s, self._pause_s = -np.inf, PAUSE_S
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
         """Marks that another tracker named, by the nodes that they are believed to be on."""
@@ -123,41 +133,58 @@ class Identity:
         """
         tissue = self.tissue
         before = tissue.snapshot()
-        costs = self._costs(marks)
-        others = self._others(self._own, costs)
+        anew = tissue.health.since_s is None or tissue.health.status is Status.LOST
+        others = {} if anew else self._others(self._own, self._costs(marks))
         estimate = tissue.update(marks)
-        fresh = estimate.status is Status.DIVERGED and not tissue.health.innovations
-        if not others and not self.rivals and not fresh:
+        if anew:
+            self.rivals = []
+        try_all = anew or self._uneasy(estimate)
+        if not others and not self.rivals and not try_all:
             return Named(estimate, tuple(marks))
         told = tissue.log_likelihood
         readings = {self._own: Rival(self._own, 0.0, estimate.time_s, tissue.snapshot(), estimate)}
         for names, n_changes in others.items():
             self._follow(readings, before, (names, -told - n_changes * RARE, estimate.time_s), marks)
-        if fresh:
+        if try_all:
             self._start_anew(readings, before, marks)
         for rival in self.rivals:
             tissue.restore(rival.knows)
             tissue.predict(estimate.time_s)
             predicted = tissue.snapshot()
             ahead = rival.ahead - told
-            ways = self._others(rival.names, self._costs(marks)) if costs is not None else {}
+            ways = self._others(rival.names, self._costs(marks))
             self._follow(readings, predicted, (rival.names, ahead, rival.since_s), marks)
             for names, n_changes in ways.items():
                 if names != self._own:
                     self._follow(readings, predicted, (names, ahead - n_changes * RARE, estimate.time_s), marks)
         return self._decided(readings, marks)
 
+    def _uneasy(self, estimate: TargetEstimate) -> bool:
+        """Whether the innovations are such that any names may be right, and it is time to try them."""
+        tested, now_s = self.tissue.health.innovations, estimate.time_s
+        refuted = estimate.status is Status.DIVERGED and not tested
+        if refuted:
+            return True
+        if now_s < self._next_s or not estimate.marks_used or not diverged(tested, UNEASY_SIGMAS):
+            return False
+        if now_s - self._next_s > self._pause_s:
+            self._pause_s = PAUSE_S
+        self._next_s = now_s + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
+        return True
+
     def _start_anew(self, readings: dict[Names, Rival], before: Snapshot, marks: Sequence[MarkMeasurement]) -> None:
-        """The belief was refuted: it may have been the names, and then nothing else that was believed counts."""
+        """Start the filter anew by other names."""
         costs = self._costs(marks, anew=True)
         nothing = replace(before, health=Health())
         if costs is None:
             return
         own = float(costs.trace())
-        for names, n_changes in self._others(self._own, costs).items():
+        for names, n_changes in self._others(self._own, costs, np.inf).items():
             self.tissue.restore(nothing)
             estimate = self.tissue.update([_renamed(mark, self._by_node(names)) for mark in marks])
-            ahead = own - float(costs[list(names), range(len(names))].sum()) - n_changes * RARE
+            better = own - float(costs[list(names), range(len(names))].sum())
+            ahead = float(np.clip(better, -DOUBT, DOUBT)) - n_changes * RARE
             _keep(readings, Rival(names, ahead, estimate.time_s, self.tissue.snapshot(), estimate))
 
     def _follow(
@@ -209,13 +236,14 @@ class Identity:
     def _costs(self, marks: Sequence[MarkMeasurement], *, anew: bool = False) -> Floats | None:
         """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
 
+        anew: by where nodes may be at a start
         Nothing for a mark that is not seen; None where there are no names to be exchanged.
         """
         places = [self._place[mark.node] for mark in marks if mark.node in self._place]
         if not places:
             return None
         seen = [mark for mark in marks if mark.node in self._place]
-        if anew or self.tissue.health.since_s is None or self.tissue.health.status is Status.LOST:
+        if anew:
             beliefs = [self.tissue.at_start(node) for node in self._nodes]
             means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
         else:
@@ -227,12 +255,12 @@ class Identity:
         costs[:, places] = naming_costs(means, covs, z, R)
         return costs
 
-    def _others(self, names: Names, costs: Floats | None) -> Mapping[Names, int]:
-        """Names that some exchanges of two, beginning with these names, lead to without clearly losing: how many.
+    def _others(self, names: Names, costs: Floats | None, worst: float = DOUBT) -> Mapping[Names, int]:
+        """Names that exchanges of two lead to from these, none worse by more than `worst` in this frame: how many.
 
         The best first, as many as are followed at most.
         """
-        if costs is None or (names == self._own and not names_in_doubt(costs, self._pairs, DOUBT)):
+        if costs is None or (names == self._own and not names_in_doubt(costs, self._pairs, worst)):
             return {}
         seen = costs.any(axis=0)
         pairs = self._pairs & (seen[:, None] | seen[None, :])
@@ -244,7 +272,7 @@ class Identity:
             taken = costs[list(now)]
             fits = taken.diagonal()
             gains = fits[:, None] + fits[None, :] - taken - taken.T
-            for i, j in zip(*np.nonzero(pairs & (gains > -DOUBT - gain)), strict=True):
+            for i, j in zip(*np.nonzero(pairs & (gains > -worst - gain)), strict=True):
                 other = list(now)
                 other[i], other[j] = now[j], now[i]
                 if tuple(other) not in found:

@@ -39,18 +39,6 @@ MODEL_ONLY = 0.5
 """Part of the variance that the target has without any marks, above which the model alone speaks; chosen."""
 
 
-def log_density(mark: MarkMeasurement, mean: Floats, cov: Floats, squared: float | None = None) -> float:
-    """Log of the Gaussian density of a mark whose node is at mean (dim,), covariance (dim, dim).
-
-    squared: the squared Mahalanobis distance to take in place of its own
-    """
-    S = cov + mark.total_cov
-    if squared is None:
-        y = mark.position - mean
-        squared = float(y @ np.linalg.solve(S, y))
-    return -0.5 * (squared + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
     """All that a filter knows at one time, for going back to it."""
@@ -80,8 +68,8 @@ class TissueFilter:
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
     what was mended (repairs): sigma points `narrowed`, covariances made `definite`, beliefs `doubted` after a
     divergence, `restarted` after another or a loss; open_loop, how sure the paper's method has reason to be;
-    marks_scale, what the marks' variances are multiplied by; log_likelihood, of the marks of the last update: one that
-    was refused counts as if at the gate, and at a start each by itself.
+    marks_scale, what the marks' variances are multiplied by; log_likelihood, of the marks of the last update, where
+    one that was refused counts as if at the gate; 0 at a start.
     """
 
     def __init__(
@@ -325,7 +313,6 @@ class TissueFilter:
         if anew:
             if self.health.since_s is not None:
                 self.repairs["restarted"] += 1
-            self.log_likelihood = sum(log_density(mark, *self.at_start(mark.node)) for mark in taken)
             self._start_at(taken)
             self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
             self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)
@@ -383,7 +370,8 @@ class TissueFilter:
                 self._off_s.pop(mark.node, None)
             elif time_s - self._off_s.setdefault(mark.node, time_s) <= self.settings.stubborn_s:
                 self.refused[mark.node] += 1
-                self.log_likelihood += log_density(mark, *self.struck(mark.node), squared=self.settings.gate)
+                S = self.struck(mark.node)[1] + mark.total_cov
+                self.log_likelihood -= 0.5 * (self.settings.gate + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
                 continue
             taken.append(mark)
         return taken

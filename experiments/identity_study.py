@@ -8,7 +8,7 @@ noise. `close`: the same masses and springs with three tenths of the distances, 
 and its marks pass each other. Kinds of run:
 
 never: names as they are. for good: two names exchanged from 2 s on. a while: for ten frames. from the start: names
-permuted in all frames. other hue: as for good, but one of the two marks is of another hue. hidden: nobody gives names;
+permuted in all frames. hidden: nobody gives names;
 all marks are hidden for half a second in each 1.5 s, and those that come back are named by where the filter expects
 them (`vision.identify`). seldom: the same with 5 frames/s and nothing hidden.
 
@@ -43,7 +43,7 @@ DURATION_S, FRAMES_PER_S = 6.0, 30
 FROM, FOR = 60, 10
 """Frame of the exchange, and how many frames it lasts where it ends."""
 SETTINGS = tuple((where, how) for where in ("phantom", "close") for how in ("quiet", "poked", "shoved"))
-TOLD = ("never", "for good", "a while", "from the start", "other hue")
+TOLD = ("never", "for good", "a while", "from the start")
 NAMELESS = {"hidden": 1, "seldom": 6}
 """Kinds of run in which nobody gives names: every how manieth frame is taken."""
 NOISE_M = {"phantom": 0.00414, "close": 0.001}
@@ -87,7 +87,7 @@ def world(where: str, how: str, seed: int) -> World:
 def names_told(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
     """By frame, what mark is told by each name, (n_frames, 3)."""
     told = np.tile(np.arange(len(OUTER)), (round(DURATION_S * FRAMES_PER_S), 1))
-    i, j = (0, 1) if kind == "other hue" else rng.permutation(len(OUTER))[:2]
+    i, j = rng.permutation(len(OUTER))[:2]
     if kind == "from the start":
         others = [p for p in ((1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1))]
         told[:] = others[rng.integers(len(others))]
@@ -163,9 +163,8 @@ def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
     rows = []
     for kind in TOLD:
         told = names_told(kind, np.random.default_rng([seed, 3]))
-        alike = [tuple(OUTER)] if kind != "other hue" else [(OUTER[0], OUTER[2]), (OUTER[1],)]
         for doubted in (True, False):
-            row = told_run(one, told, alike if doubted else [])
+            row = told_run(one, told, [tuple(OUTER)] if doubted else [])
             rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": doubted} | row)
     for kind in NAMELESS:
         for doubted in (True, False):
