@@ -78,11 +78,13 @@ class Identity:
     makes a rival: the filter as it was before, given the marks by those names, and followed from then on. Of two ways
     to the same names the more probable is kept (Viterbi's algorithm). The probability of a rival is the product of the
     likelihoods of its marks, frame by frame, with RARE for each exchange. It is dropped when it is clearly the worse;
-    when it is clearly the better the filter goes on as if it had been believed from the start, and the names with it.
+    when it is clearly the better, and TRACKING, the filter goes on as if it had been believed from the start, and the names with it.
 
     Where nothing is believed yet, any names may be right: at a start, after a divergence, and when innovations are
     too large for some time. Then those which lie best about the rest shape start the filter anew, each its own; for the
-    tissue may be turned or displaced, that counts for no more than DOUBT.
+    tissue may be turned or displaced, that counts for no more than DOUBT. One by the names that are believed starts anew
+    beside them (the same_names one), which they must beat as well: or else a filter that knows nothing, and is refuted
+    by nothing, would win by that and not by its names.
 
     tissue: the filter; predict it, and then come here with the marks
     alike: groups of nodes whose marks look alike; names are never exchanged between groups
@@ -104,6 +106,7 @@ class Identity:
         self.called: dict[str, str] = {}
         self.rivals: list[Rival] = []
         self.swaps: list[Swap] = []
+        self._same_names: Rival | None = None
         self._next_s, self._pause_s = -np.inf, PAUSE_S
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
@@ -117,6 +120,8 @@ class Identity:
         if self.rivals and time_s is not None:
             now = tissue.snapshot()
             self.rivals = [self._fixed(rival, time_s, position, cov) for rival in self.rivals]
+            if self._same_names is not None:
+                self._same_names = self._fixed(self._same_names, time_s, position, cov)
             tissue.restore(now)
         return estimate
 
@@ -137,7 +142,7 @@ class Identity:
         others = {} if anew else self._others(self._own, self._costs(marks))
         estimate = tissue.update(marks)
         if anew:
-            self.rivals = []
+            self.rivals, self._same_names = [], None
         try_all = anew or self._uneasy(estimate)
         if not others and not self.rivals and not try_all:
             return Named(estimate, tuple(marks))
@@ -145,19 +150,26 @@ class Identity:
         readings = {self._own: Rival(self._own, 0.0, estimate.time_s, tissue.snapshot(), estimate)}
         for names, n_changes in others.items():
             self._follow(readings, before, (names, -told - n_changes * RARE, estimate.time_s), marks)
-        if try_all:
-            self._start_anew(readings, before, marks)
         for rival in self.rivals:
-            tissue.restore(rival.knows)
-            tissue.predict(estimate.time_s)
-            predicted = tissue.snapshot()
-            ahead = rival.ahead - told
+            predicted = self._predicted(rival, estimate.time_s)
             ways = self._others(rival.names, self._costs(marks))
-            self._follow(readings, predicted, (rival.names, ahead, rival.since_s), marks)
+            self._follow(readings, predicted, (rival.names, rival.ahead - told, rival.since_s), marks)
             for names, n_changes in ways.items():
                 if names != self._own:
-                    self._follow(readings, predicted, (names, ahead - n_changes * RARE, estimate.time_s), marks)
+                    ahead = rival.ahead - told - n_changes * RARE
+                    self._follow(readings, predicted, (names, ahead, estimate.time_s), marks)
+        same, self._same_names = self._same_names, None
+        if same is not None:
+            predicted = self._predicted(same, estimate.time_s)
+            self._same_names = self._read(predicted, (same.names, same.ahead - told, same.since_s), marks)
+        if try_all and max(one.ahead for one in readings.values()) <= SURE:
+            self._start_anew(readings, before, marks, beside=not anew)
         return self._decided(readings, marks)
+
+    def _predicted(self, rival: Rival, time_s: float) -> Snapshot:
+        self.tissue.restore(rival.knows)
+        self.tissue.predict(time_s)
+        return self.tissue.snapshot()
 
     def _uneasy(self, estimate: TargetEstimate) -> bool:
         """Whether the innovations are such that any names may be right, and it is time to try them."""
@@ -173,8 +185,10 @@ class Identity:
         self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
         return True
 
-    def _start_anew(self, readings: dict[Names, Rival], before: Snapshot, marks: Sequence[MarkMeasurement]) -> None:
-        """Start the filter anew by other names."""
+    def _start_anew(
+        self, readings: dict[Names, Rival], before: Snapshot, marks: Sequence[MarkMeasurement], *, beside: bool
+    ) -> None:
+        """Start the filter anew by other names, and by the same beside them."""
         costs = self._costs(marks, anew=True)
         nothing = replace(before, health=Health())
         if costs is None:
@@ -186,6 +200,10 @@ class Identity:
             better = own - float(costs[list(names), range(len(names))].sum())
             ahead = float(np.clip(better, -DOUBT, DOUBT)) - n_changes * RARE
             _keep(readings, Rival(names, ahead, estimate.time_s, self.tissue.snapshot(), estimate))
+        if beside:
+            self.tissue.restore(nothing)
+            estimate = self.tissue.update(marks)
+            self._same_names = Rival(self._own, 0.0, estimate.time_s, self.tissue.snapshot(), estimate)
 
     def _follow(
         self,
@@ -194,21 +212,29 @@ class Identity:
         way: tuple[Names, float, float],
         marks: Sequence[MarkMeasurement],
     ) -> None:
-        """Take the marks in by other names: way has these, how far ahead without this frame, and since when [s]."""
+        """Keep what comes of other names, if it is better than what is known of them."""
+        rival = self._read(before, way, marks)
+        if rival is not None:
+            _keep(readings, rival)
+
+    def _read(
+        self, before: Snapshot, way: tuple[Names, float, float], marks: Sequence[MarkMeasurement]
+    ) -> Rival | None:
+        """Take the marks in by these names: way has them, how far ahead without this frame, and since when [s]."""
         names, ahead, since_s = way
         self.tissue.restore(before)
         try:
             estimate = self.tissue.update([_renamed(mark, self._by_node(names)) for mark in marks])
         except CovarianceError:
-            return
-        ahead += self.tissue.log_likelihood
-        _keep(readings, Rival(names, ahead, since_s, self.tissue.snapshot(), estimate))
+            return None
+        return Rival(names, ahead + self.tissue.log_likelihood, since_s, self.tissue.snapshot(), estimate)
 
     def _decided(self, readings: dict[Names, Rival], marks: Sequence[MarkMeasurement]) -> Named:
         """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
-        best = max(readings.values(), key=lambda one: one.ahead)
-        if best.ahead <= SURE:
-            best = readings[self._own]
+        best, own = max(readings.values(), key=lambda one: one.ahead), readings[self._own]
+        same = 0.0 if self._same_names is None else max(0.0, self._same_names.ahead)
+        if best.ahead <= same + SURE or best.estimate.status is not Status.TRACKING:
+            best = own
         self.tissue.restore(best.knows)
         now_s, turned = best.estimate.time_s, self._by_node(best.names)
         swap = None
@@ -221,13 +247,16 @@ class Identity:
         others = []
         for one in readings.values():
             ahead = one.ahead - best.ahead
-            if one is best or ahead < -DOUBT - RARE - SURE or now_s - one.since_s > LONGEST_S:
+            worst = max(best.ahead, same) - DOUBT - RARE - SURE
+            if one is best or one.ahead < worst or now_s - one.since_s > LONGEST_S:
                 continue
             names = [0] * len(self._own)
             for i, new in enumerate(best.names):
                 names[new] = one.names[i]
             others.append(replace(one, names=tuple(names), ahead=ahead))
         self.rivals = sorted(others, key=lambda one: -one.ahead)[:MOST]
+        if swap is not None or not self.rivals:
+            self._same_names = None
         return Named(best.estimate, tuple(_renamed(mark, turned) for mark in marks), swap)
 
     def _by_node(self, names: Names) -> dict[str, str]:

@@ -58,6 +58,7 @@ class Snapshot:
     refuted_s: float | None
     open_loop: Floats
     marks_scale: tuple[float, float]
+    log_likelihood: float
 
 
 class TissueFilter:
@@ -150,6 +151,7 @@ class TissueFilter:
             self._refuted_s,
             self.open_loop.cov,
             (self.marks_scale.scale, self.marks_scale.information),
+            self.log_likelihood,
         )
 
     def restore(self, then: Snapshot) -> None:
@@ -163,6 +165,7 @@ class TissueFilter:
         mixture.repairs, self.refused = then.repairs.copy(), then.refused.copy()
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
+        self.log_likelihood = then.log_likelihood
 
     def predict(self, time_s: float, push: Push | None = None) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
