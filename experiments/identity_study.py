@@ -94,7 +94,7 @@ def names_told(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
     told = np.tile(np.arange(len(OUTER)), (round(DURATION_S * FRAMES_PER_S), 1))
     i, j = rng.permutation(len(OUTER))[:2]
     if kind == "from the start":
-        others = [p for p in ((1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1))]
+        others = [(1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1)]
         told[:] = others[rng.integers(len(others))]
     elif kind not in ("never", "wrong springs"):
         until = FROM + FOR if kind == "a while" else None
