@@ -144,8 +144,10 @@ class Identity:
         if self._same_names is not None:
             same = self._at(self._same_names, estimate.time_s)
             self._same_names = same and self._read(replace(same, ahead=same.ahead - told), marks)
-        if try_all and max(one.ahead for one in readings.values()) <= SURE:
-            self._start_anew(readings, replace(start, knows=replace(before, health=Health())), marks, beside=not anew)
+        best = _best(readings)
+        if try_all and not (best.ahead > SURE and best.estimate.status is Status.TRACKING):
+            nothing = replace(start, ahead=best.ahead, knows=replace(before, health=Health()))
+            self._start_anew(readings, nothing, marks, beside=not anew)
         return self._decided(readings, marks)
 
     def _uneasy(self, estimate: TargetEstimate) -> bool:
@@ -163,16 +165,16 @@ class Identity:
     def _start_anew(
         self, readings: Readings, nothing: Rival, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Start the filter anew by other names, and by the same beside them."""
+        """Start the filter anew by other names, as far ahead as the best is now, and by the same beside them."""
         costs = self.namesakes.costs(self.tissue, marks, anew=True)
         own = self.namesakes.own
         others = self.namesakes.others(own, costs, np.inf, MOST)
         for names, n_changes in others.items():
             better = float(costs.trace() - costs[list(names), own].sum())
-            start = replace(nothing, ahead=float(np.clip(better, -DOUBT, DOUBT)))
+            start = replace(nothing, ahead=nothing.ahead + float(np.clip(better, -DOUBT, DOUBT)))
             _keep(readings, self._read(_changed(start, names, n_changes), marks))
         if others and beside:
-            self._same_names = self._read(replace(nothing, ahead=0.0), marks)
+            self._same_names = self._read(nothing, marks)
 
     def _follow(self, readings: Readings, rival: Rival, time_s: float, marks: Sequence[MarkMeasurement]) -> None:
         """What comes of a rival with this frame, and of names that are in doubt by what it knows."""
@@ -208,7 +210,7 @@ class Identity:
     def _decided(self, readings: Readings, marks: Sequence[MarkMeasurement]) -> Named:
         """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
         own = self.namesakes.own
-        best = max(readings.values(), key=lambda one: one.ahead)
+        best = _best(readings)
         same = 0.0 if self._same_names is None else max(0.0, self._same_names.ahead)
         if best.ahead <= same + SURE or best.estimate.status is not Status.TRACKING:
             best = readings[own]
@@ -234,6 +236,10 @@ class Identity:
 def _changed(rival: Rival, names: Names, n_changes: int) -> Rival:
     """Other names by what a rival knows, after so many exchanges of two."""
     return replace(rival, names=names, ahead=rival.ahead - n_changes * RARE)
+
+
+def _best(readings: Readings) -> Rival:
+    return max(readings.values(), key=lambda one: one.ahead)
 
 
 def _keep(readings: Readings, one: Rival | None) -> None:

@@ -168,3 +168,21 @@ def test_costs_of_names_are_gaussian():
     squared = np.einsum("ijk,ijk->ij", off, np.linalg.solve(S, off[..., None])[..., 0])
     expected = 0.5 * (squared + np.linalg.slogdet(S)[1])
     np.testing.assert_allclose(naming_costs(means_m, covs[:n], z, covs[n:]), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [("M4", "M3", "M1"), ("M3", "M4", "M1")])
+def test_a_swap_that_slipped_by_is_mended(phantom, frames, order):
+    """Wrong names fed past the identity for a second: innovations tell, and right names start anew, within 0.2 s."""
+    wrong = dict(zip(OUTER, order, strict=True))
+    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
+    for k, (time_s, marks) in enumerate(frames):
+        identity.tissue.predict(time_s)
+        if k < 30:
+            identity.tissue.update(called(marks, wrong))
+        else:
+            told = identity.update(identity.named(called(marks, wrong)))
+    assert len(identity.swaps) == 1
+    assert frames[30][0] < identity.swaps[0].time_s <= frames[30][0] + 0.2
+    place = {mark.node: mark.position for mark in told.marks}
+    assert all(np.array_equal(place[mark.node], mark.position) for mark in frames[-1][1])
+    assert np.linalg.norm(told.estimate.mean - means(phantom, frames)[-1]) < 1e-3
