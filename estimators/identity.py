@@ -145,7 +145,7 @@ class Identity:
             same = self._at(self._same_names, estimate.time_s)
             self._same_names = same and self._read(replace(same, ahead=same.ahead - told), marks)
         best = _best(readings)
-        if try_all and not (best.ahead > SURE and best.estimate.status is Status.TRACKING):
+        if try_all and not (best.ahead > SURE and best.estimate.status is not Status.DIVERGED):
             nothing = replace(start, ahead=best.ahead, knows=replace(before, health=Health()))
             self._start_anew(readings, nothing, marks, beside=not anew)
         return self._decided(readings, marks)

@@ -1,6 +1,6 @@
 """Marks of one hue whose names were exchanged: how soon that is noticed, how often mended, how often seen in error.
 
-    python -m experiments.identity_study --out study         # 120 runs of each kind, some 10 minutes on two cores
+    python -m experiments.identity_study --out study         # 108 runs of each kind, some 10 minutes on two cores
     python -m experiments.identity_study --runs 4 --out study
 
 Truth is DOP853's, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's, marks 280 mm apart and more, 4.14 mm of
@@ -240,7 +240,7 @@ def study(n_runs: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, f
 def main() -> None:
     """Run the study and print its figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--runs", type=int, default=18)
     parser.add_argument("--out", type=Path, required=True)
     chosen = parser.parse_args()
     with output_folder(chosen.out, force=True) as folder:
