@@ -89,8 +89,8 @@ class Identity:
 
     tissue: the filter; predict it, and then come here with the marks
     alike: groups of nodes whose marks look alike; names are never exchanged between groups
-    State: called, the node of each mark that another gave a name to, if it is another one; rivals; the one beside them
-    with the same names; swaps undone; when names may next be tried from a start, and the pause after that.
+    State: called, the node of each mark that another gave a name to, if it is another one; rivals, and same_names, the
+    one beside them; swaps undone; when names may next be tried from a start, and the pause after that.
     """
 
     def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
@@ -99,7 +99,7 @@ class Identity:
         self.called: dict[str, str] = {}
         self.rivals: list[Rival] = []
         self.swaps: list[Swap] = []
-        self._same_names: Rival | None = None
+        self.same_names: Rival | None = None
         self._next_s, self._pause_s = -np.inf, PAUSE_S
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
@@ -111,10 +111,10 @@ class Identity:
         tissue = self.tissue
         estimate = tissue.fix(position, cov)
         now = tissue.snapshot()
-        same = [] if self._same_names is None else [self._same_names]
+        same = [] if self.same_names is None else [self.same_names]
         fixed = [self._at(one, estimate.time_s, lambda: tissue.fix(position, cov)) for one in (*self.rivals, *same)]
         tissue.restore(now)
-        self._same_names = fixed[-1] if same else None
+        self.same_names = fixed[-1] if same else None
         self.rivals = [one for one in fixed[: len(self.rivals)] if one is not None]
         return estimate
 
@@ -129,7 +129,7 @@ class Identity:
         others = {} if anew else sakes.others(sakes.own, sakes.costs(tissue, marks), DOUBT, MOST)
         estimate = tissue.update(marks)
         if anew:
-            self.rivals, self._same_names = [], None
+            self.rivals, self.same_names = [], None
         try_all = anew or self._uneasy(estimate)
         if not others and not self.rivals and not try_all:
             return Named(estimate, tuple(marks))
@@ -141,9 +141,9 @@ class Identity:
             _keep(readings, self._read(_changed(start, names, n_changes), marks))
         for rival in self.rivals:
             self._follow(readings, replace(rival, ahead=rival.ahead - told), estimate.time_s, marks)
-        if self._same_names is not None:
-            same = self._at(self._same_names, estimate.time_s)
-            self._same_names = same and self._read(replace(same, ahead=same.ahead - told), marks)
+        if self.same_names is not None:
+            same = self._at(self.same_names, estimate.time_s)
+            self.same_names = same and self._read(replace(same, ahead=same.ahead - told), marks)
         best = _best(readings)
         if try_all and not (best.ahead > SURE and best.estimate.status is not Status.DIVERGED):
             nothing = replace(start, ahead=best.ahead, knows=replace(before, health=Health()))
@@ -174,7 +174,7 @@ class Identity:
             start = replace(nothing, ahead=nothing.ahead + float(np.clip(better, -DOUBT, DOUBT)))
             _keep(readings, self._read(_changed(start, names, n_changes), marks))
         if others and beside:
-            self._same_names = self._read(nothing, marks)
+            self.same_names = self._read(nothing, marks)
 
     def _follow(self, readings: Readings, rival: Rival, time_s: float, marks: Sequence[MarkMeasurement]) -> None:
         """What comes of a rival with this frame, and of names that are in doubt by what it knows."""
@@ -211,7 +211,7 @@ class Identity:
         """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
         own = self.namesakes.own
         best = _best(readings)
-        same = 0.0 if self._same_names is None else max(0.0, self._same_names.ahead)
+        same = 0.0 if self.same_names is None else max(0.0, self.same_names.ahead)
         if best.ahead <= same + SURE or best.estimate.status is not Status.TRACKING:
             best = readings[own]
         self.tissue.restore(best.knows)
@@ -229,7 +229,7 @@ class Identity:
             self.swaps.append(swap)
             self.called = {node: nodes[self.called.get(node, node)] for node in nodes}
         if swap is not None or not self.rivals:
-            self._same_names = None
+            self.same_names = None
         return Named(best.estimate, renamed(marks, nodes), swap)
 
 
