@@ -36,8 +36,9 @@ def places(scene):
     return at + np.random.default_rng(0).normal(0.0, NOISE_M, (FRAMES, *at.shape))
 
 
-def marks(places, k, *, exchanged):
-    names = ("M1", "M4", "M3") if exchanged and k >= FROM else OUTER
+def marks(places, k, *, since=FRAMES):
+    """The marks of a frame; M3 and M4 exchanged since a frame."""
+    names = ("M1", "M4", "M3") if k >= since else OUTER
     return [MarkMeasurement(n, x, NOISE_M**2 * np.eye(2)) for n, x in zip(names, places[k], strict=True)]
 
 
@@ -48,14 +49,25 @@ def test_every_method_gets_the_marks_by_their_right_names(scene, places, check):
     fixes = [Fix(0.5, target, 1e-3), Fix(1.0, target, 1e-3)]
     lines = [Line(scene, fixes=fixes, check=check) for _ in range(2)]
     for k, time_s in enumerate(TIMES_S):
-        right = lines[0].take(time_s, marks(places, k, exchanged=False))
-        told = lines[1].take(time_s, marks(places, k, exchanged=True))
+        right = lines[0].take(time_s, marks(places, k))
+        told = lines[1].take(time_s, marks(places, k, since=FROM))
         assert right.swap is None
         assert (told.swap is not None) == (k == FROM)
         assert {m.node: tuple(m.position) for m in told.marks} == {m.node: tuple(m.position) for m in right.marks}
         for method in (FILTER, OPEN_LOOP):
             np.testing.assert_array_equal(told.estimates[method].mean, right.estimates[method].mean)
         np.testing.assert_array_equal(told.estimates[FILTER].cov, right.estimates[FILTER].cov)
+
+
+def test_a_fix_while_names_are_in_doubt_is_not_lost(scene, places):
+    """Wrong from the start, and the target sighted before the second frame: in the end as if never wrong."""
+    target = scene.network.positions[scene.network.index(scene.target.node)] + 0.002
+    lines = [Line(scene, baseline=False, fixes=[Fix(0.01, target, 1e-3)]) for _ in range(2)]
+    for k, time_s in enumerate(TIMES_S[:8]):
+        right = lines[0].take(time_s, marks(places, k))
+        told = lines[1].take(time_s, marks(places, k, since=0))
+    assert len(lines[1].identity.swaps) == 1
+    np.testing.assert_array_equal(told.estimates[FILTER].mean, right.estimates[FILTER].mean)
 
 
 def test_marks_of_two_hues_are_not_alike(scene):
@@ -67,7 +79,7 @@ def test_marks_of_two_hues_are_not_alike(scene):
 
 
 def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, monkeypatch, capsys):
-    rows = [[MarkRow(m.node, m.position, NOISE_M) for m in marks(places, k, exchanged=True)] for k in range(FRAMES)]
+    rows = [[MarkRow(m.node, m.position, NOISE_M) for m in marks(places, k, since=FROM)] for k in range(FRAMES)]
     (tmp_path / "rec").mkdir()
     write_scene(scene, tmp_path / "rec" / "scene.toml")
     write_marks_csv(tmp_path / "rec" / "marks.csv", TIMES_S, rows, dim=2)
@@ -81,7 +93,7 @@ def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, monkeypatch,
 
 def test_live_tells_a_swap(scene, places, tmp_path, monkeypatch, capsys):
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None)
-    made = Line(scene, baseline=False).take(3.2, marks(places, 0, exchanged=False))
+    made = Line(scene, baseline=False).take(3.2, marks(places, 0))
     swapped = replace(made, swap=Swap(3.2, 2.1, ("M1", "M3", "M4")))
     monkeypatch.setattr(session.line, "see", lambda _time_s, _image: swapped)
     width, height = scene.cameras[0].size_px
