@@ -14,6 +14,7 @@ from estimators.health import Health, after_frame
 from estimators.hit_calibration import Tenth, calibration, clopper_pearson
 from estimators.hit_probability import Aim, Belief, best_aim, hit_probability
 from estimators.identification import IdentificationError, Identified, identify, principal
+from estimators.identity import Identity, Named, Swap
 from estimators.known_push import KnownPush, Push
 from estimators.leave_one_out import Check, LeaveOneOut
 from estimators.lesion import Lesion
@@ -60,12 +61,14 @@ __all__ = [
     "Hit",
     "IdentificationError",
     "Identified",
+    "Identity",
     "Insertion",
     "InteractingMixture",
     "KnownPush",
     "LeaveOneOut",
     "Lesion",
     "MarkMeasurement",
+    "Named",
     "Needle",
     "NeedleNoise",
     "NeedleTracker",
@@ -85,6 +88,7 @@ __all__ = [
     "Skin",
     "Status",
     "StockUnscented",
+    "Swap",
     "TargetEstimate",
     "TargetPath",
     "Tenth",

@@ -190,3 +190,44 @@ def joseph_update(x, P, z, H, R, total):  # type: ignore[no-untyped-def]
     keep = np.eye(n) - K @ H
     updated = keep @ P @ keep.T + K @ R @ K.T
     return x + K @ y, 0.5 * (updated + updated.T), y, S, K, nis, log_det, definite
+
+
+@njit(cache=True, nogil=True)
+def naming_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
+    """What it costs, as -log of a Gaussian density less its constant, that mark j is the one expected at i: (n, m).
+
+    means (n, dim), covs (n, dim, dim): where each is expected; z (m, dim), R (m, dim, dim): where the marks are
+    """
+    n, dim = means.shape
+    m = z.shape[0]
+    costs = np.empty((n, m))
+    w = np.empty(dim)
+    for i in range(n):
+        for j in range(m):
+            C, definite = chol_lower(covs[i] + R[j])
+            costs[i, j] = 0.0 if definite else np.inf
+            for a in range(dim):
+                if not definite:
+                    break
+                w[a] = z[j, a] - means[i, a]
+                for b in range(a):
+                    w[a] -= C[a, b] * w[b]
+                w[a] /= C[a, a]
+                costs[i, j] += 0.5 * w[a] * w[a] + np.log(C[a, a])
+    return costs
+
+
+@njit(cache=True, nogil=True)
+def names_in_doubt(costs, pairs, limit):  # type: ignore[no-untyped-def]
+    """Whether some pair of marks costs no more than limit if their names are exchanged: costs (n, n), pairs (n, n).
+
+    A mark that is not seen costs nothing.
+    """
+    n = len(costs)
+    for i in range(n):
+        for j in range(i + 1, n):
+            if not pairs[i, j] or (costs[i, i] == 0.0 and costs[j, j] == 0.0):
+                continue
+            if costs[j, i] + costs[i, j] - costs[i, i] - costs[j, j] < limit:
+                return True
+    return False

@@ -71,7 +71,10 @@ class LeaveOneOut:
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Check each mark against the filter that never had it, take the marks in, and say where the target is."""
-        estimate = self.tissue.update(marks)
+        return self.checked(self.tissue.update(marks), marks)
+
+    def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
+        """The same, of marks that the filter of the target has taken in already and what it said then."""
         checks = {}
         dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
         self._time_s = estimate.time_s

@@ -58,6 +58,7 @@ class Snapshot:
     refuted_s: float | None
     open_loop: Floats
     marks_scale: tuple[float, float]
+    log_likelihood: float
 
 
 class TissueFilter:
@@ -68,7 +69,8 @@ class TissueFilter:
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
     what was mended (repairs): sigma points `narrowed`, covariances made `definite`, beliefs `doubted` after a
     divergence, `restarted` after another or a loss; open_loop, how sure the paper's method has reason to be;
-    marks_scale, what the marks' variances are multiplied by.
+    marks_scale, what the marks' variances are multiplied by; log_likelihood, of the marks of the last update, where
+    one that was refused counts as if at the gate; 0 at a start.
     """
 
     def __init__(
@@ -109,6 +111,7 @@ class TissueFilter:
         self._alone_m2 = float(np.trace(self.mixture.P[self.target, self.target]))
         self.open_loop = OpenLoopBelief(network, target, [n for n in marked if n != target], self.settings.quiet.white)
         self.marks_scale = RunningScale(self.settings.marks_bounds)
+        self.log_likelihood = 0.0
 
     @property
     def repairs(self) -> Counter[str]:
@@ -150,6 +153,7 @@ class TissueFilter:
             self._refuted_s,
             self.open_loop.cov,
             (self.marks_scale.scale, self.marks_scale.information),
+            self.log_likelihood,
         )
 
     def restore(self, then: Snapshot) -> None:
@@ -163,6 +167,7 @@ class TissueFilter:
         mixture.repairs, self.refused = then.repairs.copy(), then.refused.copy()
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
+        self.log_likelihood = then.log_likelihood
 
     def predict(self, time_s: float, push: Push | None = None) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
@@ -289,6 +294,11 @@ class TissueFilter:
             off = self.settings.startle_m_s * min(since_s, self.settings.startle_s)
         return mean, cov + off**2 * np.eye(len(mean))
 
+    def at_start(self, node: str) -> tuple[Floats, Floats]:
+        """As `expected`, were nothing known but where a free node rests; in doubt of that, too."""
+        place = self._places[node]
+        return self._rest[self.model.network.index(node)].copy(), DOUBT * self._start_cov[place, place]
+
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and say where the target is.
 
@@ -302,6 +312,7 @@ class TissueFilter:
         if self.marks_scale.scale != 1.0:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         anew = self.health.since_s is None or self.health.status is Status.LOST
+        self.log_likelihood = 0.0
         taken = list(marks) if anew else self._believable(self.time_s, marks)
         self.open_loop.take(dt, {mark.node: mark.total_cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:
@@ -322,6 +333,7 @@ class TissueFilter:
             self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)
             return self._estimate(self.time_s, len(taken), nis)
         self.mixture.update_linear(z, H, R)
+        self.log_likelihood += self.mixture.log_likelihood
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(y, R / self.marks_scale.scale, S - R, dt)
         least = min(f.nis for f in self.mixture.filters)
@@ -373,6 +385,8 @@ class TissueFilter:
                 self._off_s.pop(mark.node, None)
             elif time_s - self._off_s.setdefault(mark.node, time_s) <= self.settings.stubborn_s:
                 self.refused[mark.node] += 1
+                S = self.struck(mark.node)[1] + mark.total_cov
+                self.log_likelihood -= 0.5 * (self.settings.gate + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
                 continue
             taken.append(mark)
         return taken

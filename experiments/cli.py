@@ -61,8 +61,12 @@ def track(
         done = run(opened, stage("track"), check=check)
         write_tables(done, folder)
         write_plots(done, folder)
+    from experiments.events import tell_swap
     from experiments.tell import track_table
 
+    for step in done.steps:
+        if step.swap is not None:
+            tell_swap(step.swap)
     print_table(track_table(summary(done)))
     if check:
         nees, scale = done.counts["check_nees"], done.counts["check_scale"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from estimators import FixBias, LeaveOneOut, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter
+from estimators import FixBias, Identity, LeaveOneOut, MarkMeasurement, OpenLoop, Swap, TargetEstimate, TissueFilter
 from experiments.recording import Fix
 from experiments.scene import Scene
 
@@ -31,7 +31,8 @@ class Step:
     """What one frame gave.
 
     estimates: by method
-    marks: all marks identified in the frame, those for scoring only included
+    marks: all marks identified in the frame, those for scoring only included, by the names that are believed now
+    swap: marks that were found to have been taken for each other, None in all but a few frames
     detect_s, method_s: seconds spent on finding marks, and by method
     """
 
@@ -39,6 +40,7 @@ class Step:
     marks: tuple[MarkMeasurement, ...]
     detect_s: float
     method_s: dict[str, float]
+    swap: Swap | None = None
 
 
 class Line:
@@ -46,8 +48,8 @@ class Line:
 
     check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
     fixes: direct sightings of the target, fused at their times; what they are off by together is estimated, too
-    State: the filter, the filters that check it, the paper's open loop (baseline=False leaves it out), what is known of
-    the marks' colours, the fixes still to come.
+    State: the filter, the names of the marks that it is told (identity), the filters that check it, the paper's open
+    loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come.
     """
 
     def __init__(self, scene: Scene, *, baseline: bool = True, fixes: Sequence[Fix] = (), check: bool = False) -> None:
@@ -60,6 +62,7 @@ class Line:
         told = scene.network, scene.target.node, measured, settings
         self.checks = LeaveOneOut(*told, uncertainty=scene.uncertainty) if check else None
         self.filter = TissueFilter(*told, uncertainty=scene.uncertainty) if self.checks is None else self.checks.tissue
+        self.identity = Identity(self.filter, scene.nodes_alike)
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
         self._marks = {mark.node: mark for mark in scene.marks}
@@ -77,7 +80,7 @@ class Line:
         """Estimates at this exposure time [s] from marks that another tracker found."""
         began = time.perf_counter()
         self._predict(exposure_s)
-        return self._estimated(exposure_s, tuple(marks), 0.0, time.perf_counter() - began)
+        return self._estimated(exposure_s, self.identity.named(marks), 0.0, time.perf_counter() - began)
 
     def _predict(self, exposure_s: float) -> None:
         """Move the filter to this time [s], by way of the fixes that came until then."""
@@ -88,7 +91,7 @@ class Line:
             fix = self._fixes.popleft()
             if self.filter.time_s is None or fix.time_s >= self.filter.time_s:
                 self.filter.predict(fix.time_s)
-                self.filter.fix(fix.position_m, fix.sd_m**2 * np.eye(len(fix.position_m)))
+                self.identity.fix(fix.position_m, fix.sd_m**2 * np.eye(len(fix.position_m)))
         self.filter.predict(exposure_s)
 
     def _found(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
@@ -119,10 +122,13 @@ class Line:
     ) -> Step:
         measured = [mark for mark in marks if mark.node in self._measured]
         began = time.perf_counter()
-        estimates = {FILTER: (self.filter if self.checks is None else self.checks).update(measured)}
+        named = self.identity.update(measured)
+        estimate = named.estimate if self.checks is None else self.checks.checked(named.estimate, named.marks)
+        estimates = {FILTER: estimate}
         filtered = time.perf_counter()
         method_s = {FILTER: predict_s + filtered - began}
         if self.open_loop is not None:
-            estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, measured)
+            estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, named.marks)
             method_s[OPEN_LOOP] = time.perf_counter() - filtered
-        return Step(estimates, marks, detect_s, method_s)
+        unmeasured = [mark for mark in marks if mark.node not in self._measured]
+        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap)

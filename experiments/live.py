@@ -20,6 +20,7 @@ import vision
 from estimators import MarkMeasurement, TargetEstimate, after_frame
 from experiments.errors import InputError
 from experiments.estimate_rows import header, row
+from experiments.events import tell, tell_swap
 from experiments.frame_sources import open_source
 from experiments.line import FILTER, Line
 from experiments.outputs import output_folder
@@ -74,7 +75,10 @@ class Session:
         if size_px != (width, height) or (told_s is not None and frame.exposure_s < told_s):
             self.n_unused += 1
             return False
-        estimate = self.line.see(frame.exposure_s, frame.image).estimates[FILTER]
+        step = self.line.see(frame.exposure_s, frame.image)
+        if step.swap is not None:
+            tell_swap(step.swap)
+        estimate = step.estimates[FILTER]
         self._write(estimate)
         latency_ms = 1e3 * (time.monotonic() - frame.exposure_s)
         self.latencies_ms.append(latency_ms)
@@ -196,8 +200,7 @@ def follow(
 def tell_events(frames: vision.Source) -> None:
     """What happened to the source, a line each, on standard error."""
     for event in frames.take_events():
-        clear = "\r\x1b[K" if sys.stderr.isatty() else ""
-        print(f"{clear}softaim: {event.time_s:.2f} s: {event.kind}: {event.text}", file=sys.stderr, flush=True)
+        tell(event.time_s, event.kind, event.text)
 
 
 @contextmanager

@@ -121,6 +121,12 @@ class Scene:
         """Nodes whose marks the filters may use, in the order of the marks."""
         return tuple(mark.node for mark in self.marks if mark.measured)
 
+    @property
+    def nodes_alike(self) -> tuple[tuple[str, ...], ...]:
+        """The measured nodes by the hue of their marks: those of one group might be taken for each other."""
+        hues = dict.fromkeys(mark.hue_deg for mark in self.marks)
+        return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
+
 
 def read_scene(path: Path) -> Scene:
     """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""

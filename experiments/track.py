@@ -64,6 +64,7 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
     counts: dict[str, float | int | None] = {
         "marks_refused": sum(n for node, n in line.filter.refused.items() if node != "fix"),
         "repairs": sum(line.filter.repairs.values()),
+        "swaps_undone": len(line.identity.swaps),
     }
     if line.checks is not None:
         counts["check_nees"] = float(np.mean(checked)) if checked else None
