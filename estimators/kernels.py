@@ -159,10 +159,28 @@ def joseph_update(x, P, z, H, R, total):  # type: ignore[no-untyped-def]
 
     total: the covariance that the gain and S are to be those of; P itself, or P and what is considered beside it.
     """
-    y = z - H @ x
     PH = total @ H.T
-    S = H @ PH + R
-    S = 0.5 * (S + S.T)
+    return _updated(x, P, z, H, R, PH, H @ PH + R)
+
+
+@njit(cache=True, nogil=True)
+def schmidt_update(x, P, z, H, R, columns, shared, wary):  # type: ignore[no-untyped-def]
+    """`joseph_update` where errors of unit variance move the state by columns (n, r) and z by shared (m, r).
+
+    K = (P H' + columns told') S^-1 with S = H P H' + told told' + R and told = H columns + shared. [bierman1977]
+    Differs from it by wary shared shared' in S; P and columns are exact for whatever gain.
+    """
+    told = H @ columns + shared
+    PH = P @ H.T
+    S = H @ PH + told @ told.T + wary * (shared @ shared.T) + R
+    return _updated(x, P, z, H, R, PH + columns @ told.T, S)
+
+
+@njit(cache=True, nogil=True)
+def _updated(x, P, z, H, R, PH, innovation_cov):  # type: ignore[no-untyped-def]
+    """What `joseph_update` gives for a covariance PH (n, m) of state and innovation, and the innovation's."""
+    y = z - H @ x
+    S = 0.5 * (innovation_cov + innovation_cov.T)
     C, definite = chol_lower(S)
     n, m = PH.shape
     K = np.zeros((n, m))

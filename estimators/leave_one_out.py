@@ -49,11 +49,15 @@ class LeaveOneOut:
         settings: FilterSettings | None = None,
         *,
         uncertainty: Uncertainty | None = None,
+        n_calibration: int = 0,
     ) -> None:
         if len(marked) < 2:
             raise ValueError(f"marked: expected two or more nodes, found {len(marked)}")
-        self.tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
-        self.without = {node: TissueFilter(network, node, marked, settings, uncertainty=uncertainty) for node in marked}
+        self.tissue, *others = (
+            TissueFilter(network, node, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
+            for node in (target, *marked)
+        )
+        self.without = dict(zip(marked, others, strict=True))
         self.checks: Mapping[str, Check] = {}
         self._scales = RunningScale((1.0, MOST))
         self._time_s: float | None = None
@@ -84,8 +88,24 @@ class LeaveOneOut:
             if not seen or predicted.cov is None or predicted.status is not Status.TRACKING:
                 continue
             error = seen[0].position - predicted.mean
-            total = predicted.cov + seen[0].cov
-            checks[node] = Check(error, float(error @ np.linalg.solve(total, error)))
-            self._scales.learn(error, predicted.cov, seen[0].cov, dt / len(self.without))
+            own = seen[0].cov + _with_calibration(other, seen[0])
+            checks[node] = Check(error, float(error @ np.linalg.solve(predicted.cov + own, error)))
+            self._scales.learn(error, predicted.cov, own, dt / len(self.without))
         self.checks = checks
         return replace(estimate, cov=None if estimate.cov is None else self.scale * estimate.cov)
+
+
+def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
+    """What a calibration that is off adds to the variance of its mark about a filter's target [m²], (dim, dim).
+
+    Where the filter considers it, its own error comes from the same: columns C and the mark's F add
+    (C + F)(C + F)' - C C'.
+    """
+    if mark.shared is None:
+        return np.zeros_like(mark.cov)
+    added = mark.shared @ mark.shared.T
+    if other.n_calibration:
+        mixture = other.mixture
+        columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, other.target])[:, -other.n_calibration :]
+        added += columns @ mark.shared.T + mark.shared @ columns.T
+    return added

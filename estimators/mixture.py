@@ -19,6 +19,7 @@ from estimators.kernels import (
     mixed_each,
     moments_each,
     regressions,
+    schmidt_update,
     symmetric_points_each,
     with_columns,
 )
@@ -31,6 +32,10 @@ NARROW = 0.05
 
 LEAST = 1e-100
 """Least probability of a mode: none is ruled out for good, and none is divided by nothing."""
+
+WARY = 1.0
+"""Part of the variance of what z shares that gains take as drawn anew beside; chosen: `docs/calibration.md`. Schmidt's
+gain, 0, is the best of one update: it does not see that the next ones are off by the same, and leans on them."""
 
 FLOOR = 1e-12
 """Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""
@@ -84,6 +89,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         of each mode's mean; never estimated
     considered: whether gains allow for the columns; if not, these are the sensitivities of a filter that knows of none
     log_likelihood: of the last measurement
+    wary: see `WARY`
     told: (n_modes, m, r): what the directions made of the last innovations
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
@@ -98,6 +104,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     ) -> None:
         self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
         self.considered = True
+        self.wary = WARY
         self.omega: Floats
         self.cbar: Floats
         self.told = self.columns
@@ -171,13 +178,20 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.cbar = np.maximum(self.mu @ self.M, LEAST)
         self.omega = (self.M * np.asarray(self.mu)[:, None]) / self.cbar
 
-    def update_linear(self, z: Floats, H: Floats, R: Floats) -> None:
-        """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError."""
+    def update_linear(self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None) -> None:
+        """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
+
+        shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
+        """
         columns = np.empty_like(self.columns)
-        self.told = H @ self.columns
+        self.told = H @ self.columns if shared is None else H @ self.columns + shared
         for k, f in enumerate(self.filters):
-            total = with_columns(f.P, self.columns[k]) if self.considered else f.P
-            x, P, y, S, K, nis, log_det, definite = joseph_update(f.x, f.P, z, H, R, total)
+            if shared is not None and self.considered:
+                found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.wary)
+            else:
+                total = with_columns(f.P, self.columns[k]) if self.considered else f.P
+                found = joseph_update(f.x, f.P, z, H, R, total)
+            x, P, y, S, K, nis, log_det, definite = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
             f._accept(x, P, (y, S, K))

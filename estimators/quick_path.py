@@ -63,9 +63,9 @@ def quick_tables(tissue: TissueFilter, horizon_s: float) -> QuickPath:
     Raises ValueError for a filter that considers unknown constants: what they will make of the error is left out here.
     """
     model, settings = tissue.model, tissue.settings
-    if model.n_columns:
+    if model.n_constants:
         raise ValueError(
-            f"quick_tables: expected a filter without unknown constants, found {model.n_columns} directions"
+            f"quick_tables: expected a filter without unknown constants, found {model.n_constants} directions"
         )
     cycle = settings.mix_s
     n_times = int(np.ceil(horizon_s / cycle * (1.0 - 1e-6))) + 1
@@ -94,7 +94,10 @@ def quick_path(tables: QuickPath, tissue: TissueFilter, push: Floats | None = No
     level = int(np.abs(np.log(np.maximum(SPEEDS_M_S, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
     dim, k = tables.target.stop - tables.target.start, tables.n_times
     low = np.tril_indices(away.shape[1])
-    S = believed.mu[:, None, None] * (believed.covs + away[:, :, None] * away[:, None, :])
+    covs_now, columns = believed.covs, tissue.mixture.columns
+    if columns.shape[2]:  # a calibration that is off moves as any error of the state
+        covs_now = covs_now + columns @ columns.swapaxes(1, 2)
+    S = believed.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :])
     means = (tables.first[level] @ (believed.mu[:, None] * away).ravel()).reshape(k, dim)
     told = tables.second[level] @ S[:, low[0], low[1]].ravel() + tables.noise[level] @ believed.mu
     a, b = np.tril_indices(dim)

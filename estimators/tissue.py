@@ -65,6 +65,8 @@ class TissueFilter:
     """Where the target is: unscented filters of the tissue, calm, between pokes and poked, mixed by what the marks say.
 
     target: where its position stands in the state
+    n_calibration: how many directions the `shared` of marks has, if what they make of them, the camera's calibration
+        being off, is to be the same in every frame and considered; at 0 it is taken to be drawn anew in each
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and since when it has been refused; counts of what was refused, by node or `fix` (refused), and of
     what was mended (repairs): sigma points `narrowed`, covariances made `definite`, beliefs `doubted` after a
@@ -81,9 +83,13 @@ class TissueFilter:
         settings: FilterSettings | None = None,
         *,
         uncertainty: Uncertainty | None = None,
+        n_calibration: int = 0,
     ) -> None:
         self.settings = FilterSettings() if settings is None else settings
-        self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias)
+        self.n_calibration = n_calibration
+        self.model = TissueModel(
+            network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias, n_calibration=n_calibration
+        )
         self.time_s: float | None = None
         self._updated_s: float | None = None
         self._refuted_s: float | None = None
@@ -270,23 +276,26 @@ class TissueFilter:
             self.restore(now)
         return means, covs
 
-    def expected(self, node: str) -> tuple[Floats, Floats]:
+    def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """Where to look for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
 
+        shared: what the calibration being off moves the mark by, as `MarkMeasurement.shared`; None for the node itself
         The belief of the poked mode, not of the mixture: a poke that begins is improbable before it is seen, and a gate
         drawn by the mixture would shut out the very marks that show it.
         """
         place, filters = self._places[node], self.mixture.filters
         poked = max(range(N_QUIET, len(filters)), key=lambda mode: float(np.trace(filters[mode].P[place, place])))
         columns = self.mixture.columns[poked][place]
+        if shared is not None:
+            columns = columns + self._among_columns(shared)
         return filters[poked].x[place].copy(), filters[poked].P[place, place] + columns @ columns.T
 
-    def struck(self, node: str) -> tuple[Floats, Floats]:
+    def struck(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """As `expected`, were the node struck just after its mark was last taken in.
 
         Before the first marks a node may be anywhere in the network's reach.
         """
-        mean, cov = self.expected(node)
+        mean, cov = self.expected(node, shared)
         if self.seen_s is None or self.time_s is None:
             off = float(np.ptp(self._rest, axis=0).max())
         else:
@@ -318,11 +327,15 @@ class TissueFilter:
         if not taken:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
             return self._estimate(self.time_s, 0, None)
-        z, rows, R = self._stacked(taken)
+        z, rows, R, shared = self._stacked(taken)
         H = np.zeros((len(rows), self.model.dim_x))
         H[range(len(rows)), rows] = 1.0
         before = self.mixture.P
-        y, S = z - self.mixture.x[rows], before[np.ix_(rows, rows)] + R
+        y, S, cross = z - self.mixture.x[rows], before[np.ix_(rows, rows)] + R, before[self.target, rows]
+        if shared is not None:
+            columns = np.einsum("k,kij->ij", self.mixture.mu, self.mixture.columns)
+            S += columns[rows] @ shared.T + shared @ columns[rows].T + shared @ shared.T
+            cross += columns[self.target] @ shared.T
         told = np.linalg.inv(S)
         nis = float(y @ told @ y)
         if anew:
@@ -332,7 +345,7 @@ class TissueFilter:
             self._marks_seen_s = dict.fromkeys(self._marked, self.time_s)
             self.health = after_frame(self.health, self.time_s, 0.0, 0, self.settings)
             return self._estimate(self.time_s, len(taken), nis)
-        self.mixture.update_linear(z, H, R)
+        self.mixture.update_linear(z, H, R, shared)
         self.log_likelihood += self.mixture.log_likelihood
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(y, R / self.marks_scale.scale, S - R, dt)
@@ -343,9 +356,7 @@ class TissueFilter:
             self._refuted_s = self.time_s
             self._doubted(taken, again=again)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
-        return self._estimate(
-            self.time_s, len(taken), nis, self._carried(before[self.target, rows] @ told, told, taken)
-        )
+        return self._estimate(self.time_s, len(taken), nis, self._carried(cross @ told, told, taken))
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
@@ -393,9 +404,10 @@ class TissueFilter:
 
     def _distance(self, mark: MarkMeasurement) -> float:
         """Squared Mahalanobis distance of a mark from where the node may be, had it been struck."""
-        mean, cov = self.struck(mark.node)
+        known = mark.shared if self.n_calibration else None
+        mean, cov = self.struck(mark.node, known)
         y = mark.position - mean
-        return float(y @ np.linalg.solve(cov + mark.total_cov, y))
+        return float(y @ np.linalg.solve(cov + (mark.total_cov if known is None else mark.cov), y))
 
     def _check(self, marks: Sequence[MarkMeasurement]) -> None:
         dim = self.model.network.dim
@@ -406,6 +418,14 @@ class TissueFilter:
                 )
             if len(mark.position) != dim:
                 raise ValueError(f"mark {mark.node} position: expected shape {(dim,)}, found {mark.position.shape}")
+            if self.n_calibration and mark.shared is not None and mark.shared.shape[1] != self.n_calibration:
+                raise ValueError(
+                    f"mark {mark.node} shared: expected {self.n_calibration} directions, found {mark.shared.shape[1]}"
+                )
+
+    def _among_columns(self, shared: Floats) -> Floats:
+        """What the calibration moves marks by, (m, n_calibration), with the columns that move none before it."""
+        return np.hstack([np.zeros((len(shared), self.model.n_constants)), shared])
 
     def _estimate(
         self, time_s: float, marks_used: int, nis: float | None, carried: dict[str, float] | None = None
@@ -440,18 +460,25 @@ class TissueFilter:
             carried[mark.node] = float(np.sum(gain[:, own] * np.linalg.solve(told[own, own], gain[:, own].T).T)) / left
         return carried
 
-    def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
-        """Positions of the marks, their rows of the state, and their covariance: (m,), m, (m, m)."""
+    def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats, Floats | None]:
+        """Positions of the marks, their rows of the state, and their covariance: (m,), m, (m, m).
+
+        And what each column moves them by, (m, n_columns), where a calibration is considered; else None.
+        """
         z = np.concatenate([mark.position for mark in marks])
         rows = [i for mark in marks for i in range(self._places[mark.node].start, self._places[mark.node].stop)]
         R, dim = np.zeros((len(z), len(z))), self.model.network.dim
         for k, mark in enumerate(marks):
             own = slice(k * dim, (k + 1) * dim)
             R[own, own] = mark.cov
+        if self.n_calibration:
+            none = np.zeros((dim, self.n_calibration))
+            shared = np.concatenate([none if mark.shared is None else mark.shared for mark in marks])
+            return z, rows, R, self._among_columns(shared)
         if all(mark.shared is not None for mark in marks):
             shared = np.concatenate([mark.shared for mark in marks if mark.shared is not None])
             R += shared @ shared.T
-        return z, rows, R
+        return z, rows, R, None
 
     def _doubted(self, marks: Sequence[MarkMeasurement], *, again: bool) -> None:
         """What is done about a belief that these marks refuted, first, and when within settle_s the next one is, too.
@@ -464,30 +491,31 @@ class TissueFilter:
             self._start_at(marks, doubt=DOUBT**2)
             return
         self.repairs["doubted"] += 1
-        z, rows, R = self._stacked(marks)
+        z, rows, R, shared = self._stacked(marks)
         H = np.zeros((len(rows), self.model.dim_x))
         H[range(len(rows)), rows] = 1.0
         columns = np.einsum("k,kij->ij", self.mixture.mu, self.mixture.columns)
         self.mixture.restart(self.mixture.x, self.mixture.P + DOUBT * self._start_cov, columns)
-        self.mixture.update_linear(z, H, R)
+        self.mixture.update_linear(z, H, R, shared)
 
     def _start_at(self, marks: Sequence[MarkMeasurement], doubt: float = 1.0) -> None:
         """Believe the tissue to rest as these marks hold it; where it has no such rest, to rest, and take them in.
 
         Far from its rest shape a Kalman update would go along straight lines where the tissue turns. The shape in which
         it rests with the marked nodes held at z is a nonlinear estimate with the gain G = d(shape)/dz; its error is
-        (I - G H) times that of the start, less G times that of the marks, and so is its covariance (Joseph's form).
+        (I - G H) times that of the start, less G times that of the marks, and so are its covariance (Joseph's form) and
+        columns.
         doubt: a factor on the covariance of the start.
         """
         network = self.model.network
-        z, rows, R = self._stacked(marks)
+        z, rows, R, shared = self._stacked(marks)
         try:
             shape = shape_held(network, {mark.node: mark.position for mark in marks})
         except NetworkError:
             self._start_from(self._rest)
             H = np.zeros((len(rows), self.model.dim_x))
             H[range(len(rows)), rows] = 1.0
-            self.mixture.update_linear(z, H, R)
+            self.mixture.update_linear(z, H, R, shared)
             return
         self._start_from(shape)
         K = stiffness_matrix(network, shape)
@@ -498,4 +526,7 @@ class TissueFilter:
         keep = np.eye(self.model.dim_x)
         keep[:, rows] -= G
         P = doubt * keep @ self.mixture.filters[0].P @ keep.T + G @ R @ G.T
-        self.mixture.restart(self.mixture.x, 0.5 * (P + P.T), self.model.resting_columns(shape, rows))
+        columns = self.model.resting_columns(shape, rows)
+        if shared is not None:
+            columns -= G @ shared
+        self.mixture.restart(self.mixture.x, 0.5 * (P + P.T), columns)

@@ -71,6 +71,8 @@ class TissueModel:
     """Process model of a network whose marked nodes are poked by unknown forces.
 
     uncertainty: directions in which the network's constants are not known; each makes a column of the error
+    n_calibration: directions in which the camera's calibration may be off; their columns come after those and are
+        moved by no force of their own
     bias: of fixes of the target, if there are to be any
     dim_x: the network's state, one poke for each coordinate of a marked node, and the bias
     push: the known force that acts while points are moved, None where there is none
@@ -83,6 +85,7 @@ class TissueModel:
         *,
         uncertainty: Uncertainty | None = None,
         bias: FixBias | None = None,
+        n_calibration: int = 0,
     ) -> None:
         self.network = network
         self.stepper = Stepper(network, LONGEST_STEP)
@@ -96,7 +99,8 @@ class TissueModel:
         self._asked: tuple[Sequence[ForceMode], Floats] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
-        self.n_columns = 0 if uncertainty is None else len(uncertainty.directions)
+        self.n_constants = 0 if uncertainty is None else len(uncertainty.directions)
+        self.n_columns = self.n_constants + n_calibration
         self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
@@ -129,17 +133,18 @@ class TissueModel:
         """What constants off by one standard deviation along each direction make of the error, dt seconds later.
 
         means (n_modes, dim_x), columns (n_modes, dim_x, n_columns). A constant that is off is a force beside the
-        model's; the shift is taken as it is, not as a derivative.
+        model's; the shift is taken as it is, not as a derivative. A calibration that is off is no force.
         """
-        if self._forces is None or self.uncertainty is None:
+        if not self.n_columns:
             return columns
         n = self.network.n_state
         base = self._moved(means[:, None], dt, modes, 0.0)
-        outside = np.empty((len(means), columns.shape[2], n // 2))
-        for k, mean in enumerate(means):
-            # of the start and the end of the step: held from the start on, it would lag by half a step
-            ends = self._forces(mean[:n]) + self._forces(base[k, 0, :n])
-            outside[k] = 0.5 * self.uncertainty.directions @ ends
+        outside = np.zeros((len(means), columns.shape[2], n // 2))
+        if self._forces is not None and self.uncertainty is not None:
+            for k, mean in enumerate(means):
+                # of the start and the end of the step: held from the start on, it would lag by half a step
+                ends = self._forces(mean[:n]) + self._forces(base[k, 0, :n])
+                outside[k, : self.n_constants] = 0.5 * self.uncertainty.directions @ ends
         moved = self._moved(means[:, None] + columns.swapaxes(1, 2), dt, modes, outside)
         return (moved - base).swapaxes(1, 2)
 
@@ -170,7 +175,7 @@ class TissueModel:
         others = np.setdiff1d(np.arange(half), np.asarray(held, dtype=int))
         forces = self.uncertainty.directions @ self._forces(state)
         K = stiffness_matrix(self.network, shape)
-        columns[others] = np.linalg.solve(K[np.ix_(others, others)], forces[:, others].T)
+        columns[others, : self.n_constants] = np.linalg.solve(K[np.ix_(others, others)], forces[:, others].T)
         return columns
 
     def noise(self, dt: float, mode: ForceMode) -> Floats:

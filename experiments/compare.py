@@ -86,7 +86,12 @@ def _smoothed(done: Track, advance: Advance) -> tuple[Step, ...]:
     scene = done.recording.scene
     measured = frozenset(scene.measured_nodes)
     tissue = TissueFilter(
-        scene.network, scene.target.node, scene.measured_nodes, scene.settings, uncertainty=scene.uncertainty
+        scene.network,
+        scene.target.node,
+        scene.measured_nodes,
+        scene.settings,
+        uncertainty=scene.uncertainty,
+        n_calibration=scene.n_calibration,
     )
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps

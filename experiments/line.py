@@ -60,8 +60,10 @@ class Line:
             settings = replace(settings, fix_bias=USUAL_BIAS)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
         told = scene.network, scene.target.node, measured, settings
-        self.checks = LeaveOneOut(*told, uncertainty=scene.uncertainty) if check else None
-        self.filter = TissueFilter(*told, uncertainty=scene.uncertainty) if self.checks is None else self.checks.tissue
+        made = LeaveOneOut if check else TissueFilter
+        filters = made(*told, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
+        self.checks = filters if isinstance(filters, LeaveOneOut) else None
+        self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
         self.identity = Identity(self.filter, scene.nodes_alike)
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
@@ -110,9 +112,11 @@ class Line:
         shared = camera.calibration_error(positions) if len(camera.calibration) else [None] * len(marks)
         return tuple(MarkMeasurement(m.node, positions[k], covs_m[k], shared[k]) for k, m in enumerate(marks))
 
-    def _looked_for(self, node: str, belief: Callable[[str], tuple[Floats, Floats]]) -> vision.Expected:
+    def _looked_for(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> vision.Expected:
         camera, mark = self.scene.cameras[0], self._marks[node]
         mean, cov = belief(node)
+        if len(camera.calibration):
+            mean, cov = belief(node, camera.calibration_error(mean[None])[0])
         center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
         outline = vision.Outline(camera.disc_shape(mean, mark.diameter_m / 2.0), SIZE_SD, mark.even)
         return vision.Expected(node, center_px, cov_px2, mark.hue_deg, outline)

@@ -6,6 +6,7 @@ State lives in `Session`: the line, the rows written so far, and what the person
 from __future__ import annotations
 
 import csv
+import shutil
 import sys
 import time
 from collections import Counter
@@ -17,12 +18,14 @@ from pathlib import Path
 import numpy as np
 
 import vision
-from estimators import MarkMeasurement, TargetEstimate, after_frame
+from estimators import Guidance, MarkMeasurement, TargetEstimate, after_frame
 from experiments.errors import InputError
 from experiments.estimate_rows import header, row
 from experiments.events import tell, tell_swap
 from experiments.frame_sources import open_source
 from experiments.line import FILTER, Line
+from experiments.live_advice import LiveAdvice, words
+from experiments.needle_file import NeedlePlan, read_needle
 from experiments.outputs import output_folder
 from experiments.scene import Scene
 
@@ -32,6 +35,7 @@ COAST_S = 0.1
 """How long a frame is waited for before the target is told without one [s]; chosen."""
 BEHIND_S, BEHIND_FRAMES = 0.25, 2.0
 """The filter goes on without a frame that is late by so long [s] and so many frame intervals; chosen."""
+ADVICE = "advice.csv"
 UNKNOWN_S = 2.0
 """By so long before two frames told the interval: a slow camera's must not always be late; chosen."""
 
@@ -39,12 +43,24 @@ UNKNOWN_S = 2.0
 class Session:
     """One live run.
 
-    State: the line, rows of estimates.csv written so far; frames, statuses, rows without a frame, late frames counted.
+    needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
+    State: the line, rows of estimates.csv written so far; frames, statuses, rows without a frame, late frames counted;
+    the advice.
     """
 
-    def __init__(self, scene: Scene, rows: Path, show: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        rows: Path,
+        show: Callable[[str], None],
+        *,
+        needle: NeedlePlan | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         _warm_up(scene)
         self.line = Line(scene, baseline=False)
+        self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE))
+        self._clock = clock
         self.n_frames = self.n_coasted = self.n_unused = 0
         self.statuses: Counter[str] = Counter()
         self.latencies_ms: list[float] = []
@@ -80,10 +96,11 @@ class Session:
             tell_swap(step.swap)
         estimate = step.estimates[FILTER]
         self._write(estimate)
-        latency_ms = 1e3 * (time.monotonic() - frame.exposure_s)
+        said = None if self.advice is None else self.advice.seen(self.line.filter, estimate, self._clock())
+        latency_ms = 1e3 * (self._clock() - frame.exposure_s)
         self.latencies_ms.append(latency_ms)
         self.n_frames += 1
-        self._show(told(estimate, self._fps, latency_ms))
+        self._show(told(estimate, self._fps, latency_ms, said))
         return True
 
     def coast(self, now_s: float) -> None:
@@ -102,7 +119,8 @@ class Session:
         if now_s > tissue.time_s:
             status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
             ahead = replace(tissue.predict_at(now_s), status=status)
-            self._show(told(ahead, self._fps, 1e3 * (now_s - self._last_s)))
+            said = None if self.advice is None else self.advice.unseen(tissue, now_s)
+            self._show(told(ahead, self._fps, 1e3 * (now_s - self._last_s), said))
 
     def _write(self, estimate: TargetEstimate) -> None:
         self._csv.writerow(row(estimate))
@@ -110,8 +128,15 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def close(self) -> None:
-        """End the table."""
+        """End the tables."""
         self._file.close()
+        if self.advice is not None:
+            self.advice.close()
+
+    @property
+    def wait_s(self) -> float:
+        """How long a frame is waited for before the target is told without one [s]: not until advice is stale."""
+        return COAST_S if self.advice is None else min(COAST_S, self.advice.plan.settings.stale_s)
 
 
 def _warm_up(scene: Scene) -> None:
@@ -127,10 +152,16 @@ def _warm_up(scene: Scene) -> None:
     line.see(3 / 30.0, image)
 
 
-def told(estimate: TargetEstimate, fps: float | None, latency_ms: float) -> str:
-    """The line that renews itself: time, target, sigma, status, frames per second, latency."""
+def told(estimate: TargetEstimate, fps: float | None, latency_ms: float, said: Guidance | None = None) -> str:
+    """The line that renews itself: time, target, sigma, status, frames per second, latency.
+
+    With advice: time, status, latency, sigma, and the advice.
+    """
     place = ", ".join(f"{1e3 * x:7.2f}" for x in estimate.mean)
     sigma = np.nan if estimate.cov is None else 1e3 * np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])
+    if said is not None:
+        ms = f"{latency_ms:4.0f} ms"
+        return f"{estimate.time_s:10.2f} s  {estimate.status:<8} {ms}  sigma {sigma:.2f} mm  {words(said)}"
     rate = "  – " if fps is None else f"{fps:4.0f}"
     return (
         f"{estimate.time_s:10.2f} s  target ({place}) mm  sigma {sigma:5.2f} mm  {estimate.status:<8}"
@@ -145,12 +176,14 @@ def live(
     *,
     duration_s: float | None = None,
     fps: float | None = None,
+    needle_path: Path | None = None,
     force: bool = False,
 ) -> None:
     """Follow the target until the source ends, the duration is over or Ctrl-C; then write estimates.csv.
 
     Rows are written as they come, in a folder beside `out` that takes its name at the end. While no frame comes the
-    target is predicted; what happens to the source is told on standard error. Raises InputError.
+    target is predicted; what happens to the source is told on standard error. With a needle's file there is advice on
+    it, too, in the line that is shown and in advice.csv. Raises InputError.
     """
     folder_path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
     name = f"--source {vision.shown_source(source)}"
@@ -159,8 +192,9 @@ def live(
     with frames:
         if scene is None:
             raise InputError.at(name, "--scene scene.toml beside it", "none")
+        plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
         with output_folder(folder_path, force=force) as folder, status_line() as show:
-            session = Session(scene, folder / "estimates.csv", show)
+            session = Session(scene, folder / "estimates.csv", show, needle=plan)
             try:
                 follow(session, frames, np.inf if duration_s is None else duration_s)
             except KeyboardInterrupt:
@@ -181,6 +215,9 @@ def live(
         f"latency median {np.median(session.latencies_ms):.1f} ms, worst {max(session.latencies_ms):.1f} ms"
     )
     print(f"Estimates in {folder_path / 'estimates.csv'}")
+    if session.advice is not None:
+        said = ", ".join(f"{name} {n}" for name, n in session.advice.counts.items())
+        print(f"Advice in {folder_path / ADVICE}: {said}")
     if fault is not None:
         raise InputError(f"{name}: {fault}")
 
@@ -191,7 +228,7 @@ def follow(
     """Take frames as they come, and coast where none does, until they end or for so long [s] by their clock."""
     began = clock()
     while not frames.ended and clock() - began < duration_s:
-        frame = frames.next(COAST_S)
+        frame = frames.next(session.wait_s)
         tell_events(frames)
         if (frame is None or not session.take(frame)) and not frames.ended:
             session.coast(clock())
@@ -212,7 +249,7 @@ def status_line() -> Iterator[Callable[[str], None]]:
     def show(text: str) -> None:
         nonlocal last
         if terminal:
-            sys.stdout.write(f"\r{text}\x1b[K")
+            sys.stdout.write(f"\r{text[: shutil.get_terminal_size().columns - 1]}\x1b[K")
             sys.stdout.flush()
         elif time.monotonic() - last >= 1.0:
             last = time.monotonic()

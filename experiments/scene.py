@@ -117,6 +117,11 @@ class Scene:
             raise SceneError(f"{key}: expected a free node ({why}), found the anchor {shown(node)}")
 
     @property
+    def n_calibration(self) -> int:
+        """In how many directions the calibration of the camera that is looked through may be off."""
+        return len(self.cameras[0].calibration) if self.cameras else 0
+
+    @property
     def measured_nodes(self) -> tuple[str, ...]:
         """Nodes whose marks the filters may use, in the order of the marks."""
         return tuple(mark.node for mark in self.marks if mark.measured)

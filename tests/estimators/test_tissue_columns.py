@@ -13,6 +13,20 @@ SMALL = 1e-3
 MODE = ForceMode(white=0.0, poke=0.0, lasting_s=0.2)
 
 
+@pytest.mark.parametrize("constants", [0, 2])
+def test_columns_of_a_calibration_move_as_errors_do(phantom, rest_state, constants):
+    """Under no force of their own: what is put beside a moving state stays the difference of two motions."""
+    unsure = independent(parameters(phantom, ("stiffness",))[:2], 0.1) if constants else None
+    model = TissueModel(phantom, OUTER, uncertainty=unsure, n_calibration=3)
+    mean = np.r_[rest_state + np.random.default_rng(0).normal(0.0, 0.02, 16), np.zeros(6)]
+    columns = np.random.default_rng(1).normal(0.0, 1e-3, (22, constants + 3))
+    moved = model.carried(mean[None], columns[None], 1 / 120, (MODE,))[0]
+    ends = model.propagate(np.vstack([mean, mean + columns.T]), 1 / 120, MODE)
+    assert model.n_columns == constants + 3
+    np.testing.assert_allclose(moved[:, constants:], (ends[1:] - ends[0]).T[:, constants:], rtol=0, atol=1e-14)
+    assert np.abs(moved - columns)[:8, constants:].max() > 1e-6
+
+
 @pytest.mark.parametrize("kind", ["stiffness", "rest_length", "damping", "drag", "friction"])
 def test_columns_are_what_changed_constants_do_to_the_motion(phantom, kind):
     """0.1 s of a moving phantom by DOP853 with and without the change: within 8 % of the largest shift.

@@ -76,7 +76,9 @@ def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> No
         at = scene.network.positions[scene.network.index(mark.node)]
         size = np.linalg.norm(camera.disc_shape(at, mark.diameter_m / 2.0), axis=1)
         discs.append(vision.Disc(camera.project(at[None])[0], (size[0], size[1]), mark.hue_deg))
-    step = Line(scene, baseline=False).see(0.0, vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng))
+    line = Line(scene, baseline=False)
+    assert line.filter.model.n_columns == scene.n_calibration == 1
+    step = line.see(0.0, vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng))
     assert len(step.marks) == len(scene.marks)
     for mark in step.marks:
         assert mark.shared is not None
@@ -84,3 +86,7 @@ def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> No
         # a camera that stands half a percent further off, by 8 mm of 1.8 m, sees the same with a lens as much longer
         np.testing.assert_allclose(mark.shared, camera.calibration_error(at[None])[0], rtol=0.05, atol=1e-5)
         assert np.abs(mark.position - at).max() < 1e-3
+        mean, _ = line.filter.expected(mark.node)
+        _, cov = line.filter.expected(mark.node, camera.calibration_error(mean[None])[0])
+        found = line._looked_for(mark.node, line.filter.expected).cov_px2
+        np.testing.assert_allclose(found, camera.cov_to_px(mean[None], cov[None])[0], rtol=1e-9)
