@@ -44,6 +44,8 @@ from vision import (
 Floats = NDArray[np.float64]
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
+FIRST_SEED = 1_000
+"""Seeds below were used to choose figures by; the study's are from this one on."""
 VISIBLE = 0.5
 """Share of a mark that must be seen for it to count as visible."""
 FALSE_PX = 4.0
@@ -167,8 +169,9 @@ def study(n_runs: int, n_frames: int, out: Path, n_processes: int = 2) -> dict[s
     tables = []
     for level in LEVELS:
         parts = []
+        seeds = range(FIRST_SEED, FIRST_SEED + n_runs)
         with ProcessPoolExecutor(n_processes) as pool:
-            for k, part in enumerate(pool.map(partial(run, level=level, n_frames=n_frames), range(n_runs))):
+            for k, part in enumerate(pool.map(partial(run, level=level, n_frames=n_frames), seeds)):
                 parts.append(part)
                 sys.stderr.write(f"\r{level}: {k + 1} of {n_runs} runs ")
         sys.stderr.write("\n")

@@ -15,6 +15,7 @@ from vision.detection import Detection, HueError
 from vision.following import FollowedHue
 from vision.hues import MarkHue
 from vision.identify import GATE, Expected, Identified, identify, squared_distance
+from vision.known_looks import KnownLooks
 from vision.look_at import look_at
 from vision.outline import Outline
 from vision.quick import mark_alone
@@ -46,12 +47,14 @@ class MarkFinder:
 
     hues: of the marks, by the nominal hue that `Expected` bears
     Frames are searched around the expected places only, and wholly at the start and when a mark is missing.
-    State: colours as followed; the names of the marks missed in the last frame, None before the first.
+    State: colours as followed; what marks looked like; the names of those missed in the last frame, None before the
+    first.
     """
 
     def __init__(self, hues: Iterable[MarkHue]) -> None:
         self.hues = {hue.hue_deg: FollowedHue(hue) for hue in hues}
         self.missed: set[str] | None = None
+        self._looks = KnownLooks()
 
     def find(
         self, frame_bgr: Image, expected: Sequence[Expected], struck: Callable[[str], Expected] | None = None
@@ -69,6 +72,7 @@ class MarkFinder:
                 found = self._near(frame_bgr, expected, regions)
         if len(found) < len(expected):
             found = self._anywhere(self._in_all(frame_bgr, expected), expected, struck)
+        found = self._looks.compared(frame_bgr, expected, found, lambda seen: self.hues[seen.hue_deg].fits(seen))
         if len(found) < len(expected):
             found += self._by_rim(frame_bgr, expected, found)
         found = _certain(found, expected)
@@ -78,9 +82,9 @@ class MarkFinder:
         return found
 
     def _by_rim(self, frame_bgr: Image, expected: Sequence[Expected], found: Sequence[Identified]) -> list[Identified]:
-        """Marks that are missing still, where a rim of the right colour is about where they are expected."""
+        """Marks that are missing and of unknown looks, where a rim of their colour is about where they are expected."""
         names = {f.name for f in found}
-        missing = [one for one in expected if one.name not in names]
+        missing = [one for one in expected if one.name not in names and one.name not in self._looks]
         if not missing:
             return []
         seen = [d for one in missing if (d := look_at(frame_bgr, one)) is not None and self.hues[d.hue_deg].fits(d)]

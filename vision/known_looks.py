@@ -1,0 +1,153 @@
+"""Marks that are partly covered, or missing, compared with how they looked before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.appearance import Appearance, Place
+from vision.coverage import PAD_PX
+from vision.detection import Detection
+from vision.identify import Expected, Identified
+
+Image = NDArray[np.uint8]
+
+CLEAR_PX2 = 0.3**2
+"""Variance below which the centre of something that nothing covers is a mark's, beyond doubt; chosen."""
+WHOLE_PX2 = 0.5**2
+"""The same from which on it is not kept as what the mark looks like; chosen."""
+UNTOLD_PX2 = 0.6**2
+"""And above which something that is not clear, and cannot be compared with anything, is no mark; chosen."""
+FORGOTTEN = 150
+"""Frames after which a mark that was not clearly seen may look different; chosen."""
+GAINS = (0.6, 0.72, 0.85, 1.0, 1.18, 1.4)
+"""By how much brighter a mark may be than another of its kind; chosen."""
+
+SCORE, SHARE = 0.55, 0.7
+"""Score, and share of its pixels, from which on a place that looks like a mark is one; chosen."""
+FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
+"""Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
+BORROWED_SCORE = 0.7
+"""Score of a missing mark where only another of its kind is known, and nothing around it may look like it; chosen."""
+SURE_SCORE = 0.9
+"""Score from which on a place is the mark whatever its colour; chosen."""
+NEAR_PX = 3.0
+"""As far as this a centre may be off the place that looks most like the mark; chosen."""
+NEAR_SCORE, MERGED = 0.45, 0.65
+"""Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
+CENTER_SD_PX = 0.7
+"""Standard deviation of the centre of a place; measured on drawn frames."""
+
+
+class KnownLooks:
+    """What the marks of a scene looked like, by name, those of one even colour whose outline is known.
+
+    State: an appearance for each that was clearly seen in the last FORGOTTEN frames.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, Appearance] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._known
+
+    def compared(
+        self,
+        frame_bgr: Image,
+        expected: Sequence[Expected],
+        found: Sequence[Identified],
+        fits: Callable[[Detection], bool],
+    ) -> list[Identified]:
+        """The marks found, put right or left out where the picture does not look like them, and those missed.
+
+        fits: whether a detection's colour may be that of its kind
+        """
+        where = {one.name: one for one in expected}
+        kept: list[Identified] = []
+        odd: list[Identified] = []
+        for one in found:
+            if _is_clear(one.detection) or not _is_even(where[one.name]):
+                kept.append(one)
+                self._remember(frame_bgr, one, where[one.name])
+            else:
+                odd.append(one)
+        for one in odd:
+            better = self._checked(frame_bgr, where[one.name], one.detection)
+            if better is one.detection:
+                self._remember(frame_bgr, one, where[one.name])
+            if better is one.detection or (better is not None and fits(better)):
+                kept.append(Identified(one.name, better))
+        names = {one.name for one in found}
+        for each in expected:
+            seen = None if each.name in names else self._sought(frame_bgr, each, fits)
+            if seen is not None and all(_apart(seen, other.detection) for other in kept):
+                kept.append(Identified(each.name, seen))
+        self._forget()
+        return kept
+
+    def _remember(self, frame_bgr: Image, one: Identified, expected: Expected) -> None:
+        seen = one.detection
+        if seen.covered or seen.clipped or _variance(seen) > WHOLE_PX2 or not _is_even(expected):
+            return
+        look = self._known.setdefault(one.name, Appearance(expected.hue_deg))
+        assert expected.outline is not None
+        look.remember(frame_bgr, seen.center_px, expected.outline)
+
+    def _forget(self) -> None:
+        for look in self._known.values():
+            look.unseen += 1
+        self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
+
+    def _place(self, frame_bgr: Image, one: Expected) -> Place | None:
+        """Where it looks like this mark as it was, or else like another of its kind."""
+        if one.name in self._known:
+            return self._known[one.name].place(frame_bgr, one)
+        other = next((look for look in self._known.values() if look.hue_deg == one.hue_deg), None)
+        return None if other is None else other.place(frame_bgr, one, GAINS)
+
+    def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
+        """A mark that is missing, where the picture looks like it."""
+        place = self._place(frame_bgr, one) if _is_even(one) else None
+        if place is None or place.score < SCORE or place.share < (FREE_SHARE if place.around < FREE else SHARE):
+            return None
+        if one.name not in self._known and (place.score < BORROWED_SCORE or place.around > 0.0):
+            return None
+        seen = _seen_at(place, one)
+        sure = one.name in self._known and place.score >= SURE_SCORE
+        return seen if sure or fits(seen) else None
+
+    def _checked(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
+        """What was found, where the picture looks like the mark; or the mark where it does; None where nowhere."""
+        place = self._place(frame_bgr, one)
+        if place is None:
+            return seen if _variance(seen) <= UNTOLD_PX2 else None
+        if np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX:
+            return seen if place.score >= NEAR_SCORE and place.around <= MERGED else None
+        least_score, least_share = (FREE_SCORE, FREE_SHARE) if place.around < FREE else (SCORE, SHARE)
+        return _seen_at(place, one) if place.score >= least_score and place.share >= least_share else None
+
+
+def _seen_at(place: Place, one: Expected) -> Detection:
+    assert one.outline is not None
+    area = place.share * one.outline.area_px
+    return Detection(place.center_px, CENTER_SD_PX**2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
+
+
+def _is_even(one: Expected) -> bool:
+    return one.outline is not None and one.outline.even
+
+
+def _is_clear(seen: Detection) -> bool:
+    """Whether this is a whole mark, beyond doubt."""
+    return not seen.covered and not seen.clipped and _variance(seen) <= CLEAR_PX2
+
+
+def _variance(seen: Detection) -> float:
+    return float(max(seen.cov_px2[0, 0], seen.cov_px2[1, 1]))
+
+
+def _apart(a: Detection, b: Detection) -> bool:
+    """Whether two detections are of different marks."""
+    return float(np.hypot(*(a.center_px - b.center_px))) > PAD_PX
