@@ -56,6 +56,7 @@ class Place:
     center_px: [px], (2,)
     score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that look like
     it; around: how much the ring around it does, from -1 to 1; color_bgr: median of the pixels that look like it
+    there: the score of another place that was asked for
     """
 
     center_px: Floats
@@ -63,6 +64,7 @@ class Place:
     share: float
     around: float
     color_bgr: tuple[float, ...]
+    there: float = -np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,10 +109,17 @@ class Appearance:
             self._kept.append((view, center_px - (u, v) + half))
             self.unseen = 0
 
-    def place(self, frame_bgr: Image, expected: Expected, gains: Sequence[float] = (1.0,)) -> Place | None:
+    def place(
+        self,
+        frame_bgr: Image,
+        expected: Expected,
+        gains: Sequence[float] = (1.0,),
+        there_px: Floats | None = None,
+    ) -> Place | None:
         """Where it looks most like the mark about where that is expected.
 
         gains: how much brighter the mark may be, any of these
+        there_px: another place, whose score is asked for, (2,)
         None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
         """
         outline = expected.outline
@@ -144,7 +153,12 @@ class Appearance:
         alike = _squared(pixels, gains[k] * look.colors, look.sd) < 1.0
         color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
         share, around = (float(x) for x in told[k, 1:, j, i])
-        return Place(center, float(score[k, j, i]), share, around, tuple(color.tolist()))
+        there = -np.inf
+        if there_px is not None:
+            x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
+            if 0 <= x < score.shape[2] and 0 <= y < score.shape[1]:
+                there = float(score[k, y, x])
+        return Place(center, float(score[k, j, i]), share, around, tuple(color.tolist()), there)
 
     def _look(self, outline: Outline) -> _Look:
         """The median of the views kept, of the size of this outline."""

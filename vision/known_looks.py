@@ -12,13 +12,14 @@ from vision.coverage import PAD_PX
 from vision.detection import Detection
 from vision.identify import Expected, Identified
 
+Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 CLEAR_PX2 = 0.3**2
 """Variance below which the centre of something that nothing covers is a mark's, beyond doubt; chosen."""
 WHOLE_PX2 = 0.5**2
 """The same from which on it is not kept as what the mark looks like; chosen."""
-UNTOLD_PX2 = 0.6**2
+UNTOLD_PX2 = 0.6
 """And above which something that is not clear, and cannot be compared with anything, is no mark; chosen."""
 FORGOTTEN = 150
 """Frames after which a mark that was not clearly seen may look different; chosen."""
@@ -35,6 +36,8 @@ SURE_SCORE = 0.9
 """Score from which on a place is the mark whatever its colour; chosen."""
 NEAR_PX = 3.0
 """As far as this a centre may be off the place that looks most like the mark; chosen."""
+AS_GOOD = 0.2
+"""What was found may have so much less of a score than the best place, and is believed; chosen."""
 NEAR_SCORE, MERGED = 0.45, 0.65
 """Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
 CENTER_SD_PX = 0.7
@@ -100,12 +103,12 @@ class KnownLooks:
             look.unseen += 1
         self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
 
-    def _place(self, frame_bgr: Image, one: Expected) -> Place | None:
+    def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
         """Where it looks like this mark as it was, or else like another of its kind."""
         if one.name in self._known:
-            return self._known[one.name].place(frame_bgr, one)
+            return self._known[one.name].place(frame_bgr, one, there_px=there_px)
         other = next((look for look in self._known.values() if look.hue_deg == one.hue_deg), None)
-        return None if other is None else other.place(frame_bgr, one, GAINS)
+        return None if other is None else other.place(frame_bgr, one, GAINS, there_px)
 
     def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
         """A mark that is missing, where the picture looks like it."""
@@ -120,11 +123,16 @@ class KnownLooks:
 
     def _checked(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
         """What was found, where the picture looks like the mark; or the mark where it does; None where nowhere."""
-        place = self._place(frame_bgr, one)
+        if one.name not in self._known and not seen.covered and _variance(seen) <= WHOLE_PX2:
+            return seen
+        place = self._place(frame_bgr, one, seen.center_px)
         if place is None:
             return seen if _variance(seen) <= UNTOLD_PX2 else None
         if np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX:
-            return seen if place.score >= NEAR_SCORE and place.around <= MERGED else None
+            alone = place.around < FREE and place.share >= FREE_SHARE
+            return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
+        if place.there >= max(place.score - AS_GOOD, NEAR_SCORE):
+            return seen
         least_score, least_share = (FREE_SCORE, FREE_SHARE) if place.around < FREE else (SCORE, SHARE)
         return _seen_at(place, one) if place.score >= least_score and place.share >= least_share else None
 
