@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,10 +132,17 @@ class KnownLooks:
         if np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX:
             alone = place.around < FREE and place.share >= FREE_SHARE
             return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
-        if place.there >= max(place.score - AS_GOOD, NEAR_SCORE):
+        if self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
             return seen
         least_score, least_share = (FREE_SCORE, FREE_SHARE) if place.around < FREE else (SCORE, SHARE)
         return _seen_at(place, one) if place.score >= least_score and place.share >= least_share else None
+
+    def _score_there(self, frame_bgr: Image, one: Expected, seen: Detection, best: Place) -> float:
+        """How much the place of something looks like the mark, though it be further away than was looked."""
+        if np.isfinite(best.there):
+            return best.there
+        there = self._place(frame_bgr, replace(one, center_px=seen.center_px, cov_px2=np.eye(2)))
+        return -np.inf if there is None else there.score
 
 
 def _seen_at(place: Place, one: Expected) -> Detection:

@@ -1,0 +1,154 @@
+"""Where a picture looks like a mark as it was: against places drawn, and against the score written out."""
+
+import cv2
+import numpy as np
+import pytest
+
+from vision import Disc, Expected, Lighting, Outline, draw_frame
+from vision.appearance import AROUND, BLUR_PX, HIDDEN, INNER, KEPT, LEAST_SD, MATCH, OUTER, SHADE, WIDE_PX, Appearance
+
+SIZE, RADIUS = (200, 160), 9.0
+OUTLINE = Outline(RADIUS * np.eye(2), 0.05)
+BLOOD = {"hue_deg": 0.0, "saturation": 0.9, "value": 0.45}
+
+
+def frame(rng: np.random.Generator, *discs: Disc, light: Lighting | None = None) -> np.ndarray:
+    return draw_frame(SIZE, discs, light or Lighting(), rng)
+
+
+def mark(at: tuple[float, float]) -> Disc:
+    return Disc(np.array(at), (RADIUS, RADIUS), 0.0)
+
+
+def expected(at: tuple[float, float], sd: float = 3.0) -> Expected:
+    return Expected("M1", np.array(at), sd**2 * np.eye(2), 0.0, OUTLINE)
+
+
+def known(rng: np.random.Generator, n: int = KEPT) -> Appearance:
+    look = Appearance(0.0)
+    for k in range(n):
+        at = (60.0 + 1.3 * k, 70.0 + 0.4 * k)
+        look.remember(frame(rng, mark(at)), np.array(at), OUTLINE)
+    return look
+
+
+def test_a_whole_mark_is_placed_between_the_pixels() -> None:
+    rng = np.random.default_rng(1)
+    look, off = known(rng), []
+    for _ in range(20):
+        at = np.array([100.0, 80.0]) + rng.uniform(-0.5, 0.5, 2)
+        place = look.place(frame(rng, mark(tuple(at))), expected((102.0, 78.0)))
+        off.append(place.center_px - at)
+        assert place.share > 0.97
+        assert place.around < -0.9
+        assert place.score > 1.2
+    assert np.abs(off).max() < 0.25
+
+
+def test_a_mark_on_blood_of_its_hue_is_placed_by_its_looks() -> None:
+    rng = np.random.default_rng(2)
+    look = known(rng)
+    for _ in range(10):
+        at = np.array([100.0, 80.0]) + rng.uniform(-0.5, 0.5, 2)
+        blood = Disc(at + (12.0, 5.0), (24.0, 20.0), **BLOOD)
+        place = look.place(frame(rng, blood, mark(tuple(at))), expected(tuple(at + (4.0, -3.0))))
+        assert np.abs(place.center_px - at).max() < 0.6
+        assert place.score > 0.9
+
+
+def test_half_a_mark_behind_a_plate_is_placed_where_its_other_half_is() -> None:
+    rng = np.random.default_rng(3)
+    look = known(rng)
+    picture = frame(rng, mark((100.0, 80.0)))
+    picture[80:, :] = (60, 90, 150)
+    place = look.place(picture, expected((101.0, 78.5)))
+    assert np.abs(place.center_px - (100.0, 80.0)).max() < 2.0
+    assert 0.4 < place.share < 0.6
+
+
+def test_where_there_is_no_mark_nothing_looks_like_it() -> None:
+    rng = np.random.default_rng(4)
+    place = known(rng).place(frame(rng), expected((100.0, 80.0)))
+    assert place.share == 0.0
+    assert place.score < -0.3
+
+
+def test_a_darker_mark_of_the_kind_is_known_only_if_it_may_be_darker() -> None:
+    rng = np.random.default_rng(5)
+    look = known(rng)
+    light = Lighting(background_bgr=(130.0, 132.0, 129.0))
+    dark = Disc(np.array([100.0, 80.0]), (RADIUS, RADIUS), 0.0, value=0.46)
+    picture = frame(rng, dark, light=light)
+    assert look.place(picture, expected((101.0, 79.0))).score < 0.5
+    same = look.place(picture, expected((101.0, 79.0)), (0.6, 1.0))
+    assert same.score > 1.0
+    assert np.abs(same.center_px - (100.0, 80.0)).max() < 0.5
+
+
+def test_nothing_is_told_where_nothing_can_be() -> None:
+    rng = np.random.default_rng(6)
+    picture = frame(rng, mark((100.0, 80.0)))
+    assert Appearance(0.0).place(picture, expected((100.0, 80.0))) is None
+    look = known(rng)
+    assert look.place(picture, expected((100.0, 80.0), sd=20.0)) is None
+    assert look.place(picture, Expected("M1", np.array([100.0, 80.0]), np.eye(2), 0.0)) is None
+    assert look.place(picture, expected((-60.0, 80.0))) is None
+    pale = Appearance(0.0)
+    like_ground = Disc(np.array([60.0, 70.0]), (RADIUS, RADIUS), 0.0, saturation=0.02, value=0.8)
+    pale.remember(frame(rng, like_ground), np.array([60.0, 70.0]), OUTLINE)
+    assert pale.place(picture, expected((100.0, 80.0))) is None
+
+
+def test_marks_at_the_border_are_not_remembered() -> None:
+    rng = np.random.default_rng(7)
+    look = Appearance(0.0)
+    look.remember(frame(rng, mark((8.0, 70.0))), np.array([8.0, 70.0]), OUTLINE)
+    assert look.place(frame(rng, mark((100.0, 80.0))), expected((100.0, 80.0))) is None
+
+
+@pytest.mark.parametrize("seed", [8, 9])
+def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    look = known(rng)
+    blood = Disc(np.array([108.0, 84.0]), (20.0, 14.0), **BLOOD)
+    picture = frame(rng, blood, mark((100.0, 80.0)))
+    there = np.array([103.0, 78.0])
+    place = look.place(picture, expected((101.0, 79.0)), there_px=there)
+
+    views = [cv2.GaussianBlur(view, (0, 0), BLUR_PX) for view, _ in look._kept]
+    half = int(np.ceil(OUTER * RADIUS + WIDE_PX + 1.0))
+    size = (2 * half + 1, 2 * half + 1)
+    cut = [cv2.getRectSubPix(v, size, tuple(map(float, at))) for v, (_, at) in zip(views, look._kept, strict=True)]
+    median = np.median(np.array(cut, dtype=float), axis=0)
+    sd = max(2.2 * np.median(np.abs(np.array(cut, dtype=float) - median)), LEAST_SD)
+    v, u = np.mgrid[-half : half + 1, -half : half + 1]
+    off = np.hypot(u, v) / RADIUS
+    begin = OUTER + 0.5 / RADIUS
+    inside, ring = off <= INNER, (off > begin) & (off <= begin + WIDE_PX / RADIUS)
+    smooth = cv2.GaussianBlur(picture, (0, 0), BLUR_PX).astype(float)
+
+    def apart(levels: np.ndarray, colors: np.ndarray) -> np.ndarray:
+        return ((levels - colors) ** 2 / (sd**2 + (SHADE * colors) ** 2)).mean(axis=-1) / MATCH
+
+    core, behind = np.median(median[inside], axis=0), np.median(median[ring], axis=0)
+
+    def score(at: np.ndarray) -> tuple[float, float]:
+        x, y = (int(n) for n in at)
+        part = smooth[y - half : y + half + 1, x - half : x + half + 1]
+        own, ground = apart(part, median)[inside], apart(part, behind)[inside]
+        each = np.where(own < 1.0, 1.0 - own, np.where(ground < 1.0, -1.0, -HIDDEN))
+        around = np.maximum(1.0 - apart(part, core)[ring], -1.0)
+        return each.mean() - AROUND * around.mean(), (own < 1.0).mean()
+
+    assert place.there == pytest.approx(score(there)[0], abs=1e-6)
+    best = score(np.rint(place.center_px))
+    assert (place.score, place.share) == pytest.approx(best, abs=1e-6)
+
+
+def test_of_two_that_look_alike_the_one_nearer_to_where_it_is_expected_is_taken() -> None:
+    rng = np.random.default_rng(10)
+    look = known(rng)
+    for k in range(8):
+        pair = [np.array([92.0, 80.0]), np.array([113.0, 80.0])]
+        place = look.place(frame(rng, *(mark(tuple(at)) for at in pair)), expected(tuple(pair[k % 2] + (3, 2)), sd=5.0))
+        assert np.abs(place.center_px - pair[k % 2]).max() < 0.5
