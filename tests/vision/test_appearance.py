@@ -50,8 +50,8 @@ def test_a_mark_on_blood_of_its_hue_is_placed_by_its_looks() -> None:
     look = known(rng)
     for _ in range(10):
         at = np.array([100.0, 80.0]) + rng.uniform(-0.5, 0.5, 2)
-        blood = Disc(at + (12.0, 5.0), (24.0, 20.0), **BLOOD)
-        place = look.place(frame(rng, blood, mark(tuple(at))), expected(tuple(at + (4.0, -3.0))))
+        blood = Disc(at + np.array([12.0, 5.0]), (24.0, 20.0), **BLOOD)
+        place = look.place(frame(rng, blood, mark(tuple(at))), expected(tuple(at + np.array([4.0, -3.0]))))
         assert np.abs(place.center_px - at).max() < 0.6
         assert place.score > 0.9
 
@@ -148,7 +148,8 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
 def test_of_two_that_look_alike_the_one_nearer_to_where_it_is_expected_is_taken() -> None:
     rng = np.random.default_rng(10)
     look = known(rng)
-    for k in range(8):
-        pair = [np.array([92.0, 80.0]), np.array([113.0, 80.0])]
-        place = look.place(frame(rng, *(mark(tuple(at)) for at in pair)), expected(tuple(pair[k % 2] + (3, 2)), sd=5.0))
+    for k in range(16):
+        pair = [np.array([92.0, 80.0]), np.array([112.0, 80.0])]
+        at = pair[k % 2] + np.array([4.0 - 8.0 * (k % 2), 2.0])
+        place = look.place(frame(rng, *(mark(tuple(one)) for one in pair)), expected(tuple(at), sd=5.0))
         assert np.abs(place.center_px - pair[k % 2]).max() < 0.5

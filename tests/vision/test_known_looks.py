@@ -36,7 +36,7 @@ def test_a_mark_that_slides_over_blood_is_still_found_at_its_place() -> None:
     finder, off = warmed(rng), []
     for k in range(40):
         at = np.array(HOMES["M1"])
-        blood = Disc(at + (40.0 - 2.0 * k, 6.0), (26.0, 20.0), **BLOOD)
+        blood = Disc(at + np.array([40.0 - 2.0 * k, 6.0]), (26.0, 20.0), **BLOOD)
         found = {f.name: f.detection for f in finder.find(frame(rng, [blood]), expected(rng, HOMES))}
         assert found.keys() == HOMES.keys(), k
         off.append((found["M1"].center_px - at) / np.sqrt(np.diag(found["M1"].cov_px2)))
@@ -48,7 +48,7 @@ def test_a_mark_behind_a_hand_is_not_named() -> None:
     rng = np.random.default_rng(2)
     finder = warmed(rng)
     for k in range(20):
-        hand = Disc(np.array(HOMES["M2"]) + (0.3 * k, 4.0), (34.0, 26.0), **SKIN)
+        hand = Disc(np.array(HOMES["M2"]) + np.array([0.3 * k, 4.0]), (34.0, 26.0), **SKIN)
         found = {f.name for f in finder.find(frame(rng, [], [hand]), expected(rng, HOMES))}
         assert found == {"M1", "M3"}, k
     assert len(finder.find(frame(rng, []), expected(rng, HOMES))) == len(HOMES)
