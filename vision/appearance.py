@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import ceil, sqrt
 from typing import Any
 
 import cv2
@@ -97,16 +98,17 @@ class Appearance:
     def __init__(self, hue_deg: float) -> None:
         self.hue_deg = hue_deg
         self.unseen = 0
-        self._kept: deque[tuple[Image, Floats]] = deque(maxlen=KEPT)
+        self._kept: deque[tuple[Image, tuple[float, float]]] = deque(maxlen=KEPT)
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
         """Keep a frame's view of the mark; nothing where the border is near."""
         half = _half(outline) + 2
-        u, v = (round(float(x)) for x in center_px)
+        x, y = center_px.tolist()
+        u, v = round(x), round(y)
         height, width = frame_bgr.shape[:2]
         if half <= u < width - half and half <= v < height - half:
             view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1].copy()
-            self._kept.append((view, center_px - (u, v) + half))
+            self._kept.append((view, (x - u + half, y - v + half)))
             self.unseen = 0
 
     def place(
@@ -166,10 +168,7 @@ class Appearance:
         inside, ring = _pixels(outline.shape_px.tobytes(), half)
         size = (2 * half + 1, 2 * half + 1)
         views = np.array(
-            [
-                cv2.getRectSubPix(cv2.GaussianBlur(view, (0, 0), BLUR_PX), size, (float(u), float(v)))
-                for view, (u, v) in self._kept
-            ],
+            [cv2.getRectSubPix(cv2.GaussianBlur(view, (0, 0), BLUR_PX), size, center) for view, center in self._kept],
             dtype=np.float64,
         )
         median = np.median(views, axis=0)
@@ -181,7 +180,11 @@ class Appearance:
 
 def _half(outline: Outline) -> int:
     """How far the ring reaches from the centre [px]."""
-    return int(np.ceil(OUTER * float(np.linalg.norm(outline.shape_px, ord=2)) + WIDE_PX + 1.0))
+    (a, b), (c, d) = outline.shape_px.tolist()
+    # the longer half axis: the larger singular value, written out
+    total = a * a + b * b + c * c + d * d
+    longer = sqrt(0.5 * (total + sqrt(max(total * total - 4.0 * (a * d - b * c) ** 2, 0.0))))
+    return ceil(OUTER * longer + WIDE_PX + 1.0)
 
 
 @lru_cache(maxsize=256)

@@ -6,10 +6,7 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from math import exp, log
-
-import numpy as np
-from numpy.typing import NDArray
+from math import exp, inf, log
 
 from vision.detection import Detection
 from vision.hues import MarkHue
@@ -24,9 +21,9 @@ LEAST_SATURATION, LEAST_VALUE = 0.12, 0.05
 """Below these no drift is followed: grey and black have no hue; chosen."""
 
 
-LEAST_SDS = np.array([6.0, 0.07])
+LEAST_SDS = (6.0, 0.07)
 """How far colours of one kind of mark scatter at least, in shadow and light: hue [degrees] and saturation; chosen."""
-MOST_SCATTER = np.array([*(2.0 * LEAST_SDS) ** 2, np.inf])
+MOST_SCATTER = (*((2.0 * least) ** 2 for least in LEAST_SDS), inf)
 """Squared scatters of hue and saturation are never believed to be more: they would admit anything; chosen."""
 KNOWN_AFTER = 3
 """Frames after which a colour is known well enough to refuse others; chosen."""
@@ -46,10 +43,10 @@ class FollowedHue:
         self.now = hue
         self._first = hue
         self._n_frames = 0
-        self._color, self._scatter = np.zeros(3), np.zeros(3)
+        self._color, self._scatter = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         if hue.saturation is not None and hue.value is not None:
             self._n_frames = KNOWN_AFTER
-            self._color[1:] = hue.saturation, np.log(hue.value)
+            self._color[1:] = hue.saturation, log(hue.value)
 
     def fits(self, detection: Detection) -> bool:
         """Whether a detection's colour may be that of such a mark; any may until a few frames have told."""
@@ -68,17 +65,18 @@ class FollowedHue:
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly covered or cut do not count."""
-        colors = [self._measured(d.color_bgr) for d in detections if not (d.covered or d.clipped)]
+        first = self._first
+        colors = [_told(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.covered or d.clipped)]
         if not colors:
             return
         self._n_frames += 1
         share = max(FOLLOW, 1.0 / self._n_frames)
-        off = np.array(colors) - self._color
-        self._color = self._color + share * (off.sum(axis=0) / len(off))
-        if self._n_frames > 1:
-            spread = (off * off).sum(axis=0) / len(off)
-            self._scatter = np.minimum(self._scatter + share * (spread - self._scatter), MOST_SCATTER)
-        first = self._first
+        for k, (seen, most) in enumerate(zip(zip(*colors, strict=True), MOST_SCATTER, strict=True)):
+            off = [level - self._color[k] for level in seen]
+            self._color[k] += share * sum(off) / len(off)
+            if self._n_frames > 1:
+                spread = sum(each * each for each in off) / len(off)
+                self._scatter[k] = min(self._scatter[k] + share * (spread - self._scatter[k]), most)
         furthest = FURTHEST * first.half_width_deg
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
         # in steps, so that the table of classes is the same from frame to frame
@@ -86,13 +84,9 @@ class FollowedHue:
         self.now = replace(
             first,
             seen_deg=float((first.middle_deg + drift) % 360.0),
-            min_saturation=max(LEAST_SATURATION, min(first.min_saturation, round(PALER * float(saturation), 2))),
+            min_saturation=max(LEAST_SATURATION, min(first.min_saturation, round(PALER * saturation, 2))),
             min_value=max(LEAST_VALUE, min(first.min_value, round(DARKER * value, 2))),
         )
-
-    def _measured(self, color_bgr: Sequence[float]) -> NDArray[np.float64]:
-        """Hue [degrees off where it began], saturation, log of value of a colour, (3,)."""
-        return np.array(_told(tuple(color_bgr), self._first.middle_deg))
 
 
 @lru_cache(maxsize=64)

@@ -102,7 +102,8 @@ class KnownLooks:
     def _forget(self) -> None:
         for look in self._known.values():
             look.unseen += 1
-        self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
+        if any(look.unseen > FORGOTTEN for look in self._known.values()):
+            self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
 
     def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
         """Where it looks like this mark as it was, or else like another of its kind."""
@@ -161,7 +162,8 @@ def _is_clear(seen: Detection) -> bool:
 
 
 def _variance(seen: Detection) -> float:
-    return float(max(seen.cov_px2[0, 0], seen.cov_px2[1, 1]))
+    (uu, _), (_, vv) = seen.cov_px2.tolist()
+    return max(uu, vv)
 
 
 def _apart(a: Detection, b: Detection) -> bool:
