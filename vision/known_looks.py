@@ -31,8 +31,8 @@ SCORE, SHARE = 0.55, 0.7
 """Score, and share of its pixels, from which on a place that looks like a mark is one; chosen."""
 FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
 """Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
-BORROWED_SCORE = 0.7
-"""Score of a missing mark where only another of its kind is known, and nothing around it may look like it; chosen."""
+DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
+"""A missing mark needs this score where more around it looks like it, or only another of its kind is known; chosen."""
 SURE_SCORE = 0.9
 """Score from which on a place is the mark whatever its colour; chosen."""
 NEAR_PX = 3.0
@@ -115,9 +115,9 @@ class KnownLooks:
     def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
         """A mark that is missing, where the picture looks like it."""
         place = self._place(frame_bgr, one) if _is_even(one) else None
-        if place is None or place.score < SCORE or place.share < (FREE_SHARE if place.around < FREE else SHARE):
+        if place is None or not self._is_it(one.name, place, SCORE):
             return None
-        if one.name not in self._known and (place.score < BORROWED_SCORE or place.around > 0.0):
+        if place.score < DOUBTFUL_SCORE and (one.name not in self._known or place.around > DOUBTFUL):
             return None
         seen = _seen_at(place, one)
         sure = one.name in self._known and place.score >= SURE_SCORE
@@ -135,8 +135,13 @@ class KnownLooks:
             return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
         if self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
             return seen
-        least_score, least_share = (FREE_SCORE, FREE_SHARE) if place.around < FREE else (SCORE, SHARE)
-        return _seen_at(place, one) if place.score >= least_score and place.share >= least_share else None
+        return _seen_at(place, one) if self._is_it(one.name, place, FREE_SCORE) else None
+
+    def _is_it(self, name: str, place: Place, free_score: float) -> bool:
+        """Whether a place is the mark of this name; free_score: what it needs where nothing around it looks like it."""
+        if name in self._known and place.around < FREE:
+            return place.score >= free_score and place.share >= FREE_SHARE
+        return place.score >= SCORE and place.share >= SHARE
 
     def _score_there(self, frame_bgr: Image, one: Expected, seen: Detection, best: Place) -> float:
         """How much the place of something looks like the mark, though it be further away than was looked."""
