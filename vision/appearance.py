@@ -46,7 +46,7 @@ PRIOR = 0.02
 """What a place loses by its squared distance, in standard deviations, from where the mark is expected; chosen."""
 REACH_SDS, FURTHEST_PX = 4.3, 25.0
 """How far a mark is looked for; where it may be further away than that, it may be anywhere; chosen."""
-BLENDS = 0.3
+BLENDS = 0.5
 """A mark that looks so much like what is around it, from -1 to 1, is not told from it; chosen."""
 
 

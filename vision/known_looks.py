@@ -33,7 +33,7 @@ FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
 """Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
 DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
 """A missing mark needs this score where more around it looks like it, or only another of its kind is known; chosen."""
-SURE_SCORE = 0.9
+SURE_SCORE = 0.7
 """Score from which on a place is the mark whatever its colour; chosen."""
 NEAR_PX = 3.0
 """As far as this a centre may be off the place that looks most like the mark; chosen."""
