@@ -49,10 +49,6 @@ ONE_AT_A_TIME = FilterSettings(
 """One outer mass at a time is poked, and when a poke ends its force is gone. 3.4 m/s² is the root mean square on a
 coordinate of a half sine in any direction whose peak is 3 to 10 m/s², as `poked` has them."""
 
-POKED = replace(ONE_AT_A_TIME, calm_s=ONE_AT_A_TIME.between_s, poked_s=0.25)
-"""The same where pokes are known to be about: never calm, so that a poke may come at any time however long none has
-come; 0.25 s is the mean of the 0.1 to 0.4 s that they last in `poked`."""
-
 TOGETHER = FilterSettings()
 """All outer masses may be pushed at once."""
 
@@ -257,10 +253,9 @@ class Waiting(Ahead):
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """What the filter is told of the scenario: whether masses are pushed one at a time, and whether pokes are about."""
-    if scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together):
-        return TOGETHER
-    return ONE_AT_A_TIME if scenario.pokes is None else POKED
+    """What the filter is told of the scenario: whether outer masses are pushed one at a time or together."""
+    together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
+    return TOGETHER if together else ONE_AT_A_TIME
 
 
 @cache

@@ -126,16 +126,6 @@ def test_pokes_are_believed_as_strong_as_the_scenario_has_them():
     assert settings_for(read_scenario("poked")).poked.poke == pytest.approx(drawn, rel=0.03)
 
 
-def test_pokes_are_believed_to_come_and_last_as_the_scenario_has_them():
-    """Also after a long calm: no mode of `poked` has fewer of them than the scenario; `quiet` has a calm."""
-    pokes, settings = read_scenario("poked").pokes, settings_for(read_scenario("poked"))
-    begin = settings.rates[:2, 2:].sum(axis=1)
-    assert begin == pytest.approx(1.0 / pokes.pause_s)
-    assert settings.poked_s == pytest.approx(0.5 * (pokes.shortest_s + pokes.longest_s))
-    calm = settings_for(read_scenario("quiet")).rates
-    assert calm[0, 2:].sum() < 0.1 * calm[1, 2:].sum()
-
-
 def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
     """Covariance of its linear shift under 4,000 needles, each constant off by itself, to 6 % of its largest entry.
 
