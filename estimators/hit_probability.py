@@ -73,7 +73,8 @@ def hit_probability(
     each = hit_each(
         offsets.reshape(k, dim), covs.reshape(k, dim, dim), np.asarray(axis, dtype=float), lesion.to_ball, length, core
     )
-    return float(np.outer(target.weights, tip.weights).ravel() @ each)
+    # weights sum to one but for rounding
+    return min(1.0, float(np.outer(target.weights, tip.weights).ravel() @ each))
 
 
 def best_aim(target: Belief, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None) -> Aim:

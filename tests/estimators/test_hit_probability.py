@@ -235,3 +235,11 @@ def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_anothe
 def test_what_makes_no_sense_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_sure_hit_is_no_more_than_certain():
+    """Weights that sum to one and a rounding, of Gaussians that cannot miss."""
+    weights = np.full(9, 1.0 / 9.0) * (1.0 + 9e-10)
+    sure = Belief(weights, np.zeros((9, 2)), np.tile(1e-10 * np.eye(2), (9, 1, 1)))
+    tip = Belief.gaussian(np.zeros(2), 1e-10 * np.eye(2))
+    assert hit_probability(sure, tip, np.array([0.0, -1.0]), Lesion.ball(5e-3, 2)) <= 1.0
