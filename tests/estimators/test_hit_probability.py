@@ -238,8 +238,15 @@ def test_what_makes_no_sense_is_refused(make, message):
 
 
 def test_a_sure_hit_is_no_more_than_certain():
-    """Weights that sum to one and a rounding, of Gaussians that cannot miss."""
-    weights = np.full(9, 1.0 / 9.0) * (1.0 + 9e-10)
-    sure = Belief(weights, np.zeros((9, 2)), np.tile(1e-10 * np.eye(2), (9, 1, 1)))
-    tip = Belief.gaussian(np.zeros(2), 1e-10 * np.eye(2))
-    assert hit_probability(sure, tip, np.array([0.0, -1.0]), Lesion.ball(5e-3, 2)) <= 1.0
+    """A case whose sums came to 1 + 4e-8."""
+    cov = np.array([[1.8102169434260163e-06, -5.982736874948036e-08], [-5.982736874948037e-08, 1.5650777512215573e-06]])
+    target, tip = (
+        Belief.gaussian(np.zeros(2), 0.5 * cov),
+        Belief.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov),
+    )
+    axis = np.array([-0.55485502, -0.83194706])
+    assert (
+        1.0 - 1e-6
+        < hit_probability(target, tip, axis, Lesion.ball(0.008118140344103266, 2), needle=Needle(hit=Hit.TIP))
+        <= 1.0
+    )
