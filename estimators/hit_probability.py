@@ -73,7 +73,8 @@ def hit_probability(
     each = hit_each(
         offsets.reshape(k, dim), covs.reshape(k, dim, dim), np.asarray(axis, dtype=float), lesion.to_ball, length, core
     )
-    return float(np.outer(target.weights, tip.weights).ravel() @ each)
+    # the sums of the kernels may come to more than one by their error
+    return min(float(np.outer(target.weights, tip.weights).ravel() @ each), 1.0)
 
 
 def best_aim(target: Belief, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None) -> Aim:

@@ -24,7 +24,7 @@ from estimators import (
     advise,
     hit_probability,
 )
-from experiments.insertion_policies import Policy, believed_push
+from experiments.insertion_policies import Policy, believed_parts, believed_push
 from experiments.insertion_world import World
 
 Floats = NDArray[np.float64]
@@ -163,7 +163,8 @@ def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float
     speed = world.case.speed_m_s
     deep = robot.depth + speed * left
     tip = world.entry + deep * robot.axis + (robot.beside + aside) * robot.across
-    target = policy.belief_at(now + left, _way(world, robot, speed, steps=2))
+    parts = believed_parts(world, robot.axis, robot.depth, robot.beside, speed, steps=1)[:, 0]
+    target = policy.belief_at(now + left, parts)
     return _Shot(now, left, aside, Belief.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
 
 

@@ -65,8 +65,11 @@ class Policy(Protocol):
     def path(self, pushes: Floats) -> TargetPath:
         """Where the target is to be looked for from now on; pushes: the needle's in the frames ahead, as believed."""
 
-    def belief_at(self, time_s: float, pushes: Floats) -> Belief | None:
-        """What is believed of the target then, None where nothing is."""
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+        """What is believed of the target then, None where nothing is.
+
+        parts: of the needle's force from now until then, as believed [N], (2, n_free, dim), see `believed_parts`
+        """
 
     def fault(self, now_s: float) -> str | None:
         """Why it gives no guidance now, None where it does."""
@@ -90,15 +93,30 @@ def believed_push(world: World, axis: Floats, depth: float, beside: float, speed
 
     steps: how many frames; 0: as many as a path is told for. Full cutting and friction forward, friction back.
     """
+    return believed_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
+
+
+def believed_parts(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+    """As `believed_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
     n = steps or round(horizon_s(world) * world.case.frames_per_s)
     ahead = (np.arange(n) + 0.5) / world.case.frames_per_s
     depths = depth + speed * ahead
     across = np.array([-axis[1], axis[0]])
     tips = world.entry + depths[:, None] * axis + beside * across
-    if speed < 0.0:
-        free = needle_with(world.entry, BELIEVED | {"cutting_N": 0.0})
-        return -sliding_forces(world.network, free, tips, axis, depths)
-    return sliding_forces(world.network, needle_with(world.entry, BELIEVED), tips, axis, depths)
+    cutting, friction = (
+        sliding_forces(world.network, needle_with(world.entry, BELIEVED | {without: 0.0}), tips, axis, depths)
+        for without in ("friction_N_m", "cutting_N")
+    )
+    return np.array([cutting, friction] if speed >= 0.0 else [np.zeros_like(cutting), -friction])
+
+
+def off_by_forces(gives: Floats, parts: Floats) -> Floats:
+    """Covariance of a node [m²] by parts of the needle's force, each off by its own factor, uniform in FORCES_OFF.
+
+    gives: the node's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim)
+    """
+    shifts = parts.reshape(len(parts), -1) @ gives.T
+    return FORCES_OFF**2 / 3.0 * shifts.T @ shifts
 
 
 def _standing(time_s: float, place: Floats) -> TargetPath:
@@ -123,7 +141,7 @@ class Rest:
         """Where it rests, for ever."""
         return _standing(self.time_s, self._place)
 
-    def belief_at(self, time_s: float, pushes: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
         """None."""
         return None
 
@@ -177,15 +195,10 @@ class Filtered:
         """Where it is now, for ever."""
         return _standing(self.estimate.time_s, self.estimate.mean)
 
-    def belief_at(self, time_s: float, pushes: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
-        said = self.tissue.predict_modes(time_s, pushes[0])
-        return Belief(said.weights, said.means, said.covs + self._by_force(pushes[0]))
-
-    def _by_force(self, push: Floats) -> Floats:
-        """Covariance by forces that are off by one factor, uniform within FORCES_OFF: the linear shift times it."""
-        shift = self._compliance @ push.ravel()
-        return FORCES_OFF**2 / 3.0 * np.outer(shift, shift)
+        said = self.tissue.predict_modes(time_s, parts.sum(axis=0))
+        return Belief(said.weights, said.means, said.covs + off_by_forces(self._compliance, parts))
 
     def fault(self, now_s: float) -> str | None:
         """Of the filter's health."""
@@ -219,12 +232,14 @@ class Ahead(Filtered):
         means, covs = self._breathing.predict(times)
         return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
 
-    def belief_at(self, time_s: float, pushes: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
         """By the breath, or by the filter, and what wrong forces of the needle make of it."""
         if self._breathing.breath() is None:
-            return super().belief_at(time_s, pushes)
+            return super().belief_at(time_s, parts)
         mean, cov = self._breathing.predict(np.array([time_s]))
-        return Belief.gaussian(mean[0] + self._shifts(pushes[:1])[0], cov[0] + self._by_force(pushes[0]))
+        return Belief.gaussian(
+            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + off_by_forces(self._compliance, parts)
+        )
 
     def _shifts(self, pushes: Floats) -> Floats:
         """Where the target rests under pushes, from where it rests under none [m], (n, dim), to first order."""

@@ -235,3 +235,18 @@ def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_anothe
 def test_what_makes_no_sense_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_sure_hit_is_no_more_than_certain():
+    """A case whose sums came to 1 + 4e-8."""
+    cov = np.array([[1.8102169434260163e-06, -5.982736874948036e-08], [-5.982736874948037e-08, 1.5650777512215573e-06]])
+    target, tip = (
+        Belief.gaussian(np.zeros(2), 0.5 * cov),
+        Belief.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov),
+    )
+    axis = np.array([-0.55485502, -0.83194706])
+    assert (
+        1.0 - 1e-6
+        < hit_probability(target, tip, axis, Lesion.ball(0.008118140344103266, 2), needle=Needle(hit=Hit.TIP))
+        <= 1.0
+    )
