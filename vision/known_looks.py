@@ -41,8 +41,10 @@ AS_GOOD = 0.2
 """What was found may have so much less of a score than the best place, and is believed; chosen."""
 NEAR_SCORE, MERGED = 0.45, 0.65
 """Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
-CENTER_SD_PX = 0.7
-"""Standard deviation of the centre of a place; measured on drawn frames."""
+CENTER_SD_PX, CLEAR_CENTER_SD_PX, CLEAR_SCORE = 0.75, 0.4, 1.1
+"""Standard deviation of the centre of a place, and from which score on it is the lesser; measured on drawn frames."""
+WORTHLESS_PX2 = 3.0**2
+"""With more variance than this something is anywhere near; chosen."""
 
 
 class KnownLooks:
@@ -130,11 +132,13 @@ class KnownLooks:
         place = self._place(frame_bgr, one, seen.center_px)
         if place is None:
             return seen if _variance(seen) <= UNTOLD_PX2 else None
-        if np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX:
-            alone = place.around < FREE and place.share >= FREE_SHARE
-            return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
-        if self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
-            return seen
+        near = np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX
+        alone = place.around < FREE and place.share >= FREE_SHARE
+        if _variance(seen) <= WORTHLESS_PX2:
+            if near:
+                return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
+            if self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
+                return seen
         return _seen_at(place, one) if self._is_it(one.name, place, FREE_SCORE) else None
 
     def _is_it(self, name: str, place: Place, free_score: float) -> bool:
@@ -154,7 +158,8 @@ class KnownLooks:
 def _seen_at(place: Place, one: Expected) -> Detection:
     assert one.outline is not None
     area = place.share * one.outline.area_px
-    return Detection(place.center_px, CENTER_SD_PX**2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
+    sd = CLEAR_CENTER_SD_PX if place.score >= CLEAR_SCORE else CENTER_SD_PX
+    return Detection(place.center_px, sd**2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
 
 
 def _is_even(one: Expected) -> bool:
