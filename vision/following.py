@@ -9,7 +9,7 @@ from functools import lru_cache
 from math import exp, inf, log
 
 from vision.detection import Detection
-from vision.hues import MarkHue
+from vision.hues import MarkHue, on_circle
 
 FOLLOW = 0.05
 """Share of the newest frame in what is believed of a colour, once so many frames were seen; chosen."""
@@ -83,7 +83,7 @@ class FollowedHue:
         drift = round(2.0 * min(max(drift, -furthest), furthest)) / 2.0
         self.now = replace(
             first,
-            seen_deg=float((first.middle_deg + drift) % 360.0),
+            seen_deg=on_circle(first.middle_deg + drift),
             min_saturation=max(LEAST_SATURATION, min(first.min_saturation, round(PALER * saturation, 2))),
             min_value=max(LEAST_VALUE, min(first.min_value, round(DARKER * value, 2))),
         )

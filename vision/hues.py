@@ -14,6 +14,15 @@ def hue_distance(a_deg: float, b_deg: float) -> float:
     return abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
 
 
+def on_circle(hue_deg: float) -> float:
+    """The same hue from 0 up to 360 degrees; a hair below 0 is 0, where its remainder would round to 360.
+
+    >>> on_circle(-1e-15)
+    0.0
+    """
+    return hue_deg % 360.0 % 360.0
+
+
 @dataclass(frozen=True, slots=True)
 class MarkHue:
     """What colours count as one kind of mark.

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from vision.coverage import Picture
 from vision.detect import LARGEST_SHARE
 from vision.detection import HueError
-from vision.hues import MarkHue
+from vision.hues import MarkHue, on_circle
 
 Image = NDArray[np.uint8]
 
@@ -59,7 +59,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
             f"place {u}, {v}: expected a coloured mark, found grey (saturation {weakest[0]:.2f}); point at a mark"
         )
     return MarkHue(
-        hue_deg=float(np.degrees(middle) % 360.0),
+        hue_deg=on_circle(float(np.degrees(middle))),
         half_width_deg=float(np.clip(SDS * np.degrees(off.std()), NARROWEST_DEG, WIDEST_DEG)),
         min_saturation=float(PALER * weakest[0]),
         min_value=float(DARKER * weakest[1]),
