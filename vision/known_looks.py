@@ -16,6 +16,8 @@ from vision.identify import Expected, Identified
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+LEAST_RADIUS_PX = 3.5
+"""Marks smaller than this have too few pixels to be compared; chosen."""
 CLEAR_PX2 = 0.3**2
 """Variance below which the centre of something that nothing covers is a mark's, beyond doubt; chosen."""
 WHOLE_PX2 = 0.5**2
@@ -135,7 +137,7 @@ class KnownLooks:
         near = np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX
         alone = place.around < FREE and place.share >= FREE_SHARE
         if _variance(seen) <= WORTHLESS_PX2:
-            if near:
+            if near and np.isfinite(place.there):
                 return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
             if self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
                 return seen
@@ -163,7 +165,8 @@ def _seen_at(place: Place, one: Expected) -> Detection:
 
 
 def _is_even(one: Expected) -> bool:
-    return one.outline is not None and one.outline.even
+    """Whether a mark is of one colour and has pixels enough to look like something."""
+    return one.outline is not None and one.outline.even and one.outline.area_px >= np.pi * LEAST_RADIUS_PX**2
 
 
 def _is_clear(seen: Detection) -> bool:
