@@ -48,7 +48,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Needle:
-    """A needle, how it is moved, and what the tissue does to it. Every force chosen: `docs/needle.md`.
+    """A needle, how it is moved, and what the tissue does to it. Its forces: `docs/needle.md`.
 
     pose: where it is at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
     radius_m: of the shaft [m]

@@ -22,7 +22,7 @@ KNOT_S = 1.0 / 480.0
 """Outside forces are straight over this time [s]: four knots for each of the tremor's."""
 
 BELIEVED = {"puncture_N": 0.8, "contact_N_m": 400.0, "cutting_N": 0.4, "friction_N_m": 5.0}
-"""What the filter believes of the needle's forces; chosen: they push the target by 2 to 3 mm."""
+"""What the filter believes of the needle, as in soft PVC (`docs/needle.md`): the target gives way by 2 to 3 mm."""
 
 FORCES_OFF = 0.3
 """Each true constant of the needle lies between so much less and so much more than what is believed."""
