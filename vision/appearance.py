@@ -7,7 +7,6 @@ Then the picture is compared pixel by pixel with the mark as it was. Image axes:
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, sqrt
@@ -46,6 +45,8 @@ PRIOR = 0.02
 """What a place loses by its squared distance, in standard deviations, from where the mark is expected; chosen."""
 REACH_SDS, FURTHEST_PX = 4.3, 25.0
 """How far a mark is looked for; where it may be further away than that, it may be anywhere; chosen."""
+FITS = 4
+"""How often the colour of a mark of unknown looks is fitted; chosen."""
 BLENDS = 0.5
 """A mark that looks so much like what is around it, from -1 to 1, is not told from it; chosen."""
 
@@ -98,7 +99,7 @@ class Appearance:
     def __init__(self, hue_deg: float) -> None:
         self.hue_deg = hue_deg
         self.unseen = 0
-        self._kept: deque[tuple[Image, tuple[float, float]]] = deque(maxlen=KEPT)
+        self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=KEPT)
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
         """Keep a frame's view of the mark; nothing where the border is near."""
@@ -108,20 +109,21 @@ class Appearance:
         height, width = frame_bgr.shape[:2]
         if half <= u < width - half and half <= v < height - half:
             view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1].copy()
-            self._kept.append((view, (x - u + half, y - v + half)))
+            self._kept.append((view, np.array([x - u + half, y - v + half]), outline.shape_px))
             self.unseen = 0
 
     def place(
         self,
         frame_bgr: Image,
         expected: Expected,
-        gains: Sequence[float] = (1.0,),
         there_px: Floats | None = None,
+        *,
+        another: bool = False,
     ) -> Place | None:
         """Where it looks most like the mark about where that is expected.
 
-        gains: how much brighter the mark may be, any of these
         there_px: another place, whose score is asked for, (2,)
+        another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
         None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
         """
         outline = expected.outline
@@ -132,50 +134,54 @@ class Appearance:
         height, width = frame_bgr.shape[:2]
         u0, v0 = (max(int(np.ceil(x - reach)), 0) for x in expected.center_px)
         u1, v1 = (min(int(x + reach) + 1, size) for x, size in zip(expected.center_px, (width, height), strict=True))
-        if look.blends > BLENDS or u1 <= u0 or v1 <= v0:
+        if (look.blends > BLENDS and not another) or u1 <= u0 or v1 <= v0:
             return None
         pad = _half(outline) + 3
         left, top = max(u0 - pad, 0), max(v0 - pad, 0)
         part = cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX)
         box = (u0 - left, v0 - top, u1 - left, v1 - top)
-        told = np.array(
-            [
-                _likeness(part, box, look.inside, look.ring, g * look.colors, g * look.core, g * look.behind, look.sd)
-                for g in gains
-            ]
-        )
-        score = told[:, 0] - AROUND * told[:, 2]
+        told = _likeness(part, box, look.inside, look.ring, look.colors, look.core, look.behind, look.sd, another)
+        score = told[0] - AROUND * told[2]
         (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
         du, dv = np.arange(u0, u1) - expected.center_px[0], (np.arange(v0, v1) - expected.center_px[1])[:, None]
         weighed = score - PRIOR * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
-        k, j, i = (int(x) for x in np.unravel_index(int(np.argmax(weighed)), weighed.shape))
-        center = np.array([u0 + i + _peak(weighed[k, j], i), v0 + j + _peak(weighed[k, :, i], j)])
+        j, i = (int(x) for x in np.unravel_index(int(np.argmax(weighed)), weighed.shape))
+        center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
         u, v = (look.inside + np.array([box[0] + i, box[1] + j])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
-        alike = _squared(pixels, gains[k] * look.colors, look.sd) < 1.0
+        core = told[3:, j, i]
+        alike = _squared(pixels, look.colors - look.core + core, look.sd) < 1.0
         color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
-        share, around = (float(x) for x in told[k, 1:, j, i])
+        share, around = (float(x) for x in told[1:3, j, i])
         there = -np.inf
         if there_px is not None:
             x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
-            if 0 <= x < score.shape[2] and 0 <= y < score.shape[1]:
-                there = float(score[k, y, x])
-        return Place(center, float(score[k, j, i]), share, around, tuple(color.tolist()), there)
+            if 0 <= x < score.shape[1] and 0 <= y < score.shape[0]:
+                there = float(score[y, x])
+        return Place(center, float(score[j, i]), share, around, tuple(color.tolist()), there)
 
     def _look(self, outline: Outline) -> _Look:
-        """The median of the views kept, of the size of this outline."""
+        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
         half = _half(outline)
         inside, ring = _pixels(outline.shape_px.tobytes(), half)
-        size = (2 * half + 1, 2 * half + 1)
-        views = np.array(
-            [cv2.getRectSubPix(cv2.GaussianBlur(view, (0, 0), BLUR_PX), size, center) for view, center in self._kept],
-            dtype=np.float64,
-        )
+        size, middle, inverse = (2 * half + 1, 2 * half + 1), np.array([half, half]), np.linalg.inv(outline.shape_px)
+        views = np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept], dtype=np.float64)
         median = np.median(views, axis=0)
         sd = UNKNOWN_SD if len(views) < 3 else max(GRAIN * float(np.median(np.abs(views - median))), LEAST_SD)
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
         return _Look(inside, ring, colors, np.median(colors, axis=0), behind, sd)
+
+
+def _redrawn(
+    view: Image, center_px: Floats, shape_px: Floats, inverse: Floats, middle: Floats, size: tuple[int, int]
+) -> Image:
+    """A view of a mark seen as one shape, as it were seen as the shape whose inverse is given."""
+    turn = shape_px @ inverse
+    back = np.column_stack([turn, center_px - turn @ middle])
+    smooth = cv2.GaussianBlur(view, (0, 0), BLUR_PX)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpAffine(smooth, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
 def _half(outline: Outline) -> int:
@@ -223,32 +229,60 @@ def _off(frame, y, x, color, sd):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _likeness(frame, box, inside, ring, colors, core, behind, sd):  # type: ignore[no-untyped-def]
-    """Of each place of a box: evidence inside, share of the pixels alike, evidence around; (3, height, width)."""
+def _likeness(frame, box, inside, ring, colors, core, behind, sd, another):  # type: ignore[no-untyped-def]
+    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
-    told = np.zeros((3, v1 - v0, u1 - u0))
+    told = np.zeros((6, v1 - v0, u1 - u0))
+    own_core, own_colors = core.copy(), colors.copy()
     for v in range(v0, v1):
         for u in range(u0, u1):
+            if another:
+                _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors)
             total, like = 0.0, 0
             for k in range(len(inside)):
                 x, y = u + inside[k, 0], v + inside[k, 1]
                 if x < 0 or y < 0 or x >= width or y >= height:
                     total -= HIDDEN
                     continue
-                off = _off(frame, y, x, colors[k], sd)
+                off = _off(frame, y, x, own_colors[k], sd)
                 if off < 1.0:
                     like += 1
                     total += 1.0 - off
                 else:
-                    total -= 1.0 if _off(frame, y, x, behind, sd) < 1.0 else HIDDEN
+                    total -= 1.0 if not another and _off(frame, y, x, behind, sd) < 1.0 else HIDDEN
             around, n_ring = 0.0, 0
             for k in range(len(ring)):
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(1.0 - _off(frame, y, x, core, sd), -1.0)
+                    around += max(1.0 - _off(frame, y, x, own_core, sd), -1.0)
             told[0, v - v0, u - u0] = total / len(inside)
             told[1, v - v0, u - u0] = like / len(inside)
             told[2, v - v0, u - u0] = around / max(n_ring, 1)
+            told[3:, v - v0, u - u0] = own_core
     return told
+
+
+@njit(cache=True, nogil=True)
+def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # type: ignore[no-untyped-def]
+    """The colour that a mark would have at a place, and its pixels by it: mean of what is alike, begun with them all."""
+    height, width = frame.shape[:2]
+    sums = np.zeros(3)
+    for turn in range(FITS):
+        sums[:] = 0.0
+        n = 0
+        for k in range(len(inside)):
+            x, y = u + inside[k, 0], v + inside[k, 1]
+            if x < 0 or y < 0 or x >= width or y >= height:
+                continue
+            if turn == 0 or _off(frame, y, x, own_colors[k], sd) < 1.0:
+                n += 1
+                for c in range(3):
+                    sums[c] += frame[y, x, c] - (colors[k, c] - core[c])
+        if n == 0:
+            return
+        for c in range(3):
+            own_core[c] = max(sums[c] / n, 0.0)
+            for k in range(len(inside)):
+                own_colors[k, c] = own_core[c] + colors[k, c] - core[c]

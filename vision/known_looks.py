@@ -26,8 +26,6 @@ UNTOLD_PX2 = 0.6
 """And above which something that is not clear, and cannot be compared with anything, is no mark; chosen."""
 FORGOTTEN = 150
 """Frames after which a mark that was not clearly seen may look different; chosen."""
-GAINS = (0.6, 0.72, 0.85, 1.0, 1.18, 1.4)
-"""By how much brighter a mark may be than another of its kind; chosen."""
 
 SCORE, SHARE = 0.55, 0.7
 """Score, and share of its pixels, from which on a place that looks like a mark is one; chosen."""
@@ -112,9 +110,9 @@ class KnownLooks:
     def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
         """Where it looks like this mark as it was, or else like another of its kind."""
         if one.name in self._known:
-            return self._known[one.name].place(frame_bgr, one, there_px=there_px)
+            return self._known[one.name].place(frame_bgr, one, there_px)
         other = next((look for look in self._known.values() if look.hue_deg == one.hue_deg), None)
-        return None if other is None else other.place(frame_bgr, one, GAINS, there_px)
+        return None if other is None else other.place(frame_bgr, one, there_px, another=True)
 
     def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
         """A mark that is missing, where the picture looks like it."""
