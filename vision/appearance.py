@@ -43,10 +43,14 @@ AROUND = 0.5
 """What the ring counts by the inside; chosen."""
 PRIOR = 0.02
 """What a place loses by its squared distance, in standard deviations, from where the mark is expected; chosen."""
+FREE_PRIOR = 0.05
+"""The same where its colour is what is there; chosen."""
 REACH_SDS, FURTHEST_PX = 4.3, 25.0
 """How far a mark is looked for; where it may be further away than that, it may be anywhere; chosen."""
 FITS = 4
-"""How often the colour of a mark of unknown looks is fitted; chosen."""
+"""How often the colour of a mark in other light is fitted; chosen."""
+DARKEST, BRIGHTEST = 0.3, 2.0
+"""By how much light may have changed; chosen."""
 BLENDS = 0.5
 """A mark that looks so much like what is around it, from -1 to 1, is not told from it; chosen."""
 
@@ -144,7 +148,7 @@ class Appearance:
         score = told[0] - AROUND * told[2]
         (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
         du, dv = np.arange(u0, u1) - expected.center_px[0], (np.arange(v0, v1) - expected.center_px[1])[:, None]
-        weighed = score - PRIOR * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
+        weighed = score - (FREE_PRIOR if another else PRIOR) * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
         j, i = (int(x) for x in np.unravel_index(int(np.argmax(weighed)), weighed.shape))
         center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
         u, v = (look.inside + np.array([box[0] + i, box[1] + j])).clip(0, np.array(part.shape[1::-1]) - 1).T
@@ -268,7 +272,7 @@ def _likeness(frame, box, inside, ring, colors, core, behind, sd, another):  # t
 def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # type: ignore[no-untyped-def]
     """The colour that a mark would have at a place, and its pixels by it: mean of what is alike, begun with them all."""
     height, width = frame.shape[:2]
-    sums = np.zeros(3)
+    sums, light = np.zeros(3), 1.0
     for turn in range(FITS):
         sums[:] = 0.0
         n = 0
@@ -279,10 +283,12 @@ def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # t
             if turn == 0 or _off(frame, y, x, own_colors[k], sd) < 1.0:
                 n += 1
                 for c in range(3):
-                    sums[c] += frame[y, x, c] - (colors[k, c] - core[c])
+                    sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
         if n == 0:
             return
         for c in range(3):
             own_core[c] = max(sums[c] / n, 0.0)
+        light = min(max(own_core.max() / max(core.max(), 1.0), DARKEST), BRIGHTEST)
+        for c in range(3):
             for k in range(len(inside)):
-                own_colors[k, c] = own_core[c] + colors[k, c] - core[c]
+                own_colors[k, c] = own_core[c] + light * (colors[k, c] - core[c])

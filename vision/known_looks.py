@@ -33,6 +33,8 @@ FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
 """Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
 DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
 """A missing mark needs this score where more around it looks like it, or only another of its kind is known; chosen."""
+EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.2, 0.65, 0.85
+"""The same where its colour is not known: at least, at most, at least, and whatever its colour; chosen."""
 SURE_SCORE = 0.7
 """Score from which on a place is the mark whatever its colour; chosen."""
 NEAR_PX = 3.0
@@ -80,10 +82,10 @@ class KnownLooks:
             else:
                 odd.append(one)
         for one in odd:
-            better = self._checked(frame_bgr, where[one.name], one.detection)
+            better = self._checked(frame_bgr, where[one.name], one.detection, fits)
             if better is one.detection:
                 self._remember(frame_bgr, one, where[one.name])
-            if better is one.detection or (better is not None and fits(better)):
+            if better is not None:
                 kept.append(Identified(one.name, better))
         names = {one.name for one in found}
         for each in expected:
@@ -107,45 +109,53 @@ class KnownLooks:
         if any(look.unseen > FORGOTTEN for look in self._known.values()):
             self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
 
-    def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
-        """Where it looks like this mark as it was, or else like another of its kind."""
-        if one.name in self._known:
-            return self._known[one.name].place(frame_bgr, one, there_px)
-        other = next((look for look in self._known.values() if look.hue_deg == one.hue_deg), None)
-        return None if other is None else other.place(frame_bgr, one, there_px, another=True)
-
     def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
         """A mark that is missing, where the picture looks like it."""
-        place = self._place(frame_bgr, one) if _is_even(one) else None
-        if place is None or not self._is_it(one.name, place, SCORE):
+        if not _is_even(one):
             return None
-        if place.score < DOUBTFUL_SCORE and (one.name not in self._known or place.around > DOUBTFUL):
-            return None
-        seen = _seen_at(place, one)
-        sure = one.name in self._known and place.score >= SURE_SCORE
-        return seen if sure or fits(seen) else None
+        place = self._place(frame_bgr, one)
+        if place is not None and _is_it(place, SCORE) and (place.score >= DOUBTFUL_SCORE or place.around <= DOUBTFUL):
+            seen = _seen_at(place, one)
+            if place.score >= SURE_SCORE or fits(seen):
+                return seen
+        return self._in_other_light(frame_bgr, one, fits)
 
-    def _checked(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
+    def _checked(
+        self, frame_bgr: Image, one: Expected, seen: Detection, fits: Callable[[Detection], bool]
+    ) -> Detection | None:
         """What was found, where the picture looks like the mark; or the mark where it does; None where nowhere."""
         if one.name not in self._known and not seen.covered and _variance(seen) <= WHOLE_PX2:
             return seen
         place = self._place(frame_bgr, one, seen.center_px)
-        if place is None:
-            return seen if _variance(seen) <= UNTOLD_PX2 else None
-        near = np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX
-        alone = place.around < FREE and place.share >= FREE_SHARE
-        if _variance(seen) <= WORTHLESS_PX2:
-            if near and np.isfinite(place.there):
-                return seen if alone or (place.score >= NEAR_SCORE and place.around <= MERGED) else None
-            if self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
+        if place is not None and _variance(seen) <= WORTHLESS_PX2:
+            if np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX and np.isfinite(place.there):
+                alone = place.around < FREE and place.share >= FREE_SHARE
+                if alone or (place.score >= NEAR_SCORE and place.around <= MERGED):
+                    return seen
+            elif self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
                 return seen
-        return _seen_at(place, one) if self._is_it(one.name, place, FREE_SCORE) else None
+        if place is not None and _is_it(place, FREE_SCORE) and fits(better := _seen_at(place, one)):
+            return better
+        better_still = self._in_other_light(frame_bgr, one, fits)
+        if better_still is None and not self._looks_of(one) and _variance(seen) <= UNTOLD_PX2:
+            return seen
+        return better_still
 
-    def _is_it(self, name: str, place: Place, free_score: float) -> bool:
-        """Whether a place is the mark of this name; free_score: what it needs where nothing around it looks like it."""
-        if name in self._known and place.around < FREE:
-            return place.score >= free_score and place.share >= FREE_SHARE
-        return place.score >= SCORE and place.share >= SHARE
+    def _in_other_light(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
+        """A mark where it looks most like one of this kind, in whatever light: where it is even, and apart from all."""
+        places = [look.place(frame_bgr, one, another=True) for look in self._looks_of(one)]
+        place = max((place for place in places if place is not None), key=lambda place: place.score, default=None)
+        if place is None or place.share < EVEN_SHARE or place.around > EVEN_AROUND:
+            return None
+        seen = _seen_at(place, one)
+        return seen if place.score >= (EVEN_SCORE if fits(seen) else EVEN_SURE_SCORE) else None
+
+    def _looks_of(self, one: Expected) -> list[Appearance]:
+        return [look for look in self._known.values() if look.hue_deg == one.hue_deg]
+
+    def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
+        """Where it looks like this mark as it was."""
+        return self._known[one.name].place(frame_bgr, one, there_px) if one.name in self._known else None
 
     def _score_there(self, frame_bgr: Image, one: Expected, seen: Detection, best: Place) -> float:
         """How much the place of something looks like the mark, though it be further away than was looked."""
@@ -153,6 +163,13 @@ class KnownLooks:
             return best.there
         there = self._place(frame_bgr, replace(one, center_px=seen.center_px, cov_px2=np.eye(2)))
         return -np.inf if there is None else there.score
+
+
+def _is_it(place: Place, free_score: float) -> bool:
+    """Whether a place is a mark of known looks; free_score: what it needs where nothing around it looks like it."""
+    if place.around < FREE:
+        return place.score >= free_score and place.share >= FREE_SHARE
+    return place.score >= SCORE and place.share >= SHARE
 
 
 def _seen_at(place: Place, one: Expected) -> Detection:
