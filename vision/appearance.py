@@ -49,6 +49,8 @@ REACH_SDS, FURTHEST_PX = 4.3, 25.0
 """How far a mark is looked for; where it may be further away than that, it may be anywhere; chosen."""
 FITS = 4
 """How often the colour of a mark in other light is fitted; chosen."""
+COARSE_PX = 3
+"""How far the places lie apart that are looked at first; chosen."""
 DARKEST, BRIGHTEST = 0.3, 2.0
 """By how much light may have changed; chosen."""
 BLENDS = 0.5
@@ -141,40 +143,69 @@ class Appearance:
         if (look.blends > BLENDS and not another) or u1 <= u0 or v1 <= v0:
             return None
         pad = _half(outline) + 3
-        left, top = max(u0 - pad, 0), max(v0 - pad, 0)
-        part = cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX)
-        box = (u0 - left, v0 - top, u1 - left, v1 - top)
-        told = _likeness(part, box, look.inside, look.ring, look.colors, look.core, look.behind, look.sd, another)
-        score = told[0] - AROUND * told[2]
-        (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
-        du, dv = np.arange(u0, u1) - expected.center_px[0], (np.arange(v0, v1) - expected.center_px[1])[:, None]
-        weighed = score - (FREE_PRIOR if another else PRIOR) * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
-        j, i = (int(x) for x in np.unravel_index(int(np.argmax(weighed)), weighed.shape))
+        corner = left, top = max(u0 - pad, 0), max(v0 - pad, 0)
+        part: Image = cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX)
+        box = (u0, v0, u1, v1)
+        if another:
+            # a colour is fitted at each place: first of every third, then of those about the best
+            _, weighed = _weighed(part, corner, box, look, expected, COARSE_PX, another)
+            j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
+            u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
+            box = u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
+        told, weighed = _weighed(part, corner, box, look, expected, 1, another)
+        j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
         center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
-        u, v = (look.inside + np.array([box[0] + i, box[1] + j])).clip(0, np.array(part.shape[1::-1]) - 1).T
+        u, v = (look.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
-        core = told[3:, j, i]
-        alike = _squared(pixels, look.colors - look.core + core, look.sd) < 1.0
+        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], look.sd) < 1.0
         color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
         share, around = (float(x) for x in told[1:3, j, i])
         there = -np.inf
         if there_px is not None:
             x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
-            if 0 <= x < score.shape[1] and 0 <= y < score.shape[0]:
-                there = float(score[y, x])
-        return Place(center, float(score[j, i]), share, around, tuple(color.tolist()), there)
+            if 0 <= x < told.shape[2] and 0 <= y < told.shape[1]:
+                there = _score(told[:, y, x])
+        return Place(center, _score(told[:, j, i]), share, around, tuple(color.tolist()), there)
 
     def _look(self, outline: Outline) -> _Look:
         """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
         half = _half(outline)
         inside, ring = _pixels(outline.shape_px.tobytes(), half)
-        size, middle, inverse = (2 * half + 1, 2 * half + 1), np.array([half, half]), np.linalg.inv(outline.shape_px)
+        size, middle, inverse = (2 * half + 1, 2 * half + 1), np.full(2, float(half)), np.linalg.inv(outline.shape_px)
         views = np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept], dtype=np.float64)
         median = np.median(views, axis=0)
         sd = UNKNOWN_SD if len(views) < 3 else max(GRAIN * float(np.median(np.abs(views - median))), LEAST_SD)
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
         return _Look(inside, ring, colors, np.median(colors, axis=0), behind, sd)
+
+
+def _weighed(
+    part: Image,
+    corner: tuple[int, int],
+    box: tuple[int, int, int, int],
+    look: _Look,
+    expected: Expected,
+    step: int,
+    another: bool,
+) -> tuple[Floats, Floats]:
+    """What `_likeness` tells of the places of a box, and their scores by how far off the expected place they are.
+
+    part, corner: of the picture, and where its first pixel is; box: in the picture
+    """
+    (left, top), (u0, v0, u1, v1) = corner, box
+    inside = (u0 - left, v0 - top, u1 - left, v1 - top)
+    told = _likeness(part, inside, step, look.inside, look.ring, look.colors, look.core, look.behind, look.sd, another)
+    (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
+    du = np.arange(u0, u1, step) - expected.center_px[0]
+    dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
+    prior = FREE_PRIOR if another else PRIOR
+    return told, _score(told) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
+
+
+def _score(told: Floats) -> Any:
+    """By evidence inside and around, as `_likeness` tells them."""
+    return told[0] - AROUND * told[2]
 
 
 def _redrawn(
@@ -233,14 +264,15 @@ def _off(frame, y, x, color, sd):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _likeness(frame, box, inside, ring, colors, core, behind, sd, another):  # type: ignore[no-untyped-def]
+def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, another):  # type: ignore[no-untyped-def]
     """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
-    told = np.zeros((6, v1 - v0, u1 - u0))
+    told = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
     own_core, own_colors = core.copy(), colors.copy()
-    for v in range(v0, v1):
-        for u in range(u0, u1):
+    for v in range(v0, v1, step):
+        for u in range(u0, u1, step):
+            row, column = (v - v0) // step, (u - u0) // step
             if another:
                 _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors)
             total, like = 0.0, 0
@@ -261,16 +293,16 @@ def _likeness(frame, box, inside, ring, colors, core, behind, sd, another):  # t
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
                     around += max(1.0 - _off(frame, y, x, own_core, sd), -1.0)
-            told[0, v - v0, u - u0] = total / len(inside)
-            told[1, v - v0, u - u0] = like / len(inside)
-            told[2, v - v0, u - u0] = around / max(n_ring, 1)
-            told[3:, v - v0, u - u0] = own_core
+            told[0, row, column] = total / len(inside)
+            told[1, row, column] = like / len(inside)
+            told[2, row, column] = around / max(n_ring, 1)
+            told[3:, row, column] = own_core
     return told
 
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # type: ignore[no-untyped-def]
-    """The colour that a mark would have at a place, and its pixels by it: mean of what is alike, begun with them all."""
+    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all."""
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0
     for turn in range(FITS):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +34,10 @@ FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
 """Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
 DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
 """A missing mark needs this score where more around it looks like it, or only another of its kind is known; chosen."""
-EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.2, 0.65, 0.85
-"""The same where its colour is not known: at least, at most, at least, and whatever its colour; chosen."""
+EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.2, 0.68, 0.85
+"""The same where its colour was not known: at least, at most, at least, and whatever its colour is; chosen."""
+APART, APART_MORE = -0.8, 1.4
+"""And where little around looks like it, and its share is more by so much; chosen."""
 SURE_SCORE = 0.7
 """Score from which on a place is the mark whatever its colour; chosen."""
 NEAR_PX = 3.0
@@ -43,8 +46,8 @@ AS_GOOD = 0.2
 """What was found may have so much less of a score than the best place, and is believed; chosen."""
 NEAR_SCORE, MERGED = 0.45, 0.65
 """Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
-CENTER_SD_PX, CLEAR_CENTER_SD_PX, CLEAR_SCORE = 0.75, 0.4, 1.1
-"""Standard deviation of the centre of a place, and from which score on it is the lesser; measured on drawn frames."""
+CENTER_SD_PX, SD_FALLS, LEAST_SD_PX, MOST_SD_PX = 5.8, 2.3, 0.3, 1.1
+"""Standard deviation of the centre of a place, exponential in its score; measured on drawn frames."""
 WORTHLESS_PX2 = 3.0**2
 """With more variance than this something is anywhere near; chosen."""
 
@@ -118,7 +121,8 @@ class KnownLooks:
             seen = _seen_at(place, one)
             if place.score >= SURE_SCORE or fits(seen):
                 return seen
-        return self._in_other_light(frame_bgr, one, fits)
+        place = self._best_in_other_light(frame_bgr, one)
+        return None if place is None else _seen_in_other_light(place, one, fits)
 
     def _checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, fits: Callable[[Detection], bool]
@@ -136,22 +140,18 @@ class KnownLooks:
                 return seen
         if place is not None and _is_it(place, FREE_SCORE) and fits(better := _seen_at(place, one)):
             return better
-        better_still = self._in_other_light(frame_bgr, one, fits)
-        if better_still is None and not self._looks_of(one) and _variance(seen) <= UNTOLD_PX2:
+        place = self._best_in_other_light(frame_bgr, one)
+        if _variance(seen) <= UNTOLD_PX2 and (
+            place is None or np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX
+        ):
             return seen
-        return better_still
+        return None if place is None else _seen_in_other_light(place, one, fits)
 
-    def _in_other_light(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
-        """A mark where it looks most like one of this kind, in whatever light: where it is even, and apart from all."""
-        places = [look.place(frame_bgr, one, another=True) for look in self._looks_of(one)]
-        place = max((place for place in places if place is not None), key=lambda place: place.score, default=None)
-        if place is None or place.share < EVEN_SHARE or place.around > EVEN_AROUND:
-            return None
-        seen = _seen_at(place, one)
-        return seen if place.score >= (EVEN_SCORE if fits(seen) else EVEN_SURE_SCORE) else None
-
-    def _looks_of(self, one: Expected) -> list[Appearance]:
-        return [look for look in self._known.values() if look.hue_deg == one.hue_deg]
+    def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> Place | None:
+        """Where it looks most like a mark of this kind, in whatever light."""
+        looks = [look for look in self._known.values() if look.hue_deg == one.hue_deg]
+        places = [look.place(frame_bgr, one, another=True) for look in looks]
+        return max((place for place in places if place is not None), key=lambda place: place.score, default=None)
 
     def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
         """Where it looks like this mark as it was."""
@@ -172,10 +172,19 @@ def _is_it(place: Place, free_score: float) -> bool:
     return place.score >= SCORE and place.share >= SHARE
 
 
+def _seen_in_other_light(place: Place, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
+    """A mark whose colour was not known, where it is even and apart from what is around it."""
+    seen = _seen_at(place, one)
+    if place.around <= APART and place.share >= place.around + APART_MORE:
+        return seen
+    sure = place.share >= EVEN_SHARE and place.around <= EVEN_AROUND
+    return seen if sure and place.score >= (EVEN_SCORE if fits(seen) else EVEN_SURE_SCORE) else None
+
+
 def _seen_at(place: Place, one: Expected) -> Detection:
     assert one.outline is not None
     area = place.share * one.outline.area_px
-    sd = CLEAR_CENTER_SD_PX if place.score >= CLEAR_SCORE else CENTER_SD_PX
+    sd = min(max(CENTER_SD_PX * exp(-SD_FALLS * place.score), LEAST_SD_PX), MOST_SD_PX)
     return Detection(place.center_px, sd**2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
 
 
