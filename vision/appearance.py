@@ -144,7 +144,7 @@ class Appearance:
             return None
         pad = _half(outline) + 3
         corner = left, top = max(u0 - pad, 0), max(v0 - pad, 0)
-        part: Image = cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX)
+        part = np.asarray(cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX), dtype=np.uint8)
         box = (u0, v0, u1, v1)
         if another:
             # a colour is fitted at each place: first of every third, then of those about the best
@@ -171,8 +171,12 @@ class Appearance:
         """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
         half = _half(outline)
         inside, ring = _pixels(outline.shape_px.tobytes(), half)
-        size, middle, inverse = (2 * half + 1, 2 * half + 1), np.full(2, float(half)), np.linalg.inv(outline.shape_px)
-        views = np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept], dtype=np.float64)
+        size, middle, inverse = (
+            (2 * half + 1, 2 * half + 1),
+            np.full(2, float(half)),
+            np.asarray(np.linalg.inv(outline.shape_px)),
+        )
+        views: Floats = np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept], dtype=np.float64)
         median = np.median(views, axis=0)
         sd = UNKNOWN_SD if len(views) < 3 else max(GRAIN * float(np.median(np.abs(views - median))), LEAST_SD)
         colors = median[inside[:, 1] + half, inside[:, 0] + half]

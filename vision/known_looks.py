@@ -34,7 +34,7 @@ FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
 """Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
 DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
 """A missing mark needs this score where more around it looks like it, or only another of its kind is known; chosen."""
-EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.2, 0.68, 0.85
+EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.2, 0.72, 0.85
 """The same where its colour was not known: at least, at most, at least, and whatever its colour is; chosen."""
 APART, APART_MORE = -0.8, 1.4
 """And where little around looks like it, and its share is more by so much; chosen."""
