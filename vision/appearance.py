@@ -25,7 +25,7 @@ Image = NDArray[np.uint8]
 
 KEPT = 5
 """Frames of which a mark's appearance is the median."""
-INNER, OUTER, WIDE_PX = 0.92, 1.12, 2.5
+INNER, OUTER, WIDE_PX = 0.85, 1.12, 2.5
 """In sizes of a mark: up to where a pixel is all mark, from where on it is none; and how wide the ring is; chosen."""
 BLUR_PX = 0.8
 """Pictures are smoothed by this before they are compared: noise hides what tells a mark from its ground; chosen."""
@@ -37,6 +37,8 @@ LEAST_SD, UNKNOWN_SD = 4.0, 8.0
 """Standard deviation of a pixel's level at least, and where too few frames tell it; chosen."""
 GRAIN = 2.2
 """Standard deviation of a pixel by the median of what pixels are off their median: half as much again as by chance."""
+RING = 2.0
+"""How much nearer the colours around a place must be to one that was fitted there, to look like it; chosen."""
 HIDDEN = 0.2
 """What a pixel counts against the mark that looks neither like it nor like what was around it; chosen."""
 AROUND = 0.5
@@ -296,7 +298,7 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, another)
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(1.0 - _off(frame, y, x, own_core, sd), -1.0)
+                    around += max(1.0 - (RING if another else 1.0) * _off(frame, y, x, own_core, sd), -1.0)
             told[0, row, column] = total / len(inside)
             told[1, row, column] = like / len(inside)
             told[2, row, column] = around / max(n_ring, 1)
