@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,16 @@ from vision.appearance import Appearance, Place
 from vision.coverage import PAD_PX
 from vision.detection import Detection
 from vision.identify import Expected, Identified
+from vision.seen_places import (
+    FREE,
+    FREE_SCORE,
+    FREE_SHARE,
+    is_mark,
+    mark_in_other_light,
+    missed_mark,
+    seen_at,
+    together,
+)
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -28,26 +37,12 @@ UNTOLD_PX2 = 0.6
 FORGOTTEN = 150
 """Frames after which a mark that was not clearly seen may look different; chosen."""
 
-SCORE, SHARE = 0.55, 0.7
-"""Score, and share of its pixels, from which on a place that looks like a mark is one; chosen."""
-FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
-"""Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
-DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
-"""A missing mark needs this score where more around it looks like it, or only another of its kind is known; chosen."""
-EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.2, 0.72, 0.85
-"""The same where its colour was not known: at least, at most, at least, and whatever its colour is; chosen."""
-APART, APART_MORE = -0.8, 1.4
-"""And where little around looks like it, and its share is more by so much; chosen."""
-SURE_SCORE = 0.7
-"""Score from which on a place is the mark whatever its colour; chosen."""
 NEAR_PX = 3.0
 """As far as this a centre may be off the place that looks most like the mark; chosen."""
 AS_GOOD = 0.2
 """What was found may have so much less of a score than the best place, and is believed; chosen."""
 NEAR_SCORE, MERGED = 0.45, 0.65
 """Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
-CENTER_SD_PX, SD_FALLS, LEAST_SD_PX, MOST_SD_PX = 5.8, 2.3, 0.3, 1.1
-"""Standard deviation of the centre of a place, exponential in its score; measured on drawn frames."""
 WORTHLESS_PX2 = 3.0**2
 """With more variance than this something is anywhere near; chosen."""
 
@@ -86,10 +81,11 @@ class KnownLooks:
                 odd.append(one)
         for one in odd:
             better = self._checked(frame_bgr, where[one.name], one.detection, fits)
-            if better is one.detection:
-                self._remember(frame_bgr, one, where[one.name])
             if better is not None:
                 kept.append(Identified(one.name, better))
+                if better.covered == one.detection.covered:
+                    # by its outline alone: of a place that looks like it, it would learn to be off by what it is off
+                    self._remember(frame_bgr, one, where[one.name])
         names = {one.name for one in found}
         for each in expected:
             seen = None if each.name in names else self._sought(frame_bgr, each, fits)
@@ -117,12 +113,11 @@ class KnownLooks:
         if not _is_even(one):
             return None
         place = self._place(frame_bgr, one)
-        if place is not None and _is_it(place, SCORE) and (place.score >= DOUBTFUL_SCORE or place.around <= DOUBTFUL):
-            seen = _seen_at(place, one)
-            if place.score >= SURE_SCORE or fits(seen):
-                return seen
+        seen = None if place is None else missed_mark(place, one, fits)
+        if seen is not None:
+            return seen
         place = self._best_in_other_light(frame_bgr, one)
-        return None if place is None else _seen_in_other_light(place, one, fits)
+        return None if place is None else mark_in_other_light(frame_bgr, place, one, fits)
 
     def _checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, fits: Callable[[Detection], bool]
@@ -132,20 +127,18 @@ class KnownLooks:
             return seen
         place = self._place(frame_bgr, one, seen.center_px)
         if place is not None and _variance(seen) <= WORTHLESS_PX2:
-            if np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX and np.isfinite(place.there):
+            if _near(place, seen) and np.isfinite(place.there):
                 alone = place.around < FREE and place.share >= FREE_SHARE
                 if alone or (place.score >= NEAR_SCORE and place.around <= MERGED):
-                    return seen
+                    return together(seen, place)
             elif self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
                 return seen
-        if place is not None and _is_it(place, FREE_SCORE) and fits(better := _seen_at(place, one)):
+        if place is not None and is_mark(place, FREE_SCORE) and fits(better := seen_at(place, one)):
             return better
         place = self._best_in_other_light(frame_bgr, one)
-        if _variance(seen) <= UNTOLD_PX2 and (
-            place is None or np.hypot(*(place.center_px - seen.center_px)) <= NEAR_PX
-        ):
+        if _variance(seen) <= UNTOLD_PX2 and (place is None or _near(place, seen)):
             return seen
-        return None if place is None else _seen_in_other_light(place, one, fits)
+        return None if place is None else mark_in_other_light(frame_bgr, place, one, fits)
 
     def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> Place | None:
         """Where it looks most like a mark of this kind, in whatever light."""
@@ -165,29 +158,6 @@ class KnownLooks:
         return -np.inf if there is None else there.score
 
 
-def _is_it(place: Place, free_score: float) -> bool:
-    """Whether a place is a mark of known looks; free_score: what it needs where nothing around it looks like it."""
-    if place.around < FREE:
-        return place.score >= free_score and place.share >= FREE_SHARE
-    return place.score >= SCORE and place.share >= SHARE
-
-
-def _seen_in_other_light(place: Place, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
-    """A mark whose colour was not known, where it is even and apart from what is around it."""
-    seen = _seen_at(place, one)
-    if place.around <= APART and place.share >= place.around + APART_MORE:
-        return seen
-    sure = place.share >= EVEN_SHARE and place.around <= EVEN_AROUND
-    return seen if sure and place.score >= (EVEN_SCORE if fits(seen) else EVEN_SURE_SCORE) else None
-
-
-def _seen_at(place: Place, one: Expected) -> Detection:
-    assert one.outline is not None
-    area = place.share * one.outline.area_px
-    sd = min(max(CENTER_SD_PX * exp(-SD_FALLS * place.score), LEAST_SD_PX), MOST_SD_PX)
-    return Detection(place.center_px, sd**2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
-
-
 def _is_even(one: Expected) -> bool:
     """Whether a mark is of one colour and has pixels enough to look like something."""
     return one.outline is not None and one.outline.even and one.outline.area_px >= np.pi * LEAST_RADIUS_PX**2
@@ -201,6 +171,10 @@ def _is_clear(seen: Detection) -> bool:
 def _variance(seen: Detection) -> float:
     (uu, _), (_, vv) = seen.cov_px2.tolist()
     return max(uu, vv)
+
+
+def _near(place: Place, seen: Detection) -> bool:
+    return float(np.hypot(*(place.center_px - seen.center_px))) <= NEAR_PX
 
 
 def _apart(a: Detection, b: Detection) -> bool:
