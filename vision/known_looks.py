@@ -28,7 +28,7 @@ Image = NDArray[np.uint8]
 
 LEAST_RADIUS_PX = 3.5
 """Marks smaller than this have too few pixels to be compared; chosen."""
-CLEAR_PX2 = 0.3**2
+CLEAR_PX2 = 0.15**2
 """Variance below which the centre of something that nothing covers is a mark's, beyond doubt; chosen."""
 WHOLE_PX2 = 0.5**2
 """The same from which on it is not kept as what the mark looks like; chosen."""
