@@ -28,7 +28,7 @@ BEYOND = 0.1
 FAINTEST = 0.2
 """Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
 marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
-GRAIN_NOISE, GRAIN_GAIN = 0.02, 2.0
+GRAIN_NOISE, GRAIN_GAIN = 0.02, 3.2
 """Noise of a pixel by a mark's contrast from which errors of an outline hang together more than it shows, and what that
 adds to their variance at most: compression, highlights, shadow; measured on drawn frames."""
 WHOLE_AT_LEAST = 0.5

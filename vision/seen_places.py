@@ -37,7 +37,7 @@ KNOWN_SD, RIM_SD, OTHER_SD = (1.35, 2.6), (1.25, 2.5), (1.4, 4.0)
 light, with its rim; and without."""
 FURTHEST_RIM_PX, RIM_OFF = 3.0, 0.35
 """How far from the place its rim may be, and what that adds to the standard deviation of their mean, by how far."""
-TOGETHER = 1.3
+TOGETHER = 1.6
 """What a centre by outline and a place have in common makes the variance of their mean so much larger; measured."""
 
 
