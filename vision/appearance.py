@@ -66,6 +66,7 @@ class Place:
     center_px: [px], (2,)
     score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that look like
     it; around: how much the ring around it does, from -1 to 1; color_bgr: median of the pixels that look like it
+    weighed: the score, less what it loses by its distance from where the mark is expected
     there: the score of another place that was asked for
     """
 
@@ -74,6 +75,7 @@ class Place:
     share: float
     around: float
     color_bgr: tuple[float, ...]
+    weighed: float
     there: float = -np.inf
 
 
@@ -167,7 +169,7 @@ class Appearance:
             x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
             if 0 <= x < told.shape[2] and 0 <= y < told.shape[1]:
                 there = _score(told[:, y, x])
-        return Place(center, _score(told[:, j, i]), share, around, tuple(color.tolist()), there)
+        return Place(center, _score(told[:, j, i]), share, around, tuple(color.tolist()), float(weighed[j, i]), there)
 
     def _look(self, outline: Outline) -> _Look:
         """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""

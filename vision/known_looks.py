@@ -39,7 +39,7 @@ FORGOTTEN = 150
 
 NEAR_PX = 3.0
 """As far as this a centre may be off the place that looks most like the mark; chosen."""
-AS_GOOD = 0.2
+AS_GOOD = 0.1
 """What was found may have so much less of a score than the best place, and is believed; chosen."""
 NEAR_SCORE, MERGED = 0.45, 0.65
 """Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
@@ -144,7 +144,7 @@ class KnownLooks:
         """Where it looks most like a mark of this kind, in whatever light."""
         looks = [look for look in self._known.values() if look.hue_deg == one.hue_deg]
         places = [look.place(frame_bgr, one, another=True) for look in looks]
-        return max((place for place in places if place is not None), key=lambda place: place.score, default=None)
+        return max((place for place in places if place is not None), key=lambda place: place.weighed, default=None)
 
     def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
         """Where it looks like this mark as it was."""

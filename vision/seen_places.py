@@ -25,7 +25,7 @@ DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
 SURE_SCORE = 0.7
 """Score from which on a place is the mark whatever its colour; chosen."""
 
-EVEN_SHARE, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.85, 1.1
+EVEN_SHARE, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.9, 1.1
 """The same where its colour was not known: of its pixels, of its score, and of that whatever its colour is; chosen."""
 APART, APART_SHARE, APART_SCORE, APART_SURE_SCORE = -0.95, 0.4, 0.65, 0.85
 """And where nothing around it looks like it; chosen."""
