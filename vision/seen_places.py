@@ -25,8 +25,9 @@ DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
 SURE_SCORE = 0.7
 """Score from which on a place is the mark whatever its colour; chosen."""
 
-EVEN_SHARE, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, 0.9, 1.1
-"""The same where its colour was not known: of its pixels, of its score, and of that whatever its colour is; chosen."""
+EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, -0.2, 0.75, 1.0
+"""The same where its colour was not known: its share at least, what is around it at most, and its score less what it
+loses by its distance at least, the latter whatever its colour; chosen."""
 APART, APART_SHARE, APART_SCORE, APART_SURE_SCORE = -0.95, 0.4, 0.65, 0.85
 """And where nothing around it looks like it; chosen."""
 
@@ -61,11 +62,12 @@ def mark_in_other_light(
 ) -> Detection | None:
     """A mark whose colour was not known, where it is even and apart from what is around it: by its rim, too."""
     seen = seen_at(place, one, OTHER_SD)
-    if place.around <= APART:
-        sure = place.share >= APART_SHARE and place.score >= (APART_SCORE if fits(seen) else APART_SURE_SCORE)
-    else:
-        sure = place.share >= EVEN_SHARE and place.score >= (EVEN_SCORE if fits(seen) else EVEN_SURE_SCORE)
-    if not sure:
+    likely = fits(seen)
+    alone = place.around <= APART and place.share >= APART_SHARE
+    even = place.around <= EVEN_AROUND and place.share >= EVEN_SHARE
+    if not (alone and place.score >= (APART_SCORE if likely else APART_SURE_SCORE)) and not (
+        even and place.weighed >= (EVEN_SCORE if likely else EVEN_SURE_SCORE)
+    ):
         return None
     rim = _rim(frame_bgr, place, one)
     off = np.inf if rim is None else float(np.hypot(*(rim - place.center_px)))
