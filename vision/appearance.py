@@ -111,6 +111,11 @@ class Appearance:
         self.unseen = 0
         self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=KEPT)
 
+    @property
+    def is_full(self) -> bool:
+        """Whether it is known from as many frames as are kept."""
+        return len(self._kept) == KEPT
+
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
         """Keep a frame's view of the mark; nothing where the border is near."""
         half = _half(outline) + 2

@@ -93,7 +93,9 @@ def centers_agreed(seen: Cover, outline: Outline) -> Center | None:
     if seen.noise_sd > FAINTEST:
         return None
     center = _agreed(seen, fit_outline(seen.alpha, seen.center_px, outline), outline)
-    return None if center is None else replace(center, cov_px2=_trust(seen, outline) * center.cov_px2)
+    if center is None:
+        return None
+    return Center(center.center_px, _trust(seen, outline) * center.cov_px2, center.covered, center.size)
 
 
 def _trust(seen: Cover, outline: Outline) -> float:

@@ -81,12 +81,11 @@ class FollowedHue:
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
         # in steps, so that the table of classes is the same from frame to frame
         drift = round(2.0 * min(max(drift, -furthest), furthest)) / 2.0
-        self.now = replace(
-            first,
-            seen_deg=on_circle(first.middle_deg + drift),
-            min_saturation=max(LEAST_SATURATION, min(first.min_saturation, round(PALER * saturation, 2))),
-            min_value=max(LEAST_VALUE, min(first.min_value, round(DARKER * value, 2))),
-        )
+        seen_deg = on_circle(first.middle_deg + drift)
+        min_saturation = max(LEAST_SATURATION, min(first.min_saturation, round(PALER * saturation, 2)))
+        min_value = max(LEAST_VALUE, min(first.min_value, round(DARKER * value, 2)))
+        if (seen_deg, min_saturation, min_value) != (self.now.seen_deg, self.now.min_saturation, self.now.min_value):
+            self.now = replace(first, seen_deg=seen_deg, min_saturation=min_saturation, min_value=min_value)
 
 
 @lru_cache(maxsize=64)

@@ -377,6 +377,18 @@ def covered(patch, component, others, discs, constants, thorough):  # type: igno
 
 
 @njit(cache=True, nogil=True)
+def _without_gaps(piece):  # type: ignore[no-untyped-def]
+    """Whether the pixels of a piece lie side by side in each row, so that it encloses nothing."""
+    for row in range(piece.shape[0]):
+        runs = 0
+        for column in range(1, piece.shape[1]):
+            runs += piece[row, column] > piece[row, column - 1]
+        if runs > 1:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
     """Whether one piece of this class has so many pixels, and there are no others to speak of; the piece, (h, w).
 
@@ -416,6 +428,8 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
                 piece[i, j] = 1
     if not found or stray > fewest // 4:
         return False, piece
+    if _without_gaps(piece):
+        return True, piece
     # from the rim inward: what is not reached lies inside
     outside = np.zeros((height, width), dtype=np.uint8)
     stack[0, 0], stack[0, 1] = 0, 0

@@ -34,6 +34,8 @@ WHOLE_PX2 = 0.5**2
 """The same from which on it is not kept as what the mark looks like; chosen."""
 UNTOLD_PX2 = 0.6
 """And above which something that is not clear, and cannot be compared with anything, is no mark; chosen."""
+REFRESHED = 2
+"""Every so many frames a mark's looks are taken anew; chosen."""
 FORGOTTEN = 150
 """Frames after which a mark that was not clearly seen may look different; chosen."""
 
@@ -74,11 +76,10 @@ class KnownLooks:
         kept: list[Identified] = []
         odd: list[Identified] = []
         for one in found:
-            if _is_clear(one.detection) or not _is_even(where[one.name]):
-                kept.append(one)
+            clear = _is_clear(one.detection)
+            (kept if clear or not _is_even(where[one.name]) else odd).append(one)
+            if clear:
                 self._remember(frame_bgr, one, where[one.name])
-            else:
-                odd.append(one)
         for one in odd:
             better = self._checked(frame_bgr, where[one.name], one.detection, fits)
             if better is not None:
@@ -95,17 +96,22 @@ class KnownLooks:
         return kept
 
     def _remember(self, frame_bgr: Image, one: Identified, expected: Expected) -> None:
-        seen = one.detection
+        seen, look = one.detection, self._known.get(one.name)
+        if look is not None and look.unseen < REFRESHED and look.is_full:
+            return
         if seen.covered or seen.clipped or _variance(seen) > WHOLE_PX2 or not _is_even(expected):
             return
-        look = self._known.setdefault(one.name, Appearance(expected.hue_deg))
+        if look is None:
+            look = self._known[one.name] = Appearance(expected.hue_deg)
         assert expected.outline is not None
         look.remember(frame_bgr, seen.center_px, expected.outline)
 
     def _forget(self) -> None:
+        longest = 0
         for look in self._known.values():
             look.unseen += 1
-        if any(look.unseen > FORGOTTEN for look in self._known.values()):
+            longest = max(longest, look.unseen)
+        if longest > FORGOTTEN:
             self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
 
     def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
