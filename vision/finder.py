@@ -72,7 +72,7 @@ class MarkFinder:
                 found = self._near(frame_bgr, expected, regions)
         if len(found) < len(expected):
             found = self._anywhere(self._in_all(frame_bgr, expected), expected, struck)
-        found = self._looks.compared(frame_bgr, expected, found, lambda seen: self.hues[seen.hue_deg].fits(seen))
+        found = self._looks.compared(frame_bgr, expected, found, lambda seen: self.hues[seen.hue_deg].off(seen))
         if len(found) < len(expected):
             found += self._by_rim(frame_bgr, expected, found)
         found = _certain(found, expected)

@@ -49,9 +49,13 @@ class FollowedHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def fits(self, detection: Detection) -> bool:
-        """Whether a detection's colour may be that of such a mark; any may until a few frames have told."""
+        """Whether a detection's colour may be that of such a mark."""
+        return self.off(detection) <= 1.0
+
+    def off(self, detection: Detection) -> float:
+        """How far a detection's colour is off, squared, by how far a mark's may be; 0 until some were seen."""
         if self._n_frames < KNOWN_AFTER:
-            return True
+            return 0.0
         squared = 0.0
         for seen, mean, scatter, least in zip(
             _told(tuple(detection.color_bgr), self._first.middle_deg),
@@ -61,7 +65,7 @@ class FollowedHue:
             strict=False,
         ):
             squared += (seen - mean) ** 2 / max(scatter, least**2)
-        return squared <= GATE
+        return squared / GATE
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly covered or cut do not count."""

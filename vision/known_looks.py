@@ -66,11 +66,11 @@ class KnownLooks:
         frame_bgr: Image,
         expected: Sequence[Expected],
         found: Sequence[Identified],
-        fits: Callable[[Detection], bool],
+        off: Callable[[Detection], float],
     ) -> list[Identified]:
         """The marks found, put right or left out where the picture does not look like them, and those missed.
 
-        fits: whether a detection's colour may be that of its kind
+        off: how far a detection's colour is off that of its kind, squared, by how far it may be
         """
         where = {one.name: one for one in expected}
         kept: list[Identified] = []
@@ -81,7 +81,7 @@ class KnownLooks:
             if clear:
                 self._remember(frame_bgr, one, where[one.name])
         for one in odd:
-            better = self._checked(frame_bgr, where[one.name], one.detection, fits)
+            better = self._checked(frame_bgr, where[one.name], one.detection, off)
             if better is not None:
                 kept.append(Identified(one.name, better))
                 if better.covered == one.detection.covered:
@@ -89,7 +89,7 @@ class KnownLooks:
                     self._remember(frame_bgr, one, where[one.name])
         names = {one.name for one in found}
         for each in expected:
-            seen = None if each.name in names else self._sought(frame_bgr, each, fits)
+            seen = None if each.name in names else self._sought(frame_bgr, each, off)
             if seen is not None and all(_apart(seen, other.detection) for other in kept):
                 kept.append(Identified(each.name, seen))
         self._forget()
@@ -114,19 +114,19 @@ class KnownLooks:
         if longest > FORGOTTEN:
             self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
 
-    def _sought(self, frame_bgr: Image, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
+    def _sought(self, frame_bgr: Image, one: Expected, off: Callable[[Detection], float]) -> Detection | None:
         """A mark that is missing, where the picture looks like it."""
         if not _is_even(one):
             return None
         place = self._place(frame_bgr, one)
-        seen = None if place is None else missed_mark(place, one, fits)
+        seen = None if place is None else missed_mark(place, one, off)
         if seen is not None:
             return seen
         place = self._best_in_other_light(frame_bgr, one)
-        return None if place is None else mark_in_other_light(frame_bgr, place, one, fits)
+        return None if place is None else mark_in_other_light(frame_bgr, place, one, off)
 
     def _checked(
-        self, frame_bgr: Image, one: Expected, seen: Detection, fits: Callable[[Detection], bool]
+        self, frame_bgr: Image, one: Expected, seen: Detection, off: Callable[[Detection], float]
     ) -> Detection | None:
         """What was found, where the picture looks like the mark; or the mark where it does; None where nowhere."""
         if one.name not in self._known and not seen.covered and _variance(seen) <= WHOLE_PX2:
@@ -139,12 +139,12 @@ class KnownLooks:
                     return together(seen, place)
             elif self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
                 return seen
-        if place is not None and is_mark(place, FREE_SCORE) and fits(better := seen_at(place, one)):
+        if place is not None and is_mark(place, FREE_SCORE) and off(better := seen_at(place, one)) <= 1.0:
             return better
         place = self._best_in_other_light(frame_bgr, one)
         if _variance(seen) <= UNTOLD_PX2 and (place is None or _near(place, seen)):
             return seen
-        return None if place is None else mark_in_other_light(frame_bgr, place, one, fits)
+        return None if place is None else mark_in_other_light(frame_bgr, place, one, off)
 
     def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> Place | None:
         """Where it looks most like a mark of this kind, in whatever light."""

@@ -16,6 +16,12 @@ Floats = NDArray[np.float64]
 
 N_RAYS = 64
 """Directions in which the edge is looked for."""
+RAYS = np.column_stack(
+    [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
+)
+"""Of length 1, (N_RAYS, 2)."""
+SETTLED = 1e-4
+"""Where a step is less than this, in sizes of the mark, the next is the last; chosen."""
 REACH = 2.0
 """How far from the middle of what is seen, in sizes of the mark."""
 BLUR_PX = 3.0
@@ -95,8 +101,7 @@ def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
     for k in range(N_RAYS):
-        angle = 2.0 * np.pi * k / N_RAYS
-        x, y = np.cos(angle), np.sin(angle)
+        x, y = RAYS[k, 0], RAYS[k, 1]
         along_u, along_v = shape[0, 0] * x + shape[0, 1] * y, shape[1, 0] * x + shape[1, 1] * y
         outer, t = 1.0, reach
         while t > 0.0:
@@ -165,18 +170,19 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
     shares of all directions whose edge lies on it and beyond it.
     """
     n = len(edges)
-    fit, normal, step = start.copy(), np.zeros((3, 3)), np.zeros(3)
+    fit, normal = start.copy(), np.zeros((3, 3))
     near, floor = 0.4 / scale, (EDGE_SD_PX / scale) ** 2
     variance, n_on, n_beyond = floor, 0.0, 0
     waves = np.zeros((HIGHEST_WAVE + 1, 2))
-    for _ in range(6):
+    settled = False
+    for turn in range(6):
+        last = settled or turn == 5
         # The prior on the size, in units of an edge's variance
         weight = variance / size_sd**2
         a00 = a01 = a02 = a11 = a12 = 0.0
         a22, g0, g1, g2 = weight, 0.0, 0.0, weight * (1.0 - fit[2])
         squares = weights2 = n_on = 0.0
         n_beyond = 0
-        waves[:] = 0.0
         limit = max(near, 4.7 * np.sqrt(variance))
         for k in range(n):
             x, y = edges[k, 0] - fit[0], edges[k, 1] - fit[1]
@@ -200,20 +206,24 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
             squares += w * off * off
             weights2 += w * w
             n_on += w
+            if not last:
+                continue
             # cos and sin of k times the angle, by turning on
             turned_x, turned_y = x, y
             for k_wave in range(2, HIGHEST_WAVE + 1):
                 turned_x, turned_y = turned_x * x - turned_y * y, turned_x * y + turned_y * x
                 waves[k_wave, 0] += w * off * turned_x
                 waves[k_wave, 1] += w * off * turned_y
-        normal[0, 0], normal[0, 1], normal[0, 2] = a00, a01, a02
-        normal[1, 0], normal[1, 1], normal[1, 2] = a01, a11, a12
-        normal[2, 0], normal[2, 1], normal[2, 2] = a02, a12, a22
-        step[0], step[1], step[2] = g0, g1, g2
+        normal = np.array([[a00, a01, a02], [a01, a11, a12], [a02, a12, a22]])
+        step = np.array([g0, g1, g2])
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
             return fit, np.eye(3), variance, 0.0, 0.0, 0.0
-        fit += np.linalg.solve(normal, step)
-        variance = max(squares / n_on, floor)
+        step = np.linalg.solve(normal, step)
+        fit += step
+        narrower, variance = variance, max(squares / n_on, floor)
+        if last:
+            break
+        settled = abs(variance - narrower) < 0.01 * variance and np.abs(step).max() < SETTLED
     # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them
     # says how strong one wave of noise, of highlights and of compression is.
     power = (waves**2).sum() / (HIGHEST_WAVE - 1) / weights2

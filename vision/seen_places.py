@@ -26,8 +26,10 @@ SURE_SCORE = 0.7
 """Score from which on a place is the mark whatever its colour; chosen."""
 
 EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, -0.2, 0.75, 1.0
-"""The same where its colour was not known: its share at least, what is around it at most, and its score less what it
+"""The same where its light was not known: its share at least, what is around it at most, and its score less what it
 loses by its distance at least, the latter whatever its colour; chosen."""
+FURTHEST_OFF = 2.0
+"""How far its colour may then be off, squared, by how far that of a mark may be; chosen."""
 APART, APART_SHARE, APART_SCORE, APART_SURE_SCORE = -0.95, 0.4, 0.65, 0.85
 """And where nothing around it looks like it; chosen."""
 
@@ -49,20 +51,23 @@ def is_mark(place: Place, free_score: float) -> bool:
     return place.score >= SCORE and place.share >= SHARE
 
 
-def missed_mark(place: Place, one: Expected, fits: Callable[[Detection], bool]) -> Detection | None:
-    """A mark of known looks that nothing else found; fits: whether its colour may be that of its kind."""
+def missed_mark(place: Place, one: Expected, off: Callable[[Detection], float]) -> Detection | None:
+    """A mark of known looks that nothing else found; off: how far a colour is off its kind's, as `FollowedHue.off`."""
     if not is_mark(place, SCORE) or (place.score < DOUBTFUL_SCORE and place.around > DOUBTFUL):
         return None
     seen = seen_at(place, one)
-    return seen if place.score >= SURE_SCORE or fits(seen) else None
+    return seen if place.score >= SURE_SCORE or off(seen) <= 1.0 else None
 
 
 def mark_in_other_light(
-    frame_bgr: Image, place: Place, one: Expected, fits: Callable[[Detection], bool]
+    frame_bgr: Image, place: Place, one: Expected, off: Callable[[Detection], float]
 ) -> Detection | None:
     """A mark whose colour was not known, where it is even and apart from what is around it: by its rim, too."""
     seen = seen_at(place, one, OTHER_SD)
-    likely = fits(seen)
+    off_hue = off(seen)
+    if off_hue > FURTHEST_OFF:
+        return None
+    likely = off_hue <= 1.0
     alone = place.around <= APART and place.share >= APART_SHARE
     even = place.around <= EVEN_AROUND and place.share >= EVEN_SHARE
     if not (alone and place.score >= (APART_SCORE if likely else APART_SURE_SCORE)) and not (
@@ -70,10 +75,10 @@ def mark_in_other_light(
     ):
         return None
     rim = _rim(frame_bgr, place, one)
-    off = np.inf if rim is None else float(np.hypot(*(rim - place.center_px)))
-    if rim is None or off > FURTHEST_RIM_PX:
+    away = np.inf if rim is None else float(np.hypot(*(rim - place.center_px)))
+    if rim is None or away > FURTHEST_RIM_PX:
         return seen
-    variance = _sd(place, RIM_SD) ** 2 + (RIM_OFF * off) ** 2
+    variance = _sd(place, RIM_SD) ** 2 + (RIM_OFF * away) ** 2
     return _moved(seen, (place.center_px + rim) / 2.0, variance * np.eye(2))
 
 
