@@ -275,13 +275,15 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _unmixed(patch, plane, weights):  # type: ignore[no-untyped-def]
-    """Alpha = (pixel - background) @ weights, (h, w)."""
+def _unmixed(patch, plane, weights, where):  # type: ignore[no-untyped-def]
+    """Alpha = (pixel - background) @ weights where asked, else 0, (h, w)."""
     by_b, by_g, by_r = weights[0], weights[1], weights[2]
     constant, along_u, along_v = plane @ weights
-    alpha = np.empty(patch.shape[:2])
+    alpha = np.zeros(patch.shape[:2])
     for row in range(patch.shape[0]):
         for column in range(patch.shape[1]):
+            if not where[row, column]:
+                continue
             x = by_b * patch[row, column, 0] + by_g * patch[row, column, 1] + by_r * patch[row, column, 2]
             alpha[row, column] = x - constant - along_u * column - along_v * row
     return alpha
@@ -356,13 +358,14 @@ def covered(patch, component, others, discs, constants, thorough):  # type: igno
     strength = weights @ contrast
     if not strength > 0:
         return False, np.zeros(ring.shape), figures
-    measured = _unmixed(patch, plane, weights / strength)
-    alpha = measured.copy()
+    edge = near & (one - core)
+    measured = _unmixed(patch, plane, weights / strength, np.ones_like(near) if thorough else edge)
+    alpha = measured.copy() if thorough else measured
     area, u, v = _filled(alpha, near, core)
     if not area > 0:
         return False, alpha, figures
     # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
-    leverage, arms, by_plane = _arms(near & (one - core), area, u, v)
+    leverage, arms, by_plane = _arms(edge, area, u, v)
     behind = at_edge = ROUGHLY / strength
     if thorough:
         behind = _power(measured, ring.astype(np.float64), int(grain_reach))
@@ -390,7 +393,7 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """Whether one piece of this class has so many pixels, and there are no others to speak of; the piece, (h, w).
+    """Whether one piece of a class has so many pixels, and no others are to speak of; it, (h, w); its rows and columns.
 
     Pixels hang together by their sides and corners; what a piece encloses is of it. It must not touch the rim.
     """
@@ -398,7 +401,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
     piece = np.zeros((height, width), dtype=np.uint8)
     stack = np.empty((height * width, 2), dtype=np.int64)
     seen = np.zeros((height, width), dtype=np.uint8)
-    found, stray = False, 0
+    found, stray, rim = False, 0, (0, 0, 0, 0)
     for row in range(height):
         for column in range(width):
             if classes[row, column] != number or seen[row, column]:
@@ -419,17 +422,20 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
                 stray += n
                 continue
             if found:
-                return False, piece
+                return False, piece, rim
             found = True
+            low_v, high_v, low_u, high_u = height, 0, width, 0
             for p in range(n):
                 i, j = stack[p, 0], stack[p, 1]
-                if i == 0 or j == 0 or i == height - 1 or j == width - 1:
-                    return False, piece
                 piece[i, j] = 1
+                low_v, high_v, low_u, high_u = min(low_v, i), max(high_v, i), min(low_u, j), max(high_u, j)
+            rim = (low_v, high_v, low_u, high_u)
+            if low_v == 0 or low_u == 0 or high_v == height - 1 or high_u == width - 1:
+                return False, piece, rim
     if not found or stray > fewest // 4:
-        return False, piece
+        return False, piece, rim
     if _without_gaps(piece):
-        return True, piece
+        return True, piece, rim
     # from the rim inward: what is not reached lies inside
     outside = np.zeros((height, width), dtype=np.uint8)
     stack[0, 0], stack[0, 1] = 0, 0
@@ -442,7 +448,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
                 outside[k, m] = 1
                 stack[n, 0], stack[n, 1] = k, m
                 n += 1
-    return True, np.uint8(1) - outside
+    return True, np.uint8(1) - outside, rim
 
 
 @njit(cache=True, nogil=True)
@@ -482,15 +488,9 @@ def alone(frame, box, number, palette, fewest, pads, discs, constants):  # type:
     classes = np.empty((height, width), dtype=np.uint8)
     # as it is: where noise breaks a mark into pieces, the slow way knows more
     classify(frame[box[1] : box[3], box[0] : box[2]], palette[0], palette[1], palette[2], classes)
-    there, piece = _only_piece(classes, number, fewest)
+    there, piece, (low_v, high_v, low_u, high_u) = _only_piece(classes, number, fewest)
     if not there:
         return False, 0, 0, none, np.zeros(10)
-    low_v, high_v, low_u, high_u = height, 0, width, 0
-    for row in range(height):
-        for column in range(width):
-            if piece[row, column]:
-                low_v, high_v = min(low_v, row), max(high_v, row)
-                low_u, high_u = min(low_u, column), max(high_u, column)
     pad = pads[0] + max(high_v - low_v + 1, high_u - low_u + 1) // pads[1]
     v0, u0 = max(low_v - pad, 0), max(low_u - pad, 0)
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
