@@ -1,5 +1,7 @@
 """Marks partly covered or missing, compared with how they looked: found on blood, left out where a hand hides them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vision import Disc, Expected, Lighting, MarkFinder, MarkHue, Outline, draw_frame
@@ -49,8 +51,11 @@ def test_a_mark_that_was_on_blood_from_the_start_is_found_as_another_of_its_kind
     finder, off = MarkFinder([MarkHue(0.0)]), []
     at = np.array(HOMES["M2"])
     blood = Disc(at + np.array([9.0, -4.0]), (30.0, 22.0), **BLOOD)
+    larger = Outline(13.0 * np.eye(2), 0.05)
+    paler = Disc(at, (13.0, 13.0), 0.0, saturation=0.65, value=0.75)
     for _ in range(20):
-        found = {f.name: f.detection for f in finder.find(frame(rng, [blood]), expected(rng, HOMES))}
+        places = [replace(one, outline=larger) if one.name == "M2" else one for one in expected(rng, HOMES)]
+        found = {f.name: f.detection for f in finder.find(frame(rng, [blood], [paler]), places)}
         if "M2" in found:
             off.append((found["M2"].center_px - at) / np.sqrt(np.diag(found["M2"].cov_px2)))
     assert len(off) >= 18
