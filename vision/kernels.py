@@ -13,6 +13,8 @@ HUE_STEPS = 720
 """Half degrees on the circle of hues: what a table of classes is indexed by."""
 NARROW_PX = 12
 """Around the pixels of a mark that is looked at alone: its edge, and what lies behind it."""
+ON_A_LINE = 1e-6
+"""Determinant of the Gram matrix by its diagonal's product, below which places tell no plane: nearly on a line."""
 ROUGHLY = 12.0
 """Variance of noise as it moves a centre, by that of a pixel, where nobody looks closer; measured on drawn frames."""
 
@@ -135,7 +137,7 @@ def _background(patch, ring, outlier_sds, fit_pixels, rounding):  # type: ignore
                 for c in range(3):
                     gram[a, c] += places[i, a] * places[i, c]
                     sums[a, c] += places[i, a] * colors[i, c]
-    if n_kept < 12:
+    if n_kept < 12 or np.linalg.det(gram) <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
         return False, none, none, none
     plane = np.ascontiguousarray(np.linalg.solve(gram, sums))
     # All pixels count here: a line or a disc of another hue beside the mark turns the weights away from its colour.

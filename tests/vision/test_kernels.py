@@ -51,6 +51,18 @@ def test_alpha_is_one_inside_and_nothing_away_from_the_mark() -> None:
     assert 0.003 < seen.noise_sd < 0.03
 
 
+@pytest.mark.parametrize("line", [(slice(0, 1), slice(None)), (slice(None), slice(0, 1)), (slice(None), slice(29, 30))])
+def test_pixels_on_one_line_do_not_tell_what_lies_behind(line: tuple[slice, slice]) -> None:
+    rng = np.random.default_rng(3)
+    patch = draw_frame((30, 30), [Disc(np.array([15.0, 15.0]), (5.0, 5.0), 0.0)], Lighting(), rng)
+    component, others = np.zeros((30, 30), np.uint8), np.ones((30, 30), np.uint8)
+    component[11:20, 11:20] = 1
+    others[line] = 0
+    assert cover(patch, component, others) is None
+    others[8:22, :] = 0
+    assert cover(patch, component, others) is not None
+
+
 def test_every_colour_is_of_the_class_that_its_hue_saturation_and_value_say() -> None:
     hues = (MarkHue(0.0, 20.0, 0.4, 0.2), MarkHue(130.0, 40.0, 0.2, 0.5), MarkHue(60.0, 50.0, 0.5, 0.1))
     rng = np.random.default_rng(1)
