@@ -198,7 +198,7 @@ def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
     """Left, top, width, height of the parts of a picture, (height, width), where marks are expected; none overlap."""
     boxes = []
     for one in expected:
-        (u, v), (uu, vv) = one.center_px.tolist(), one.cov_px2.diagonal().tolist()
+        (u, v), ((uu, _), (_, vv)) = one.center_px.tolist(), one.cov_px2.tolist()
         (a, b), (c, d) = ((0.0, 0.0), (0.0, 0.0)) if one.outline is None else one.outline.shape_px.tolist()
         across = REGION_SDS * uu**0.5 + 1.3 * hypot(a, b) + PAD_PX + 4
         down = REGION_SDS * vv**0.5 + 1.3 * hypot(c, d) + PAD_PX + 4
@@ -207,6 +207,8 @@ def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
         if high[0] > low[0] and high[1] > low[1]:
             boxes.append((*low, *high))
     apart: list[tuple[int, int, int, int]] = []
+    if not any(_overlap(a, b) for a, b in combinations(boxes, 2)):
+        apart, boxes = boxes, []
     for box in boxes:
         merged = box
         while (other := next((one for one in apart if _overlap(one, merged)), None)) is not None:

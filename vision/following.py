@@ -56,15 +56,10 @@ class FollowedHue:
         """How far a detection's colour is off, squared, by how far a mark's may be; 0 until some were seen."""
         if self._n_frames < KNOWN_AFTER:
             return 0.0
-        squared = 0.0
-        for seen, mean, scatter, least in zip(
-            _told(tuple(detection.color_bgr), self._first.middle_deg),
-            self._color,
-            self._scatter,
-            LEAST_SDS,
-            strict=False,
-        ):
-            squared += (seen - mean) ** 2 / max(scatter, least**2)
+        hue, saturation, _ = _told(tuple(detection.color_bgr), self._first.middle_deg)
+        (mean_hue, mean_saturation, _), (scatter_hue, scatter_saturation, _) = self._color, self._scatter
+        squared = (hue - mean_hue) ** 2 / max(scatter_hue, LEAST_SDS[0] ** 2)
+        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, LEAST_SDS[1] ** 2)
         return squared / GATE
 
     def follow(self, detections: Sequence[Detection]) -> None:
@@ -94,6 +89,6 @@ class FollowedHue:
 
 @lru_cache(maxsize=64)
 def _told(color_bgr: tuple[float, ...], middle_deg: float) -> tuple[float, float, float]:
-    blue, green, red = (max(level, 1.0) / 255.0 for level in color_bgr)
-    hue, saturation, value = colorsys.rgb_to_hsv(red, green, blue)
+    blue, green, red = color_bgr
+    hue, saturation, value = colorsys.rgb_to_hsv(max(red, 1.0) / 255.0, max(green, 1.0) / 255.0, max(blue, 1.0) / 255.0)
     return (360.0 * hue - middle_deg + 180.0) % 360.0 - 180.0, saturation, log(value)

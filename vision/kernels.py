@@ -60,12 +60,10 @@ def _grown(component, half_widths):  # type: ignore[no-untyped-def]
             if not component[row, column]:
                 continue
             inside = (
-                0 < row < height - 1
-                and 0 < column < width - 1
-                and component[row - 1, column]
-                and component[row + 1, column]
-                and component[row, column - 1]
-                and component[row, column + 1]
+                (row == 0 or component[row - 1, column])
+                and (row == height - 1 or component[row + 1, column])
+                and (column == 0 or component[row, column - 1])
+                and (column == width - 1 or component[row, column + 1])
             )
             if inside:
                 continue

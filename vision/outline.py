@@ -87,10 +87,7 @@ def fit_outline(alpha: Floats, start_px: Floats, outline: Outline, *, reach: flo
     start_px: a place inside what is seen, (2,)
     reach: how far from there the edge may lie, in sizes of the mark; where no edge is nearer another mark goes on
     """
-    edges, n_edges = _edges(alpha, start_px, outline.shape_px, reach)
-    if n_edges < LEAST_SHARE * N_RAYS:
-        return None
-    center, cov, share, beyond, size = _fitted(edges[:n_edges], start_px, outline.shape_px, outline.size_sd)
+    center, cov, share, beyond, size = _fitted(alpha, start_px, outline.shape_px, outline.size_sd, reach)
     return Fitted(center, cov, share, beyond, size) if share >= LEAST_SHARE else None
 
 
@@ -231,8 +228,12 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _fitted(edges, start, shape, size_sd):  # type: ignore[no-untyped-def]
+def _fitted(alpha, start, shape, size_sd, reach):  # type: ignore[no-untyped-def]
     """Centre, covariance, share, beyond, size: of the whole mark, or else of the best circle through three edges."""
+    edges, n_edges = _edges(alpha, start, shape, reach)
+    if n_edges < LEAST_SHARE * N_RAYS:
+        return start, np.eye(2), 0.0, 0.0, 1.0
+    edges = edges[:n_edges]
     scale = np.sqrt(abs(np.linalg.det(shape)))
     middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
     fit, normal, variance, power, share, beyond = _refined(edges, middle, size_sd, scale)
