@@ -121,14 +121,16 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def report(data: Path, out: Path) -> dict[str, dict[str, float]]:
-    """Follow the ball of every film, write the tables, and say how near the labels it was found."""
+    """Follow the ball of every film, write the tables, and say how near the labels it was found, where it has any."""
     labels = pd.read_csv(LABELS)
     figures = {}
     for name, film in FILMS.items():
         sys.stderr.write(f"{name}\n")
         rows = followed(data / film.path, film)
         write_whole(out / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
-        figures[name] = against_labels(rows, labels[labels.film == name])
+        own = labels[labels.film == name]
+        if len(own):
+            figures[name] = against_labels(rows, own)
     return figures
 
 
