@@ -133,11 +133,12 @@ class Appearance:
         expected: Expected,
         there_px: Floats | None = None,
         *,
+        within_px: float | None = None,
         another: bool = False,
     ) -> Place | None:
         """Where it looks most like the mark about where that is expected.
 
-        there_px: another place, whose score is asked for, (2,)
+        there_px: another place, whose score is asked for, (2,); within_px: only so near to that is looked
         another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
         None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
         """
@@ -149,6 +150,9 @@ class Appearance:
         height, width = frame_bgr.shape[:2]
         u0, v0 = (max(int(np.ceil(x - reach)), 0) for x in expected.center_px)
         u1, v1 = (min(int(x + reach) + 1, size) for x, size in zip(expected.center_px, (width, height), strict=True))
+        if within_px is not None and there_px is not None:
+            (u, v), far = (round(float(x)) for x in there_px), ceil(within_px)
+            u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
         if (look.blends > BLENDS and not another) or u1 <= u0 or v1 <= v0:
             return None
         pad = _half(outline) + 3

@@ -43,6 +43,8 @@ NEAR_PX = 3.0
 """As far as this a centre may be off the place that looks most like the mark; chosen."""
 AS_GOOD = 0.1
 """What was found may have so much less of a score than the best place, and is believed; chosen."""
+PLAIN_SCORE = 1.1
+"""What was found is plainly the mark where it has this score: nothing further away is looked at; chosen."""
 NEAR_SCORE, MERGED = 0.45, 0.65
 """Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
 WORTHLESS_PX2 = 3.0**2
@@ -129,8 +131,9 @@ class KnownLooks:
         self, frame_bgr: Image, one: Expected, seen: Detection, off: Callable[[Detection], float]
     ) -> Detection | None:
         """What was found, where the picture looks like the mark; or the mark where it does; None where nowhere."""
-        if one.name not in self._known and not seen.covered and _variance(seen) <= WHOLE_PX2:
-            return seen
+        plain = self._plainly_it(frame_bgr, one, seen)
+        if plain is not None:
+            return plain
         place = self._place(frame_bgr, one, seen.center_px)
         if place is not None and _variance(seen) <= WORTHLESS_PX2:
             if _near(place, seen) and np.isfinite(place.there):
@@ -146,15 +149,27 @@ class KnownLooks:
             return seen
         return None if place is None else mark_in_other_light(frame_bgr, place, one, off)
 
+    def _plainly_it(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
+        """What was found, where that is clear at once: the usual case in noise, and the quicker."""
+        if one.name not in self._known:
+            return seen if not seen.covered and _variance(seen) <= WHOLE_PX2 else None
+        place = self._place(frame_bgr, one, seen.center_px, NEAR_PX + 1.0)
+        if place is None or place.score < PLAIN_SCORE or not _near(place, seen) or _variance(seen) > WORTHLESS_PX2:
+            return None
+        return together(seen, place)
+
     def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> Place | None:
         """Where it looks most like a mark of this kind, in whatever light."""
         looks = [look for look in self._known.values() if look.hue_deg == one.hue_deg]
         places = [look.place(frame_bgr, one, another=True) for look in looks]
         return max((place for place in places if place is not None), key=lambda place: place.weighed, default=None)
 
-    def _place(self, frame_bgr: Image, one: Expected, there_px: Floats | None = None) -> Place | None:
+    def _place(
+        self, frame_bgr: Image, one: Expected, there_px: Floats | None = None, within_px: float | None = None
+    ) -> Place | None:
         """Where it looks like this mark as it was."""
-        return self._known[one.name].place(frame_bgr, one, there_px) if one.name in self._known else None
+        look = self._known.get(one.name)
+        return None if look is None else look.place(frame_bgr, one, there_px, within_px=within_px)
 
     def _score_there(self, frame_bgr: Image, one: Expected, seen: Detection, best: Place) -> float:
         """How much the place of something looks like the mark, though it be further away than was looked."""
