@@ -206,10 +206,9 @@ def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
         high = min(ceil(u + across) + 1, shape[1]), min(ceil(v + down) + 1, shape[0])
         if high[0] > low[0] and high[1] > low[1]:
             boxes.append((*low, *high))
-    apart: list[tuple[int, int, int, int]] = []
-    if not any(_overlap(a, b) for a, b in combinations(boxes, 2)):
-        apart, boxes = boxes, []
-    for box in boxes:
+    overlapping = any(_overlap(a, b) for a, b in combinations(boxes, 2))
+    apart: list[tuple[int, int, int, int]] = [] if overlapping else boxes
+    for box in boxes if overlapping else ():
         merged = box
         while (other := next((one for one in apart if _overlap(one, merged)), None)) is not None:
             apart.remove(other)

@@ -87,7 +87,7 @@ class KnownLooks:
             if better is not None:
                 kept.append(Identified(one.name, better))
                 if better.covered == one.detection.covered:
-                    # by its outline alone: of a place that looks like it, it would learn to be off by what it is off
+                    # by its outline alone: with the place that looks like it, looks would learn their own errors
                     self._remember(frame_bgr, one, where[one.name])
         names = {one.name for one in found}
         for each in expected:

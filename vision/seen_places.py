@@ -62,17 +62,16 @@ def missed_mark(place: Place, one: Expected, off: Callable[[Detection], float]) 
 def mark_in_other_light(
     frame_bgr: Image, place: Place, one: Expected, off: Callable[[Detection], float]
 ) -> Detection | None:
-    """A mark whose colour was not known, where it is even and apart from what is around it: by its rim, too."""
+    """A mark whose colour was not known, where it is even and apart from what is around it: by its rim, too.
+
+    frame_bgr: (height, width, 3); off: as for `missed_mark`
+    """
     seen = seen_at(place, one, OTHER_SD)
     off_hue = off(seen)
-    if off_hue > FURTHEST_OFF:
-        return None
-    likely = off_hue <= 1.0
-    alone = place.around <= APART and place.share >= APART_SHARE
-    even = place.around <= EVEN_AROUND and place.share >= EVEN_SHARE
-    if not (alone and place.score >= (APART_SCORE if likely else APART_SURE_SCORE)) and not (
-        even and place.weighed >= (EVEN_SCORE if likely else EVEN_SURE_SCORE)
-    ):
+    even_score, apart_score = (EVEN_SCORE, APART_SCORE) if off_hue <= 1.0 else (EVEN_SURE_SCORE, APART_SURE_SCORE)
+    apart = place.around <= APART and place.share >= APART_SHARE and place.score >= apart_score
+    even = place.around <= EVEN_AROUND and place.share >= EVEN_SHARE and place.weighed >= even_score
+    if off_hue > FURTHEST_OFF or not (apart or even):
         return None
     rim = _rim(frame_bgr, place, one)
     away = np.inf if rim is None else float(np.hypot(*(rim - place.center_px)))
@@ -83,14 +82,14 @@ def mark_in_other_light(
 
 
 def seen_at(place: Place, one: Expected, sd: tuple[float, float] = KNOWN_SD) -> Detection:
-    """A mark at a place."""
+    """A mark at a place; sd: score and growth that its standard deviation [px] follows, as KNOWN_SD."""
     assert one.outline is not None
     area = place.share * one.outline.area_px
     return Detection(place.center_px, _sd(place, sd) ** 2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
 
 
 def together(seen: Detection, place: Place) -> Detection:
-    """What was found, its centre and that of the place that looks like it weighed by their covariances."""
+    """What was found, its centre and that of the place that looks like it [px] weighed by their covariances [px²]."""
     variance = _sd(place, KNOWN_SD) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center = seen.center_px + gain @ (place.center_px - seen.center_px)
@@ -104,12 +103,13 @@ def _moved(seen: Detection, center_px: Floats, cov_px2: Floats) -> Detection:
 
 
 def _sd(place: Place, by_score: tuple[float, float]) -> float:
+    """Standard deviation of the centre of a place [px]."""
     best, growth = by_score
     return min(LEAST_SD_PX * exp(growth * max(best - place.score, 0.0)), MOST_SD_PX)
 
 
 def _rim(frame_bgr: Image, place: Place, one: Expected) -> Floats | None:
-    """The centre of the rim about a place [px]."""
+    """The centre of the rim about a place [px], (2,); None where there is none."""
     assert one.outline is not None
     reach = int(2.0 * (one.outline.area_px / np.pi) ** 0.5 + 8.0)
     u, v = (round(float(x)) for x in place.center_px)
