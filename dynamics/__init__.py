@@ -1,41 +1,50 @@
 """The tissue: nodes, springs, forces, energy, time integration and rest shapes."""
 
-from dynamics.forces import kinetic_energy, node_forces, potential_energy
-from dynamics.insertion import Insertion, force_on_free, insert_needle, pushed_states
-from dynamics.kernels import SLIP_VELOCITY
+from dynamics.equilibrium import at_rest_where_seen, rest_shape, reversed_springs, shape_held
+from dynamics.forces import (
+    KINDS,
+    SLIP_VELOCITY,
+    Parameter,
+    ParameterForces,
+    Uncertainty,
+    damping_matrix,
+    independent,
+    kinetic_energy,
+    label,
+    node_forces,
+    parameter_forces,
+    parameter_named,
+    parameters,
+    potential_energy,
+    scaled,
+    stable_step,
+    state_matrix,
+    stiffness_matrix,
+    value,
+)
+from dynamics.integration import SAME_STEP, Stepper, adaptive, derivative, motion, plain_derivative, plain_step
 from dynamics.needle import (
     GAUGES_MM,
     SHAFT,
+    Drive,
+    Insertion,
+    Knots,
     Needle,
     NeedleLoad,
     Pose,
     dent,
+    force_on_free,
+    insert_needle,
     needle_load,
+    pushed_states,
     shared_force,
     shares,
+    sliding_forces,
+    steered,
     straight_insertion,
 )
 from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, unpack
-from dynamics.parameters import (
-    KINDS,
-    Parameter,
-    ParameterForces,
-    Uncertainty,
-    independent,
-    label,
-    parameter_forces,
-    parameter_named,
-    parameters,
-    scaled,
-    value,
-)
-from dynamics.phantom import HIDDEN, OUTER, four_mass_phantom
-from dynamics.plain import plain_derivative, plain_step
-from dynamics.rest import at_rest_where_seen, rest_shape, shape_held
-from dynamics.reversal import reversed_springs
-from dynamics.steered import Drive, Knots, sliding_forces, steered
-from dynamics.stepping import SAME_STEP, Stepper, adaptive, derivative, motion
-from dynamics.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
+from dynamics.phantoms import HIDDEN, OUTER, four_mass_phantom
 
 __all__ = [
     "GAUGES_MM",

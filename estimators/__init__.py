@@ -1,42 +1,102 @@
 """Probability: filters that tell where the target is, and how sure of it one may be."""
 
-from estimators.adaptation import RunningScale
-from estimators.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
-from estimators.advice_settings import AdviceSettings, health_fault
-from estimators.baseline import Baseline
-from estimators.bound import posterior_bound
-from estimators.breathing import Breath, Breathing, BreathingSettings
-from estimators.consistency import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
-from estimators.ensemble import EnsembleKalmanFilter
-from estimators.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.extended import ExtendedKalmanFilter
-from estimators.health import Health, after_frame
-from estimators.hit_calibration import Tenth, calibration, clopper_pearson
-from estimators.hit_probability import Aim, Belief, best_aim, hit_probability
-from estimators.identification import IdentificationError, Identified, identify, principal
-from estimators.identity import Identity, Named, Swap
-from estimators.known_push import KnownPush, Push
-from estimators.leave_one_out import Check, LeaveOneOut
-from estimators.lesion import Lesion
-from estimators.mixture import InteractingMixture, mixed
-from estimators.needle import Hit, Insertion, Needle
-from estimators.needle_track import Arrival, NeedleNoise, NeedleTracker
-from estimators.obstacles import Obstacle, ball, clearances
-from estimators.open_loop import OpenLoop
-from estimators.open_loop_belief import OpenLoopBelief
-from estimators.particles import ParticleFilter
-from estimators.planning import Plan, PlannedNeedle, PlannedTarget, Skin, compliance, displaced, paths, plan
-from estimators.quick_path import QuickPath, quick_path, quick_tables
-from estimators.replay import Replay
-from estimators.scores import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
-from estimators.settings import FilterSettings
-from estimators.smoother import FixedLag, fixed_interval
-from estimators.stock import StockUnscented
-from estimators.tissue import TissueFilter
-from estimators.tissue_model import FixBias, ForceMode, TissueModel, grown_covariance
-from estimators.tuning import Tuned, tune
-from estimators.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
-from estimators.whiteness import autocorrelation, portmanteau
+from estimators.association import Identity, Named, Swap
+from estimators.baselines import (
+    Baseline,
+    EnsembleKalmanFilter,
+    ExtendedKalmanFilter,
+    OpenLoop,
+    ParticleFilter,
+    StockUnscented,
+)
+from estimators.consistency import (
+    Check,
+    LeaveOneOut,
+    Tenth,
+    anees,
+    autocorrelation,
+    calibration,
+    calibration_curve,
+    chi_square_bounds,
+    clopper_pearson,
+    coverage,
+    crps_normal,
+    energy_score,
+    mean_bounds,
+    normalised_squared,
+    over_runs,
+    pit_normal,
+    pit_squared,
+    portmanteau,
+    posterior_bound,
+    uniformity,
+)
+from estimators.filters import (
+    CovarianceError,
+    InteractingMixture,
+    RunningScale,
+    UnscentedKalmanFilter,
+    mixed,
+    positive_points,
+)
+from estimators.guidance import (
+    Advice,
+    AdviceSettings,
+    Aim,
+    Arrival,
+    Breath,
+    Breathing,
+    BreathingSettings,
+    Guidance,
+    Hit,
+    Insertion,
+    Lesion,
+    Needle,
+    NeedleNoise,
+    NeedleTracker,
+    Obstacle,
+    Outlook,
+    PathSource,
+    Plan,
+    PlannedNeedle,
+    PlannedTarget,
+    Skin,
+    TargetPath,
+    advise,
+    ball,
+    best_aim,
+    clearances,
+    compliance,
+    displaced,
+    guide,
+    health_fault,
+    hit_probability,
+    path_times,
+    paths,
+    plan,
+)
+from estimators.identification import IdentificationError, Identified, Tuned, identify, principal, tune
+from estimators.smoothing import FixedLag, Replay, fixed_interval
+from estimators.tissue import (
+    Belief,
+    FilterSettings,
+    FixBias,
+    ForceMode,
+    Health,
+    KnownPush,
+    MarkMeasurement,
+    OpenLoopBelief,
+    Push,
+    QuickPath,
+    Status,
+    TargetEstimate,
+    TissueFilter,
+    TissueModel,
+    after_frame,
+    grown_covariance,
+    quick_path,
+    quick_tables,
+)
 
 __all__ = [
     "Advice",

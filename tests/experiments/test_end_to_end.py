@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 from scipy.stats import chi2
 
-from experiments import cli
-from experiments.bench import filter_pair
-from experiments.hidden_error import run
-from experiments.line import FILTER, OPEN_LOOP
+from experiments.commands import app as cli
+from experiments.pipeline.line import FILTER, OPEN_LOOP
+from experiments.studies.bench import filter_pair
+from experiments.studies.hidden_error import run
 
 SCENARIO = """
 version = 1
@@ -197,7 +197,7 @@ def test_help_loads_nothing_that_is_slow():
     """`softaim --help` within half a second: none of these is loaded."""
     code = (
         "import sys; sys.argv = ['softaim', '--help']\n"
-        "from experiments import cli\n"
+        "from experiments.commands import app as cli\n"
         "try: cli.main()\n"
         "except SystemExit: pass\n"
         "slow = {'numba', 'cv2', 'matplotlib', 'pandas', 'scipy', 'numpy'} & set(sys.modules)\n"
@@ -231,7 +231,7 @@ def test_both_filter_steps_do_the_same_work():
 
 @pytest.mark.parametrize(("scenario", "most"), [("quiet", 0.2), ("poked", 0.3)])
 def test_hidden_error_against_the_open_loop(scenario, most):
-    """A quick form of experiments/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 6 s."""
+    """A quick form of experiments/studies/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 6 s."""
     runs = [run(scenario, seed, duration_s=6.0) for seed in (100, 101)]
     ours, papers = (np.mean([r.errors[m].mean() for r in runs]) for m in (FILTER, OPEN_LOOP))
     assert ours < most * papers

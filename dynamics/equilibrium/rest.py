@@ -1,0 +1,107 @@
+"""The shape in which the tissue rests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import minimize
+
+from dynamics.forces.energy import node_forces, potential_energy
+from dynamics.forces.parameters import label, parameter_forces, parameters
+from dynamics.forces.tangent import stiffness_matrix
+from dynamics.network.mass_spring import Floats, MassSpringNetwork, NetworkError, all_positions
+
+RESIDUAL = 1e-9
+"""Largest force left on a node at rest, relative to weights and spring tensions."""
+
+
+MOST_CHANGE = 0.5
+"""Relative change of a rest length beyond which a still picture shows another network; chosen."""
+
+
+def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
+    """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
+
+    force: held on the free nodes meanwhile [N], (n_free, dim), default none
+    A mass-spring network has several rest shapes; the drawn one says which is meant. Raises NetworkError where
+    the energy has no stable minimum to be found there.
+    """
+    shape = (len(network.free), network.dim)
+    held = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
+
+    def everywhere(q: Floats) -> Floats:
+        return all_positions(network, q.reshape(shape))
+
+    def gradient(q: Floats) -> Floats:
+        x = everywhere(q)
+        return -node_forces(network, x, np.zeros_like(x))[network.free].ravel() - held
+
+    found = minimize(
+        lambda q: potential_energy(network, everywhere(q)) - held @ q,
+        network.positions[network.free].ravel(),
+        jac=gradient,
+        hess=lambda q: stiffness_matrix(network, everywhere(q)),
+        method="trust-exact",
+        options={"gtol": 1e-12, "maxiter": 500, "initial_trust_radius": 0.01, "max_trust_radius": 0.1},
+    )
+    q = np.asarray(found.x)
+    for _ in range(3):  # Newton's last digits, which a trust region on the energy cannot see
+        K = stiffness_matrix(network, everywhere(q))
+        if np.linalg.eigvalsh(K)[0] <= 0:
+            raise NetworkError("rest shape: expected a stable equilibrium near the drawn shape, found none")
+        q = q - np.linalg.solve(K, gradient(q))
+    scale = np.abs(network.stiffness * network.rest_lengths).max()
+    left = np.abs(gradient(q)).max()
+    if not left <= RESIDUAL * scale:
+        raise NetworkError(f"rest shape: expected forces to balance, found {left:.3g} N left over")
+    return everywhere(q)
+
+
+def shape_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Floats:
+    """Positions of all nodes where these free nodes are held and the others rest [m], (n_nodes, dim).
+
+    held: position of each held node [m], (dim,). Raises NetworkError as `rest_shape` does.
+    """
+    positions, fixed = network.positions.copy(), network.fixed.copy()
+    for node, position in held.items():
+        positions[network.index(node)] = position
+        fixed[network.index(node)] = True
+    if fixed.all():
+        return positions
+    return rest_shape(replace(network, positions=positions, fixed=fixed))
+
+
+def at_rest_where_seen(
+    network: MassSpringNetwork, positions: ArrayLike, *, sd_m: float = 0.0, known: float = 0.1
+) -> MassSpringNetwork:
+    """The network with rest lengths corrected so that it rests where the tissue was seen to rest, drawn there.
+
+    positions: of all nodes [m], (n_nodes, dim), each coordinate seen with noise of sd_m [m]; known: relative standard
+    deviation of the rest lengths before.
+
+    At a shape x the forces are linear in the rest lengths: G c + f = 0 for the relative changes c. Of all that balance,
+    the smallest; with noise, the most probable, f being wrong by K times the noise of x. Combinations of rest lengths
+    that no force tells of stay as they are. Raises NetworkError where a rest length would have to change by half, or
+    where there is no stable rest near x.
+    """
+    x = np.asarray(positions, dtype=float)
+    if x.shape != network.positions.shape or not np.isfinite(x).all():
+        raise NetworkError(f"positions: expected finite numbers of shape {network.positions.shape}, found {x.shape}")
+    drawn = replace(network, positions=x)
+    which = parameters(drawn, ("rest_length",))
+    still = np.zeros_like(x)
+    f = node_forces(drawn, x, still)[drawn.free].ravel()
+    G = parameter_forces(drawn, which, x, still).T
+    noise = sd_m * stiffness_matrix(drawn, x)
+    change = known**2 * G.T @ np.linalg.lstsq(known**2 * G @ G.T + noise @ noise.T, -f, rcond=1e-12)[0]
+    if np.abs(change).max() > MOST_CHANGE:
+        name = label(network, which[int(np.abs(change).argmax())])
+        raise NetworkError(
+            f"{name}: expected to rest where it was seen with a change below {100 * MOST_CHANGE:.0f} %,"
+            f" found {100 * np.abs(change).max():.0f} %"
+        )
+    corrected = replace(drawn, rest_lengths=drawn.rest_lengths * (1.0 + change))
+    return replace(corrected, positions=rest_shape(corrected))

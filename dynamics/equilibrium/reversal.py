@@ -1,0 +1,43 @@
+"""Whether shapes have springs turned against another shape: the sign of a network inside out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dynamics.network.mass_spring import Floats, MassSpringNetwork
+
+
+def reversed_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
+    """Whether in any state of a set a spring points against where it points in the set's first state, (n_sets,).
+
+    states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states the
+    spring's length passes through zero or its direction through a right angle: no linear picture holds there.
+    """
+    place = np.full(network.n_nodes, -1)
+    place[network.free] = np.arange(len(network.free)) * network.dim
+    return _reversed(np.ascontiguousarray(states), network.positions, place, network.springs)
+
+
+@njit(cache=True, nogil=True)
+def _reversed(states, nodes, place, springs):  # type: ignore[no-untyped-def]
+    n_sets, n_points, _ = states.shape
+    dim = nodes.shape[1]
+    found = np.zeros(n_sets, dtype=np.bool_)
+    first = np.empty(dim)
+    for k in range(n_sets):
+        for s in range(springs.shape[0]):
+            i, j = springs[s, 0], springs[s, 1]
+            a, b = place[i], place[j]
+            for q in range(n_points):
+                along = 0.0
+                for d in range(dim):
+                    end = nodes[j, d] if b < 0 else states[k, q, b + d]
+                    apart = end - (nodes[i, d] if a < 0 else states[k, q, a + d])
+                    if q == 0:
+                        first[d] = apart
+                    along += apart * first[d]
+                if not along > 0.0:
+                    found[k] = True
+    return found

@@ -1,0 +1,52 @@
+"""Forces and energy of a mass-spring network: the paper's Lagrangian, with its signs put right.
+
+Source: [paper], equations (3) to (6). With K = sum m_i v_i.v_i / 2 (4), the potential of each spring
+k (l - l0)^2 / 2, which (5) expands, gravity -m_i g.x_i and Rayleigh's dissipation function
+P = sum c (dl/dt)^2 / 2 + sum drag_i v_i.v_i / 2, Lagrange's equation (3) gives
+
+    m_i a_i = sum_j (k_ij (l_ij - l0_ij) + c_ij dl_ij/dt) n_ij  -  drag_i v_i  +  m_i g  +  Q_i
+
+with n_ij the unit vector from i to j. Differs from [paper] (6), where the spring and gravity terms are printed with
+signs under which a stretched spring pushes and the tissue flies away; the force here is minus the gradient of (5).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics.forces.kernels import packed, spring_forces
+from dynamics.network.mass_spring import Floats, MassSpringNetwork
+
+
+def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:
+    """Force of springs, dashpots, drag, friction and gravity on each node, anchors included [N], (n_nodes, dim).
+
+    positions [m] and velocities [m/s] are those of all nodes, (n_nodes, dim). A spring shorter than 1 nm has no
+    direction and gives no force. Anchors have no weight: what is written for them is what the springs do to them.
+    """
+    x = np.array(positions, dtype=float)[..., None]
+    v = np.array(velocities, dtype=float)[..., None]
+    if x.shape[:-1] != (network.n_nodes, network.dim) or v.shape != x.shape:
+        raise ValueError(
+            f"expected positions and velocities of shape {(network.n_nodes, network.dim)}, "
+            f"found {x.shape[:-1]} and {v.shape[:-1]}"
+        )
+    force = np.empty_like(x)
+    spring_forces(x, v, packed(network), np.empty(1), np.empty(1), force)
+    return force[..., 0]
+
+
+def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
+    """Energy of the springs and of height [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
+    x = np.asarray(positions, dtype=float)
+    lengths = np.linalg.norm(x[network.springs[:, 1]] - x[network.springs[:, 0]], axis=1)
+    springs = 0.5 * network.stiffness @ (lengths - network.rest_lengths) ** 2
+    height = network.masses[network.free] @ (x[network.free] @ network.gravity)
+    return float(springs - height)
+
+
+def kinetic_energy(network: MassSpringNetwork, velocities: ArrayLike) -> float:
+    """Energy of motion [J]; velocities of all nodes [m/s], (n_nodes, dim). Equation (4)."""
+    v = np.asarray(velocities, dtype=float)[network.free]
+    return float(0.5 * network.masses[network.free] @ (v * v).sum(axis=1))

@@ -1,0 +1,148 @@
+"""The constants of a network as parameters: by name, scaled, and the forces that a change of each makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dynamics.forces.kernels import SLIP_VELOCITY, packed, write_parameter_forces
+from dynamics.network.mass_spring import Floats, MassSpringNetwork, NetworkError
+
+KINDS = ("stiffness", "rest_length", "damping", "drag", "friction")
+FIELDS = dict(zip(KINDS, ("stiffness", "rest_lengths", "damping", "drag", "friction"), strict=True))
+OF_SPRINGS = KINDS[:3]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One constant: its kind, one of KINDS, and the index of its spring, or of its node for drag and friction."""
+
+    kind: str
+    index: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertainty:
+    """How well constants are known, on a log scale.
+
+    parameters: which
+    directions: (n_directions, n_parameters): each row is what one standard deviation along one direction, independent
+        of the others, adds to the log of every constant; their covariance is directions' directions
+
+    Raises NetworkError for other shapes and for numbers that are not finite.
+    """
+
+    parameters: tuple[Parameter, ...]
+    directions: Floats
+
+    def __post_init__(self) -> None:
+        directions = np.array(self.directions, dtype=float)
+        if directions.ndim != 2 or directions.shape[1] != len(self.parameters):
+            raise NetworkError(
+                f"directions: expected shape (n_directions, {len(self.parameters)}), found {directions.shape}"
+            )
+        if not np.isfinite(directions).all():
+            raise NetworkError("directions: expected finite numbers, found others")
+        directions.setflags(write=False)
+        object.__setattr__(self, "directions", directions)
+
+    @property
+    def cov(self) -> Floats:
+        """Covariance of the logs of the constants, (n_parameters, n_parameters)."""
+        return self.directions.T @ self.directions
+
+
+def independent(parameters: Sequence[Parameter], sd: ArrayLike) -> Uncertainty:
+    """Every one of these constants known to so much by itself: relative standard deviations, one or (n_parameters,)."""
+    return Uncertainty(tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters))))
+
+
+def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
+    """The positive constants of these kinds, of springs and of free nodes, kind by kind."""
+    found = []
+    for kind in KINDS:
+        if kind in kinds:
+            values = getattr(network, FIELDS[kind])
+            places = range(len(values)) if kind in OF_SPRINGS else network.free
+            found += [Parameter(kind, int(i)) for i in places if values[i] > 0]
+    return tuple(found)
+
+
+def label(network: MassSpringNetwork, parameter: Parameter) -> str:
+    """Its name: `stiffness M1-M2`, `drag M1`."""
+    if parameter.kind in OF_SPRINGS:
+        i, j = network.springs[parameter.index]
+        return f"{parameter.kind} {network.names[i]}-{network.names[j]}"
+    return f"{parameter.kind} {network.names[parameter.index]}"
+
+
+def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
+    """The constant of that name; NetworkError if there is none."""
+    for parameter in parameters(network):
+        if label(network, parameter) == text:
+            return parameter
+    raise NetworkError(f'no positive constant named "{text}"')
+
+
+def value(network: MassSpringNetwork, parameter: Parameter) -> float:
+    """What it is, in SI."""
+    return float(getattr(network, FIELDS[parameter.kind])[parameter.index])
+
+
+def scaled(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
+    """The network with each of these constants times exp(change), (n_parameters,), all else as it was."""
+    values = {kind: getattr(network, FIELDS[kind]).copy() for kind in KINDS}
+    for parameter, factor in zip(which, np.exp(np.asarray(change, dtype=float)), strict=True):
+        values[parameter.kind][parameter.index] *= factor
+    return replace(network, **{FIELDS[kind]: value for kind, value in values.items()})
+
+
+def parameter_forces(
+    network: MassSpringNetwork, which: Sequence[Parameter], positions: ArrayLike, velocities: ArrayLike
+) -> Floats:
+    """What a change of the log of each constant adds to the force on the free coordinates [N], (n, n_free dim).
+
+    positions [m] and velocities [m/s] of all nodes, (n_nodes, dim).
+    """
+    x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
+    forces = np.zeros((len(which), network.n_nodes, network.dim))
+    for force, parameter in zip(forces, which, strict=True):
+        if parameter.kind in OF_SPRINGS:
+            i, j = network.springs[parameter.index]
+            apart = x[j] - x[i]
+            length = np.linalg.norm(apart)
+            n = apart / length
+            k, rest = network.stiffness[parameter.index], network.rest_lengths[parameter.index]
+            tension = {
+                "stiffness": k * (length - rest),
+                "rest_length": -k * rest,
+                "damping": network.damping[parameter.index] * n @ (v[j] - v[i]),
+            }[parameter.kind]
+            force[i], force[j] = tension * n, -tension * n
+        else:
+            i = parameter.index
+            slow = np.sqrt(v[i] @ v[i] + SLIP_VELOCITY**2)
+            force[i] = -(network.drag[i] if parameter.kind == "drag" else network.friction[i] / slow) * v[i]
+    return forces[:, network.free].reshape(len(which), -1)
+
+
+class ParameterForces:
+    """The function `parameter_forces` of one network's states, compiled: a filter calls it at every step."""
+
+    def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
+        self._network, self._packed = network, packed(network)
+        self._kinds = np.array([KINDS.index(parameter.kind) for parameter in which], dtype=np.int64)
+        self._indices = np.array([parameter.index for parameter in which], dtype=np.int64)
+
+    def __call__(self, state: NDArray[np.float64]) -> Floats:
+        """For a state of the free nodes, (n_state,): (n_parameters, n_state / 2)."""
+        network, half = self._network, self._network.n_state // 2
+        x, v = network.positions.copy(), np.zeros_like(network.positions)
+        x[network.free] = state[:half].reshape(-1, network.dim)
+        v[network.free] = state[half:].reshape(-1, network.dim)
+        forces = np.empty((len(self._kinds), half))
+        write_parameter_forces(x, v, self._packed, self._kinds, self._indices, network.free, forces)
+        return forces

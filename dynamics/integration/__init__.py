@@ -1,0 +1,17 @@
+"""Time integration: compiled Runge-Kutta steps for filters, adaptive ones for reference.
+
+What may enter: another integrator. It knows forces only through `dynamics.forces`.
+"""
+
+from dynamics.integration.plain import plain_derivative, plain_step
+from dynamics.integration.stepping import SAME_STEP, Stepper, adaptive, derivative, motion
+
+__all__ = [
+    "SAME_STEP",
+    "Stepper",
+    "adaptive",
+    "derivative",
+    "motion",
+    "plain_derivative",
+    "plain_step",
+]

@@ -1,0 +1,42 @@
+"""The equations of motion in plain NumPy, as one would write them first: what the compiled kernels are measured by.
+
+`softaim bench` times the stock filter with this process model; tests hold the kernels against it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics.forces.kernels import SLIP_VELOCITY
+from dynamics.network.mass_spring import Floats, MassSpringNetwork, all_positions, pack, unpack
+
+
+def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:
+    """d(state)/dt of one state, (n_state,), without outside forces. The equation of `dynamics.forces.energy`."""
+    free_x, free_v = unpack(state, network.dim)
+    x = all_positions(network, free_x)
+    v = np.zeros_like(x)
+    v[network.free] = free_v
+    i, j = network.springs.T
+    apart = x[j] - x[i]
+    lengths = np.linalg.norm(apart, axis=1)
+    n = apart / lengths[:, None]
+    stretching = ((v[j] - v[i]) * n).sum(axis=1)
+    tension = network.stiffness * (lengths - network.rest_lengths) + network.damping * stretching
+    force = network.masses[:, None] * network.gravity - network.drag[:, None] * v
+    force -= network.friction[:, None] * v / np.sqrt((v * v).sum(axis=1, keepdims=True) + SLIP_VELOCITY**2)
+    np.add.at(force, i, tension[:, None] * n)
+    np.add.at(force, j, -tension[:, None] * n)
+    return pack(free_v, force[network.free] / network.masses[network.free, None])
+
+
+def plain_step(network: MassSpringNetwork, state: Floats, dt: float, n_steps: int) -> Floats:
+    """One state after n_steps classical Runge-Kutta steps over dt [s] in all, (n_state,)."""
+    h = dt / n_steps
+    for _ in range(n_steps):
+        k1 = plain_derivative(network, state)
+        k2 = plain_derivative(network, state + h / 2 * k1)
+        k3 = plain_derivative(network, state + h / 2 * k2)
+        k4 = plain_derivative(network, state + h * k3)
+        state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return state

@@ -1,0 +1,133 @@
+"""Motion in time: fixed Runge-Kutta steps for filters, SciPy's adaptive ones for reference and for the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
+
+from dynamics.forces.kernels import packed, runge_kutta, spring_forces
+from dynamics.forces.tangent import stable_step
+from dynamics.network.mass_spring import Floats, MassSpringNetwork
+
+LONGEST_STEP = 1.0 / 240.0
+"""Longest Runge-Kutta step [s]; chosen: `docs/decisions.md` has the error that it makes."""
+
+SAME_STEP = 1e-6
+"""By how much of itself an interval may be longer and take no step more: times are often rounded to the nanosecond."""
+
+
+class Stepper:
+    """Moves batches of states of one network ahead in time by compiled classical Runge-Kutta steps.
+
+    max_step_s: longest step taken [s], inside the stability limit of the network whatever was asked for
+    """
+
+    def __init__(self, network: MassSpringNetwork, longest_s: float = LONGEST_STEP) -> None:
+        self.network = network
+        self.max_step_s = min(longest_s, 0.5 * stable_step(network))
+        self._packed = packed(network)
+        inverse_mass = np.zeros(network.n_nodes)
+        inverse_mass[network.free] = 1.0 / network.masses[network.free]
+        self._inverse_mass = inverse_mass
+
+    def n_steps(self, dt: float) -> int:
+        """How many equal steps an interval of dt seconds takes."""
+        return max(1, int(np.ceil(dt / self.max_step_s * (1.0 - SAME_STEP))))
+
+    def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
+        """States dt seconds later, (n_points, n_state), under outside forces held meanwhile.
+
+        states: (n_points, n_state); forces on the free coordinates [N], (n_points, n_state / 2), default none.
+        driven: free nodes that go on at their velocity whatever pulls at them
+        Raises ValueError for other shapes or a dt below zero.
+        """
+        n_points = len(states)
+        outside = np.zeros((n_points, self.network.n_state // 2)) if forces is None else forces
+        if states.shape != (n_points, self.network.n_state) or outside.shape != (
+            n_points,
+            self.network.n_state // 2,
+        ):
+            raise ValueError(
+                f"expected states (n, {self.network.n_state}) and forces (n, {self.network.n_state // 2}), "
+                f"found {states.shape} and {outside.shape}"
+            )
+        if not dt >= 0:
+            raise ValueError(f"dt: expected 0 s or more, found {dt}")
+        n = self.n_steps(dt)
+        inverse_mass = self._inverse_mass
+        if len(driven):
+            inverse_mass = inverse_mass.copy()
+            inverse_mass[np.asarray(driven)] = 0.0
+        return runge_kutta(
+            np.ascontiguousarray(states),
+            np.ascontiguousarray(outside),
+            dt / n,
+            n,
+            self.network.positions,
+            self.network.free,
+            inverse_mass,
+            self._packed,
+        )
+
+
+def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0) -> Floats:
+    """d(state)/dt, (n_state,), under an outside force on the free nodes [N], (n_free, dim)."""
+    return motion(network)(state, force)
+
+
+def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
+    """The function `derivative` of one network, its arrays made once: an adaptive integrator calls it by the 10,000."""
+    p, free, half = packed(network), network.free, network.n_state // 2
+    x = network.positions[:, :, None].copy()
+    v, force = np.zeros_like(x), np.empty_like(x)
+    pull, square = np.empty(1), np.empty(1)
+    shape = (len(free), network.dim, 1)
+    by_mass = 1.0 / network.masses[free, None]
+
+    def rate(state: Floats, outside: ArrayLike = 0.0) -> Floats:
+        x[free] = state[:half].reshape(shape)
+        v[free] = state[half:].reshape(shape)
+        spring_forces(x, v, p, pull, square, force)
+        changed = np.empty(2 * half)
+        changed[:half] = state[half:]
+        changed[half:] = ((force[free, :, 0] + np.asarray(outside)) * by_mass).ravel()
+        return changed
+
+    return rate
+
+
+def adaptive(
+    network: MassSpringNetwork,
+    state: Floats,
+    times: ArrayLike,
+    *,
+    force: Callable[[float], ArrayLike] = lambda _t: 0.0,
+    method: Literal["RK45", "DOP853"] = "DOP853",
+    rtol: float = 1e-9,
+    atol: float = 1e-12,
+    max_step_s: float = np.inf,
+) -> Floats:
+    """States at the times [s], (n_times, n_state), by SciPy's adaptive Runge-Kutta from `state` at the first time.
+
+    force(t): outside force on the free nodes [N], (n_free, dim). Where it jumps or is short, max_step_s must let
+    the integrator see it. Raises RuntimeError where the integrator gives up.
+    """
+    t = np.asarray(times, dtype=float)
+    rate = motion(network)
+    solved = solve_ivp(
+        lambda now, s: rate(s, force(now)),
+        (t[0], t[-1]),
+        np.asarray(state, dtype=float),
+        method=method,
+        t_eval=t,
+        rtol=rtol,
+        atol=atol,
+        max_step=max_step_s,
+    )
+    if not solved.success:
+        raise RuntimeError(f"integration from {t[0]:.6g} to {t[-1]:.6g} s: {solved.message}")
+    return np.asarray(solved.y.T)

@@ -1,0 +1,197 @@
+"""A needle that pushes, cuts and rubs: a known input of the tissue's equations of motion.
+
+Three phases, as [okamura2004] and [simone2002] take a measured force apart. Before the puncture the tip dents the skin
+like a spring. After it the tip cuts with a constant force and the shaft rubs along its length:
+
+    contact   F = k (depth of the tip beyond the skin)          until F reaches the puncture force
+    cutting   F = f_c s(v)  at the tip, forward only
+    friction  F = f_f s(v)  per length, all along the shaft     s(v) = v / sqrt(v² + slip²)
+
+with v the needle's speed along itself, relative to the tissue beside it. Each force acts on a point of the tissue,
+whose displacement is a weighted mean of the nodes' displacements: the nodes share the force by the same weights, so
+that the work done at the point is the work done on the nodes.
+
+Differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction builds up
+over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and does not push sideways.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics.network.mass_spring import Floats, MassSpringNetwork
+
+GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
+"""Outer diameters of needles by gauge, nominal [mm]: [iso9626]."""
+
+SHAFT = np.polynomial.legendre.leggauss(8)
+"""Points and weights on (-1, 1) at which the friction along the shaft is summed; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Where a needle is at one time.
+
+    tip: [m], (dim,); direction: in which it is pushed, of length 1, (dim,)
+    speed: along the direction [m/s], negative when it is drawn back; inserted_m: length of shaft in the tissue [m]
+    """
+
+    tip: Floats
+    direction: Floats
+    speed: float
+    inserted_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Needle:
+    """A needle, how it is moved, and what the tissue does to it. Its forces: `docs/needle.md`.
+
+    pose: where it is at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
+    radius_m: of the shaft [m]
+    puncture_N: contact force at which the skin gives way [N]; contact_N_m: stiffness of the contact before [N/m]
+    cutting_N: at the tip [N]; friction_N_m: along the shaft, per length [N/m]
+    reach_m: width of the kernel by which nodes share a force [m]; slip_m_s: speed over which friction builds up [m/s]
+
+    Raises ValueError for numbers that no needle has.
+    """
+
+    pose: Callable[[float], Pose]
+    entry: Floats
+    radius_m: float = 0.5e-3 * GAUGES_MM[16]
+    puncture_N: float = 2.0  # noqa: N815
+    contact_N_m: float = 400.0  # noqa: N815
+    cutting_N: float = 1.0  # noqa: N815
+    friction_N_m: float = 15.0  # noqa: N815
+    reach_m: float = 0.06
+    slip_m_s: float = 2e-3
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "entry", np.array(self.entry, dtype=float))
+        for key in ("radius_m", "puncture_N", "contact_N_m", "reach_m", "slip_m_s"):
+            if not 0.0 < getattr(self, key) < np.inf:
+                raise ValueError(f"needle {key}: expected more than 0, found {getattr(self, key):g}")
+        for key in ("cutting_N", "friction_N_m"):
+            if not 0.0 <= getattr(self, key) < np.inf:
+                raise ValueError(f"needle {key}: expected 0 or more, found {getattr(self, key):g}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NeedleLoad:
+    """What needle and tissue do to each other at one time, for one state or a batch of them (...).
+
+    nodes: force on each node, anchors included [N], (..., n_nodes, dim)
+    on_needle: what a force sensor at its hub reads, the tissue's push against it [N], (..., dim)
+    contact, cutting, friction: parts of the push on the tissue along the needle [N], (...)
+    """
+
+    nodes: Floats
+    on_needle: Floats
+    contact: Floats
+    cutting: Floats
+    friction: Floats
+
+
+def straight_insertion(
+    entry: ArrayLike, towards: ArrayLike, speed: float, *, start_s: float = 0.0, depth_m: float = np.inf
+) -> Callable[[float], Pose]:
+    """The pose of a needle pushed along a line at a constant speed [m/s] from the entry on, to a depth [m].
+
+    entry: [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
+    Before, the needle comes at the same speed; at the depth it stands. Raises ValueError where the two points are one.
+    """
+    from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
+    length = float(np.linalg.norm(to - from_))
+    if not length > 0.0:
+        raise ValueError(f"towards: expected a point beyond the entry, found {to} m for both")
+    direction = (to - from_) / length
+
+    def pose(t: float) -> Pose:
+        gone = speed * (t - start_s)
+        along = min(gone, depth_m)
+        return Pose(from_ + along * direction, direction, speed if gone < depth_m else 0.0, max(0.0, along))
+
+    return pose
+
+
+def shares(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
+    """Part that each node takes of a force at each point, (..., n_nodes), rows summing to one; points [m], (..., dim).
+
+    A Gaussian kernel of the distance to where the nodes stand in the drawn shape: the tissue moves by millimetres, the
+    nodes stand centimetres apart. Far from all nodes the nearest takes everything.
+    """
+    apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
+    exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2
+    kernel = np.exp(exponent - exponent.max(axis=-1, keepdims=True))
+    return np.asarray(kernel / kernel.sum(axis=-1, keepdims=True))
+
+
+def dent(network: MassSpringNetwork, needle: Needle, t: float, positions: ArrayLike) -> Floats:
+    """How far the tip is beyond the skin, which gives way with the nodes [m], (...); below 0 before they touch.
+
+    positions: of all nodes [m], (..., n_nodes, dim)
+    """
+    given_way = shares(network, needle.entry, needle.reach_m) @ (np.asarray(positions) - network.positions)
+    return _dent(needle, needle.pose(t), given_way)
+
+
+def _dent(needle: Needle, pose: Pose, given_way: Floats) -> Floats:
+    return np.asarray((pose.tip - needle.entry - given_way) @ pose.direction)
+
+
+def needle_load(
+    network: MassSpringNetwork,
+    needle: Needle,
+    t: float,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    *,
+    punctured: bool,
+) -> NeedleLoad:
+    """Forces of the needle at time t [s] on the tissue and of the tissue on it.
+
+    positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin has given way,
+    which stays so: `insert_needle` finds when.
+    """
+    x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
+    pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
+    if not punctured:
+        part = shares(network, needle.entry[None], needle.reach_m)
+        contact = needle.contact_N_m * np.maximum(0.0, _dent(needle, pose, part[0] @ (x - network.positions)))
+        along = contact[..., None]
+        cutting = friction = nothing
+    else:
+        points, most = _along(needle, pose)
+        part = shares(network, points, needle.reach_m)
+        slide = pose.speed - (v @ pose.direction) @ part.T
+        rubbing = slide / np.sqrt(slide**2 + needle.slip_m_s**2)
+        along = most * rubbing
+        along[..., 0] = np.maximum(0.0, along[..., 0])
+        contact, cutting, friction = nothing, along[..., 0], along[..., 1:].sum(axis=-1)
+    nodes = (along @ part)[..., None] * pose.direction
+    return NeedleLoad(nodes, -(contact + cutting + friction)[..., None] * pose.direction, contact, cutting, friction)
+
+
+def shared_force(network: MassSpringNetwork, needle: Needle, t: float, push_N: float, *, punctured: bool) -> Floats:
+    """A measured push along the needle as forces on the free nodes [N], (n_free, dim): what a filter may be told.
+
+    push_N: on the tissue along the needle [N], as a sensor at the hub reads it with the other sign. Before the puncture
+    it acts at the entry. Then tip and shaft share it as cutting and full friction would.
+    """
+    pose = needle.pose(t)
+    points, parts = needle.entry[None], np.ones(1)
+    if punctured:
+        points, most = _along(needle, pose)
+        parts = most / most.sum()
+    everywhere = push_N * (parts @ shares(network, points, needle.reach_m))[:, None] * pose.direction
+    return np.asarray(everywhere[network.free])
+
+
+def _along(needle: Needle, pose: Pose) -> tuple[Floats, Floats]:
+    """The tip and points of the shaft [m], (n, dim), and the most that cutting and friction are at each [N], (n,)."""
+    back = 0.5 * pose.inserted_m * (SHAFT[0] + 1.0)
+    points = pose.tip - np.r_[0.0, back][:, None] * pose.direction
+    return points, np.r_[needle.cutting_N, needle.friction_N_m * 0.5 * pose.inserted_m * SHAFT[1]]

@@ -1,0 +1,14 @@
+"""The network: nodes and springs, checked once when made, and the order of a state vector.
+
+What may enter: what a tissue is made of. It computes nothing; forces do.
+"""
+
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions, pack, unpack
+
+__all__ = [
+    "MassSpringNetwork",
+    "NetworkError",
+    "all_positions",
+    "pack",
+    "unpack",
+]

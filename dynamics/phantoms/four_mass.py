@@ -1,0 +1,72 @@
+"""The paper's phantom: four masses between two acrylic planes, standing on three points of the floor.
+
+[paper] gives the topology (Fig. 3, Fig. 5) and that constants are known, not their values. Every figure here is
+chosen; `docs/decisions.md` says what they are chosen for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynamics.equilibrium.rest import rest_shape
+from dynamics.network.mass_spring import MassSpringNetwork
+
+SPACING_M = 0.200  # chosen: between neighbours of the grid on which the masses stand
+MASS_KG = 0.200  # chosen
+STIFFNESS_N_M = 250.0  # chosen: sturdy enough to stay the right way up under pokes of 10 m/s²
+DAMPING_N_S_M = 0.6  # chosen
+DRAG_N_S_M = 0.2  # chosen
+FRICTION_N = 0.02  # chosen: "slightly friction" of the acrylic planes
+
+_PLACES = {
+    "M1": (-1, 1),
+    "M2": (0, 1),
+    "M3": (0, 2),
+    "M4": (1, 1),
+    "In1": (-1, 0),
+    "In2": (0, 0),
+    "In3": (1, 0),
+}
+_SPRINGS = [
+    ("M1", "M2"),
+    ("M2", "M4"),
+    ("M2", "M3"),
+    ("M1", "M3"),
+    ("M3", "M4"),
+    ("M1", "In1"),
+    ("M2", "In2"),
+    ("M4", "In3"),
+    # Differs from [paper]: two braces, without which pokes of 10 m/s² turn the phantom over.
+    ("M1", "In2"),
+    ("M4", "In2"),
+]
+OUTER = ("M1", "M3", "M4")
+HIDDEN = "M2"
+
+
+def four_mass_phantom() -> MassSpringNetwork:
+    """The phantom standing at rest under gravity: M1, M3, M4 outside, M2 hidden, anchors In1 to In3 on the floor.
+
+    Springs are as long at ease as the grid on which the masses would stand without gravity.
+    """
+    names = tuple(_PLACES)
+    grid = SPACING_M * np.array(list(_PLACES.values()), dtype=float)
+    springs = np.array([(names.index(a), names.index(b)) for a, b in _SPRINGS])
+    n_nodes, n_springs = len(names), len(springs)
+    fixed = np.array([name.startswith("In") for name in names])
+    network = MassSpringNetwork(
+        names=names,
+        positions=grid,
+        masses=np.full(n_nodes, MASS_KG),
+        fixed=fixed,
+        drag=np.where(fixed, 0.0, DRAG_N_S_M),
+        friction=np.where(fixed, 0.0, FRICTION_N),
+        springs=springs,
+        stiffness=np.full(n_springs, STIFFNESS_N_M),
+        rest_lengths=np.linalg.norm(grid[springs[:, 1]] - grid[springs[:, 0]], axis=1),
+        damping=np.full(n_springs, DAMPING_N_S_M),
+        gravity=np.array([0.0, -9.81]),
+    )
+    return replace(network, positions=rest_shape(network))

@@ -1,0 +1,12 @@
+"""Data association of marks that look alike: exchanges of names as hypotheses, each with its filter.
+
+What may enter: another way to decide which mark is which over time. One frame's is `vision.tracking`.
+"""
+
+from estimators.association.identity import Identity, Named, Swap
+
+__all__ = [
+    "Identity",
+    "Named",
+    "Swap",
+]

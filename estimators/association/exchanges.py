@@ -1,0 +1,103 @@
+"""Names of marks that look alike: what it costs to exchange them in one frame, and which exchanges that leaves open.
+
+Names are told as a tuple: by place among the nodes alike, the place of the node that a mark of that name is on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.filters.kernels import names_in_doubt, naming_costs
+from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.filter import TissueFilter
+
+Floats = NDArray[np.float64]
+Names = tuple[int, ...]
+
+
+class Namesakes:
+    """Groups of nodes whose marks look alike; names are never exchanged between groups.
+
+    nodes: those that look like another; own: their names as they are
+    """
+
+    def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
+        groups = [tuple(group) for group in alike if len(group) > 1]
+        self.nodes = tuple(node for group in groups for node in group)
+        self.own: Names = tuple(range(len(self.nodes)))
+        kind = np.array([k for k, group in enumerate(groups) for _ in group])
+        self._pairs = np.triu(kind[:, None] == kind[None, :], 1)
+        self._place = {node: i for i, node in enumerate(self.nodes)}
+        network = tissue.model.network
+        states = range(network.n_state)
+        self._rows = np.array([states[network.coordinates(node)] for node in self.nodes], dtype=np.int64)
+
+    def by_node(self, names: Names) -> dict[str, str]:
+        """The node that a mark named after each node is on."""
+        return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
+
+    def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, anew: bool = False) -> Floats:
+        """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
+
+        As -log of a density. Nothing for a mark that is not seen. anew: by where nodes may be at a start.
+        """
+        costs = np.zeros((len(self.nodes), len(self.nodes)))
+        seen = [mark for mark in marks if mark.node in self._place]
+        if not seen:
+            return costs
+        if anew:
+            beliefs = [tissue.at_start(node) for node in self.nodes]
+            means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
+        else:
+            poked, rows = tissue.mixture.filters[-1], self._rows
+            columns = tissue.mixture.columns[-1][rows]
+            means, covs = poked.x[rows], poked.P[rows[:, :, None], rows[:, None, :]] + columns @ columns.swapaxes(1, 2)
+        z, R = np.array([mark.position for mark in seen]), np.array([mark.total_cov for mark in seen])
+        costs[:, [self._place[mark.node] for mark in seen]] = naming_costs(means, covs, z, R)
+        return costs
+
+    def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
+        """Names that so many exchanges of two lead to from these, none worse by more than `worst` in this frame.
+
+        The best first, and no more than `most`.
+        """
+        if names == self.own and not names_in_doubt(costs, self._pairs, worst):
+            return {}
+        seen = costs.any(axis=0)
+        pairs: NDArray[np.bool_] = self._pairs & np.logical_or.outer(seen, seen)
+        found: dict[Names, tuple[float, int]] = {names: (0.0, 0)}
+        ahead = [names]
+        while ahead and len(found) <= most:
+            now = ahead.pop(0)
+            gain, n_changes = found[now]
+            taken = costs[list(now)]
+            fits = taken.diagonal()
+            gains = fits[:, None] + fits[None, :] - taken - taken.T
+            for i, j in zip(*np.nonzero(pairs & (gains > -worst - gain)), strict=True):
+                other = list(now)
+                other[i], other[j] = now[j], now[i]
+                if tuple(other) not in found:
+                    found[tuple(other)] = gain + float(gains[i, j]), n_changes + 1
+                    ahead.append(tuple(other))
+        del found[names]
+        best = sorted(found, key=lambda one: -found[one][0])[:most]
+        return {one: found[one][1] for one in best}
+
+
+def seen_from(names: Names, new: Names) -> Names:
+    """These names, once marks bear the new ones."""
+    seen = [0] * len(names)
+    for i, node in enumerate(new):
+        seen[node] = names[i]
+    return tuple(seen)
+
+
+def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
+    """The marks, each on the node that its name stands for; on the one it is named after where names do not say."""
+    return tuple(
+        mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
+    )

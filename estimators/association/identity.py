@@ -1,0 +1,248 @@
+"""Which of the marks that look alike is which: names as hypotheses, a filter for each while they are in doubt."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.association.exchanges import Names, Namesakes, renamed, seen_from
+from estimators.filters.unscented import CovarianceError
+from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.filter import Snapshot, TissueFilter
+from estimators.tissue.health import Health, diverged
+
+Floats = NDArray[np.float64]
+
+DOUBT = log(1e3)
+"""Names are in doubt that are worse than those told by less than this, by one frame; chosen: odds of 1,000 to 1."""
+RARE = log(1e2)
+"""What an exchange of two names costs before anything was seen of it; chosen: one in a hundred doubts is one."""
+SURE = log(1e3)
+"""By so much, beyond that, other names must be better before they are believed; chosen."""
+UNEASY_SIGMAS = 5.0
+"""Innovations as improbable as this may come of wrong names, which are then tried from a start; chosen."""
+PAUSE_S, LONGEST_PAUSE_S = 0.5, 8.0
+"""Not again within this time after that; each time in vain makes it twice as long, up to the other [s]; chosen."""
+MOST = 5
+"""Other names at most that are followed at a time, the best: those of three marks alike; chosen."""
+LONGEST_S = 5.0
+"""Names that were neither believed nor ruled out for so long are no longer followed [s]; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swap:
+    """Marks that had been taken for each other, and are no longer.
+
+    time_s, since_s: when it was undone, and since when it had been so [s]; nodes: whose marks they are
+    """
+
+    time_s: float
+    since_s: float
+    nodes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """What came of a frame: the estimate, the marks by the names that they bear now, a swap if one was undone."""
+
+    estimate: TargetEstimate
+    marks: tuple[MarkMeasurement, ...]
+    swap: Swap | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """Other names for the marks, and what the filter would know had it believed them.
+
+    ahead: log of how much more probable than the names that are believed, negative as long as they are less
+    since_s: since when the names differ [s]
+    """
+
+    names: Names
+    ahead: float
+    since_s: float
+    knows: Snapshot
+    estimate: TargetEstimate
+
+
+Readings = dict[Names, Rival]
+
+
+class Identity:
+    """Takes marks in, and goes over to other names for those that look alike once these explain clearly more.
+
+    A hidden Markov model of the names. In each frame an exchange of two names that the frame alone does not rule out
+    makes a rival: the filter as it was before, given the marks by those names, and followed from then on. Of two ways
+    to the same names the more probable is kept (Viterbi's algorithm). The probability of a rival is the product of the
+    likelihoods of its marks, frame by frame, with RARE for each exchange. It is dropped when it is clearly the worse;
+    when it is clearly the better, and TRACKING, the filter goes on as if it had been believed from the start.
+
+    Where nothing is believed yet, any names may be right: at a start, after a divergence, and when innovations are
+    too large for some time. Then the filter starts anew by each of those that lie best about the rest shape; for the
+    tissue may be turned or displaced, that counts for no more than DOUBT. One by the names that are believed starts
+    beside them, which they must beat as well: or else a filter that knows nothing, and is refuted by nothing, would win
+    by that and not by its names.
+
+    tissue: the filter; predict it, and then come here with the marks
+    alike: groups of nodes whose marks look alike; names are never exchanged between groups
+    State: called, the node of each mark that another gave a name to, if it is another one; rivals, and same_names, the
+    one beside them; swaps undone; when names may next be tried from a start, and the pause after that.
+    """
+
+    def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
+        self.tissue = tissue
+        self.namesakes = Namesakes(tissue, alike)
+        self.called: dict[str, str] = {}
+        self.rivals: list[Rival] = []
+        self.swaps: list[Swap] = []
+        self.same_names: Rival | None = None
+        self._next_s, self._pause_s = -np.inf, PAUSE_S
+
+    def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
+        """Marks that another tracker named, by the nodes that they are believed to be on."""
+        return renamed(marks, self.called)
+
+    def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
+        """Take in a sighting of the target, as `TissueFilter.fix` does; it says nothing of the names."""
+        tissue = self.tissue
+        estimate = tissue.fix(position, cov)
+        now = tissue.snapshot()
+        same = [] if self.same_names is None else [self.same_names]
+        fixed = [self._at(one, estimate.time_s, lambda: tissue.fix(position, cov)) for one in (*self.rivals, *same)]
+        tissue.restore(now)
+        self.same_names = fixed[-1] if same else None
+        self.rivals = [one for one in fixed[: len(self.rivals)] if one is not None]
+        return estimate
+
+    def update(self, marks: Sequence[MarkMeasurement]) -> Named:
+        """Take in marks by the nodes that they are believed to be on, at the filter's time.
+
+        Raises ValueError and CovarianceError as the filter does.
+        """
+        tissue, sakes = self.tissue, self.namesakes
+        before = tissue.snapshot()
+        anew = tissue.health.since_s is None or tissue.health.status is Status.LOST
+        others = {} if anew else sakes.others(sakes.own, sakes.costs(tissue, marks), DOUBT, MOST)
+        estimate = tissue.update(marks)
+        if anew:
+            self.rivals, self.same_names = [], None
+        try_all = anew or self._uneasy(estimate)
+        if not others and not self.rivals and not try_all:
+            return Named(estimate, tuple(marks))
+        believed = Rival(sakes.own, 0.0, estimate.time_s, tissue.snapshot(), estimate)
+        told = tissue.log_likelihood
+        readings = {sakes.own: believed}
+        start = replace(believed, ahead=-told, knows=before)
+        for names, n_changes in others.items():
+            _keep(readings, self._read(_changed(start, names, n_changes), marks))
+        for rival in self.rivals:
+            self._follow(readings, replace(rival, ahead=rival.ahead - told), estimate.time_s, marks)
+        if self.same_names is not None:
+            same = self._at(self.same_names, estimate.time_s)
+            self.same_names = same and self._read(replace(same, ahead=same.ahead - told), marks)
+        best = _best(readings)
+        if try_all and not (best.ahead > SURE and best.estimate.status is not Status.DIVERGED):
+            nothing = replace(start, ahead=best.ahead, knows=replace(before, health=Health()))
+            self._start_anew(readings, nothing, marks, beside=not anew)
+        return self._decided(readings, marks)
+
+    def _uneasy(self, estimate: TargetEstimate) -> bool:
+        """Whether the innovations are such that any names may be right, and it is time to try them."""
+        tested, now_s = self.tissue.health.innovations, estimate.time_s
+        refuted = estimate.status is Status.DIVERGED and not tested
+        if now_s < self._next_s or not (refuted or (estimate.marks_used and diverged(tested, UNEASY_SIGMAS))):
+            return False
+        if now_s - self._next_s > self._pause_s:
+            self._pause_s = PAUSE_S
+        self._next_s = now_s + self._pause_s
+        self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
+        return True
+
+    def _start_anew(
+        self, readings: Readings, nothing: Rival, marks: Sequence[MarkMeasurement], *, beside: bool
+    ) -> None:
+        """Start the filter anew by other names, as far ahead as the best is now, and by the same beside them."""
+        costs = self.namesakes.costs(self.tissue, marks, anew=True)
+        own = self.namesakes.own
+        others = self.namesakes.others(own, costs, np.inf, MOST)
+        for names, n_changes in others.items():
+            better = float(costs.trace() - costs[list(names), own].sum())
+            start = replace(nothing, ahead=nothing.ahead + float(np.clip(better, -DOUBT, DOUBT)))
+            _keep(readings, self._read(_changed(start, names, n_changes), marks))
+        if others and beside:
+            self.same_names = self._read(nothing, marks)
+
+    def _follow(self, readings: Readings, rival: Rival, time_s: float, marks: Sequence[MarkMeasurement]) -> None:
+        """What comes of a rival with this frame, and of names that are in doubt by what it knows."""
+        predicted = self._at(rival, time_s)
+        if predicted is None:
+            return
+        costs = self.namesakes.costs(self.tissue, marks)
+        _keep(readings, self._read(predicted, marks))
+        for names, n_changes in self.namesakes.others(rival.names, costs, DOUBT, MOST).items():
+            if names not in readings:
+                _keep(readings, self._read(_changed(replace(predicted, since_s=time_s), names, n_changes), marks))
+
+    def _at(self, rival: Rival, time_s: float, then: Callable[[], object] = lambda: None) -> Rival | None:
+        """The rival at a later time [s], and after what is done then; None where its filter cannot follow."""
+        self.tissue.restore(rival.knows)
+        try:
+            self.tissue.predict(time_s)
+            then()
+        except (CovarianceError, np.linalg.LinAlgError):
+            return None
+        return replace(rival, knows=self.tissue.snapshot())
+
+    def _read(self, rival: Rival, marks: Sequence[MarkMeasurement]) -> Rival | None:
+        """The rival after it took the marks in by its names; None where its filter cannot."""
+        self.tissue.restore(rival.knows)
+        try:
+            estimate = self.tissue.update(renamed(marks, self.namesakes.by_node(rival.names)))
+        except (CovarianceError, np.linalg.LinAlgError):
+            return None
+        ahead = rival.ahead + self.tissue.log_likelihood
+        return replace(rival, ahead=ahead, knows=self.tissue.snapshot(), estimate=estimate) if isfinite(ahead) else None
+
+    def _decided(self, readings: Readings, marks: Sequence[MarkMeasurement]) -> Named:
+        """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
+        own = self.namesakes.own
+        best = _best(readings)
+        same = 0.0 if self.same_names is None else max(0.0, self.same_names.ahead)
+        if best.ahead <= same + SURE or best.estimate.status is not Status.TRACKING:
+            best = readings[own]
+        self.tissue.restore(best.knows)
+        now_s, nodes = best.estimate.time_s, self.namesakes.by_node(best.names)
+        worst = max(best.ahead, same) - DOUBT - RARE - SURE
+        kept = [
+            replace(one, names=seen_from(one.names, best.names), ahead=one.ahead - best.ahead)
+            for one in readings.values()
+            if one is not best and one.ahead >= worst and now_s - one.since_s <= LONGEST_S
+        ]
+        self.rivals = sorted(kept, key=lambda one: -one.ahead)[:MOST]
+        swap = None
+        if best.names != own:
+            swap = Swap(now_s, best.since_s, tuple(node for node, other in nodes.items() if node != other))
+            self.swaps.append(swap)
+            self.called = {node: nodes[self.called.get(node, node)] for node in nodes}
+        if swap is not None or not self.rivals:
+            self.same_names = None
+        return Named(best.estimate, renamed(marks, nodes), swap)
+
+
+def _changed(rival: Rival, names: Names, n_changes: int) -> Rival:
+    """Other names by what a rival knows, after so many exchanges of two."""
+    return replace(rival, names=names, ahead=rival.ahead - n_changes * RARE)
+
+
+def _best(readings: Readings) -> Rival:
+    return max(readings.values(), key=lambda one: one.ahead)
+
+
+def _keep(readings: Readings, one: Rival | None) -> None:
+    """Of two ways to the same names, the more probable."""
+    if one is not None and (one.names not in readings or one.ahead > readings[one.names].ahead):
+        readings[one.names] = one

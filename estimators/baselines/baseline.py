@@ -1,0 +1,115 @@
+"""What the methods to compare with share: all that is not the method itself, so that they differ by nothing else."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from dynamics import MassSpringNetwork
+from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.filter import TissueFilter
+from estimators.tissue.process_model import TissueModel
+from estimators.tissue.settings import FilterSettings
+
+Floats = NDArray[np.float64]
+
+
+class Baseline(ABC):
+    """A method to compare with; the filter that the project recommends is `TissueFilter`.
+
+    Until the first marks it believes what `TissueFilter` does, and sets out from the belief that those leave there.
+    Unlike there no mark is ever refused.
+
+    State: time_s of the belief, None before the first frame; seen_s, when a mark was last taken in.
+    """
+
+    def __init__(
+        self, network: MassSpringNetwork, target: str, marked: Sequence[str], settings: FilterSettings | None = None
+    ) -> None:
+        self.settings = FilterSettings() if settings is None else settings
+        self.model = TissueModel(network, marked)
+        self.time_s: float | None = None
+        self.seen_s: float | None = None
+        self._target = network.coordinates(target)
+        self._starter = TissueFilter(network, target, marked, self.settings)
+
+    @abstractmethod
+    def _start(self, mean: Floats, cov: Floats) -> None:
+        """Believe this: mean (dim_x,), cov (dim_x, dim_x)."""
+
+    @abstractmethod
+    def _advance(self, dt: float) -> None:
+        """Move the belief ahead by dt [s], more than 0."""
+
+    @abstractmethod
+    def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
+        """Take in z = x[rows] + noise of covariance R, (m,), (m, m); normalised innovation squared if there is one."""
+
+    @abstractmethod
+    def _moments(self, place: slice) -> tuple[Floats, Floats]:
+        """Mean and covariance of these coordinates of the state."""
+
+    def _poked(self) -> float | None:
+        """Probability that an outside force acts, None where the method has one mode only."""
+        return None
+
+    def predict(self, time_s: float) -> None:
+        """Move the belief to this exposure time [s]; raises ValueError where time goes back or is not finite."""
+        if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        if self.seen_s is None:
+            self._starter.predict(time_s)
+        elif self.time_s is not None and time_s > self.time_s:
+            self._advance(time_s - self.time_s)
+        self.time_s = time_s
+
+    def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
+        """Take in the marks that were seen at the belief's time, any number of them, and say where the target is.
+
+        Raises ValueError for a mark that is not on a free node or has another dimension.
+        """
+        if self.time_s is None:
+            raise ValueError("update: expected predict(time_s) before, found no time")
+        if self.seen_s is None:
+            return self._begin(marks)
+        nis = None
+        if marks:
+            nis = self._take(*self._stacked(marks))
+            self.seen_s = self.time_s
+        mean, cov = self._moments(self._target)
+        status = self._status(self.time_s - self.seen_s)
+        return TargetEstimate(self.time_s, mean, cov, status, len(marks), nis, self._poked())
+
+    def _begin(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
+        estimate = self._starter.update(marks)
+        if marks:
+            self._start(self._starter.mixture.x.copy(), self._starter.mixture.P.copy())
+            self.seen_s = self.time_s
+        return replace(estimate, poked=self._poked() if marks else None)
+
+    def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, NDArray[np.int64], Floats]:
+        network = self.model.network
+        for mark in marks:
+            if len(mark.position) != network.dim:
+                raise ValueError(
+                    f"mark {mark.node} position: expected shape {(network.dim,)}, found {mark.position.shape}"
+                )
+        places = [network.coordinates(mark.node) for mark in marks]
+        rows = np.concatenate([np.arange(place.start, place.stop) for place in places])
+        return np.concatenate([mark.position for mark in marks]), rows, block_diag(*(mark.total_cov for mark in marks))
+
+    def _status(self, unseen_s: float) -> Status:
+        if unseen_s == 0.0:
+            return Status.TRACKING
+        return Status.COASTING if unseen_s <= self.settings.lost_s else Status.LOST
+
+
+def sub_steps(model: TissueModel, settings: FilterSettings, dt: float) -> tuple[int, int]:
+    """In how many intervals of at most mix_s, and in how many steps each, `TissueFilter` goes through dt [s]."""
+    n = max(1, int(np.ceil(dt / settings.mix_s - 1e-9)))
+    return n, model.stepper.n_steps(dt / n)

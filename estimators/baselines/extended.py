@@ -1,0 +1,60 @@
+"""The extended Kalman filter of the tissue."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.baselines.baseline import Baseline, sub_steps
+from estimators.filters.kernels import joseph_update
+from estimators.filters.unscented import CovarianceError
+from estimators.tissue.process_model import ForceMode, TissueModel
+
+Floats = NDArray[np.float64]
+
+DIFFERENCE = 1e-6
+"""Half the width of a central difference [m, m/s, N]: friction bends over 5e-3 m/s, rounding is 1e-10 of a slope."""
+
+
+def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
+    """The state dt [s] after x and its derivative by x: (dim_x,), (dim_x, dim_x), by central differences."""
+    n = len(x)
+    offsets = DIFFERENCE * np.eye(n)
+    moved = model.propagate(np.vstack([x[None], x + offsets, x - offsets]), dt, mode)
+    return moved[0], (moved[1 : n + 1] - moved[n + 1 :]).T / (2.0 * DIFFERENCE)
+
+
+class ExtendedKalmanFilter(Baseline):
+    """The extended Kalman filter: one mode, the poked one, linearised anew at every step of at most 1/120 s.
+
+    Source: [barshalom2001], section 10.3; the update is Joseph's.
+
+    State: x (dim_x,) and P (dim_x, dim_x), beside what `Baseline` has.
+    """
+
+    x: Floats
+    P: Floats
+
+    def _start(self, mean: Floats, cov: Floats) -> None:
+        self.x, self.P = mean, cov
+
+    def _advance(self, dt: float) -> None:
+        mode = self.settings.poked
+        intervals, steps = sub_steps(self.model, self.settings, dt)
+        n = intervals * steps
+        Q = self.model.noise(dt / n, mode)
+        for _ in range(n):
+            self.x, F = transition(self.model, self.x, dt / n, mode)
+            P = F @ self.P @ F.T + Q
+            self.P = 0.5 * (P + P.T)
+
+    def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float:
+        H = np.eye(self.model.dim_x)[rows]
+        x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, H, R, self.P)
+        if not definite:
+            raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+        self.x, self.P = x, P
+        return float(nis)
+
+    def _moments(self, place: slice) -> tuple[Floats, Floats]:
+        return self.x[place].copy(), self.P[place, place].copy()

@@ -1,0 +1,62 @@
+"""The paper's method: the marked masses are put where they are seen, the hidden ones follow by their equations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
+from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+
+Floats = NDArray[np.float64]
+
+
+class OpenLoop:
+    """The target by open-loop simulation, driven by the marks. Source: [paper], section III and Fig. 5.
+
+    Between two frames a measured mass moves in a straight line at constant speed, which is chosen: the paper does not
+    say, and of what can be done without looking ahead this serves the method best. A marked mass that was not seen is
+    integrated like the hidden ones, from where it was last, as the paper provides ("additional second-order
+    integration ... in case of losing of data"). The integrator is the classical Runge-Kutta one.
+
+    State: positions and velocities of all nodes [m, m/s], (n_nodes, dim), at time_s.
+    """
+
+    def __init__(self, network: MassSpringNetwork, target: str) -> None:
+        self.network = network
+        self.positions = rest_shape(network)
+        self.velocities = np.zeros_like(self.positions)
+        self.time_s: float | None = None
+        self._target = network.index(target)
+        self._stepper = Stepper(network)
+        self._free = set(network.free.tolist())
+
+    def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
+        """Go on to this exposure time [s], the marked masses moving to where they were seen."""
+        seen = {self.network.index(mark.node): np.asarray(mark.position, dtype=float) for mark in marks}
+        if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        if not set(seen) <= self._free:
+            raise ValueError(f"marks: expected them on free nodes, found {[mark.node for mark in marks]}")
+        if self.time_s is None or time_s == self.time_s:
+            for node, position in seen.items():
+                self.positions[node] = position
+        else:
+            self._follow(time_s - self.time_s, seen)
+        self.time_s = time_s
+        status = Status.TRACKING if marks else Status.COASTING
+        return TargetEstimate(time_s, self.positions[self._target].copy(), None, status, len(marks))
+
+    def _follow(self, dt: float, seen: dict[int, Floats]) -> None:
+        driven = sorted(seen)
+        velocities = self.velocities.copy()
+        for node in driven:
+            velocities[node] = (seen[node] - self.positions[node]) / dt
+        free = self.network.free
+        state = pack(self.positions[free], velocities[free])
+        moved = self._stepper.advance(state[None], dt, driven=driven)[0]
+        self.positions[free], self.velocities[free] = unpack(moved, self.network.dim)
+        for node in driven:
+            self.positions[node] = seen[node]  # without the last rounding

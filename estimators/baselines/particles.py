@@ -1,0 +1,135 @@
+"""A particle filter of the tissue, large enough to stand for the optimum."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork
+from estimators.baselines.baseline import Baseline, sub_steps
+from estimators.filters.exponential import small_expm
+from estimators.filters.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
+from estimators.filters.unscented import positive_points
+from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
+
+Floats = NDArray[np.float64]
+
+N_PARTICLES = 100
+
+
+class ParticleFilter(Baseline):
+    """Particles of the history of the modes (calm, between, poked), each with an unscented filter of the state.
+
+    Rao-Blackwellised [doucet2000]: given when the tissue was poked the rest is nearly Gaussian. A particle filter of
+    the state itself leaves no particle alive: where nobody pokes its 16 dimensions hardly know noise. Every particle
+    has all its successors weighed, one for each mode; of these at most n_particles are kept, without bias or twins
+    [fearnhead2003]. What `TissueFilter` adds to this by merging histories into one Gaussian a mode is the difference.
+
+    State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
+    """
+
+    means: Floats
+    covs: Floats
+    modes: NDArray[np.int64]
+    weights: Floats
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        target: str,
+        marked: Sequence[str],
+        settings: FilterSettings | None = None,
+        *,
+        rng: np.random.Generator,
+        n_particles: int = N_PARTICLES,
+    ) -> None:
+        super().__init__(network, target, marked, settings)
+        if n_particles < 1:
+            raise ValueError(f"n_particles: expected 1 or more, found {n_particles}")
+        self._rng = rng
+        self._n = n_particles
+        points = positive_points(self.model.dim_x)
+        self._scale = points.alpha**2 * (points.n + points.kappa)
+        self._weights = points.Wm, points.Wc
+
+    def _start(self, mean: Floats, cov: Floats) -> None:
+        odds = stationary(self.settings.rates)
+        n = len(odds)
+        self.means, self.covs = np.tile(mean, (n, 1)), np.tile(cov, (n, 1, 1))
+        self.modes, self.weights = np.arange(n), odds
+
+    def _advance(self, dt: float) -> None:
+        n, n_steps = sub_steps(self.model, self.settings, dt)
+        for _ in range(n):
+            self._branch(dt / n, n_steps)
+
+    def _branch(self, dt: float, n_steps: int) -> None:
+        """Every particle into its successors dt [s] later, one for each mode; before that down to the number kept."""
+        self._thin()
+        modes = self.settings.modes
+        odds = small_expm(self.settings.rates * dt)[self.modes]
+        moved = {mode: self._moved(mode, dt, n_steps) for mode in set(modes)}
+        self.means = np.concatenate([moved[mode][0] for mode in modes])
+        self.covs = np.concatenate([moved[mode][1] for mode in modes])
+        self.weights = (self.weights[:, None] * odds).T.ravel()
+        self.modes = np.repeat(np.arange(len(modes)), len(odds))
+
+    def _moved(self, mode: object, dt: float, n_steps: int) -> tuple[Floats, Floats]:
+        xs, Ps, k = self.means, self.covs, len(self.means)
+        Wm, Wc = (np.tile(w, (k, 1)) for w in self._weights)
+        Q = np.tile(self.model.noise(dt / n_steps, mode), (k, 1, 1))  # type: ignore[arg-type]
+        for _ in range(n_steps):
+            points, _ = symmetric_points_each(xs, Ps, np.full(k, self._scale))
+            moved = self.model.propagate_each(points, dt / n_steps, [mode] * k)  # type: ignore[list-item]
+            xs, Ps = moments_each(moved, Wm, Wc, Q)
+        return xs, Ps
+
+    def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> None:
+        H = np.eye(self.model.dim_x)[rows]
+        logs = np.empty(len(self.weights))
+        for k, (x, P) in enumerate(zip(self.means, self.covs, strict=True)):
+            self.means[k], self.covs[k], _, _, _, nis, log_det, _ = joseph_update(x, P, z, H, R, P)
+            logs[k] = -0.5 * (nis + log_det)
+        weights = self.weights * np.exp(logs - logs.max())
+        self.weights = weights / weights.sum()
+
+    def _thin(self) -> None:
+        kept, weights = fewer(self.weights, self._n, self._rng)
+        self.means, self.covs, self.modes = self.means[kept], self.covs[kept], self.modes[kept]
+        self.weights = weights
+
+    def _moments(self, place: slice) -> tuple[Floats, Floats]:
+        columns = np.zeros((len(self.means), self.model.dim_x, 0))
+        means, covs, _ = mixed_each(self.weights[:, None], self.means, self.covs, columns)
+        return means[0][place], covs[0][place, place]
+
+    def _poked(self) -> float:
+        return float(self.weights[self.modes >= N_QUIET].sum())
+
+
+def fewer(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
+    """Which of these weights to keep, at most n, each once, and what they weigh then: unbiased, of least variance.
+
+    Above a threshold c a weight is kept as it is; below, one of weight w is kept with probability w / c and weighs c.
+    Source: [fearnhead2003].
+    """
+    alive = np.flatnonzero(weights > 0.0)
+    if len(alive) <= n:
+        return alive, weights[alive] / weights.sum()
+    ordered = np.sort(weights)
+    below = np.cumsum(ordered)
+    # c with sum of min(w / c, 1) = n: below the k largest lie the rest, whose sum is (n - k) c
+    larger = np.arange(len(weights))[::-1]
+    thresholds = below / np.maximum(n - larger, 1)
+    upper = np.append(ordered[1:], np.inf)
+    fits = (larger < n) & (thresholds < upper) & (thresholds >= ordered)
+    c = float(thresholds[np.argmax(fits)])
+    sure = weights >= c
+    rest = np.flatnonzero(~sure)
+    places = (np.cumsum(weights[rest]) / c + rng.random()) // 1.0
+    drawn = rest[np.diff(places, prepend=0.0) > 0.0] if len(rest) else rest
+    kept = np.concatenate([np.flatnonzero(sure), drawn])
+    new = np.where(sure, weights, c)[kept]
+    return kept, new / new.sum()

@@ -1,0 +1,87 @@
+"""How well any filter can do: the posterior Cramér-Rao bound of a network, its unknown force and its marks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dynamics import MassSpringNetwork, all_positions, motion, unpack
+from estimators.filters.exponential import small_expm
+from estimators.filters.kernels import joseph_update
+from estimators.tissue.process_model import ForceMode, TissueModel
+
+Floats = NDArray[np.float64]
+
+SHIFT = 1e-6
+"""Of positions [m] and velocities [m/s], for the derivatives of their motion by central differences; chosen."""
+
+
+def posterior_bound(
+    network: MassSpringNetwork,
+    states: ArrayLike,
+    times_s: ArrayLike,
+    marks: Sequence[Mapping[str, Floats]],
+    mode: ForceMode,
+    start_cov: ArrayLike,
+    *,
+    poked: Sequence[str] = (),
+) -> Floats:
+    """Covariances below which no unbiased estimate of the states can be, (n_times, dim_x, dim_x), marks taken in.
+
+    states: what is true, (n_times, n_state), at times_s [s], so close that the motion between two is nearly linear
+    marks: for each time the nodes seen and the covariance of each mark [m²], (dim, dim); none where nothing is seen
+    mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
+    start_cov: before the first marks, (dim_x, dim_x)
+
+    The recursion of [tichavsky1998] for Gaussian noise, in the form of covariances, which a force on few states needs:
+    a Kalman filter whose transition matrices are those of the truth. The bound of one truth; that of many is the mean
+    of their informations, of which the mean of their covariances is an upper bound (Jensen), and here both are one:
+    the matrices hardly differ.
+    """
+    x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
+    model = TissueModel(network, poked)
+    n = model.dim_x
+    P = np.array(start_cov, dtype=float)
+    if x.shape != (len(t), network.n_state) or len(marks) != len(t) or P.shape != (n, n):
+        raise ValueError(
+            f"expected states ({len(t)}, {network.n_state}), {len(t)} sets of marks and start_cov ({n}, {n}),"
+            f" found {x.shape}, {len(marks)} and {P.shape}"
+        )
+    bounds = np.empty((len(t), n, n))
+    nothing = np.zeros(n)
+    for k, seen in enumerate(marks):
+        if k:
+            F, Q = transition(model, x[k - 1], t[k] - t[k - 1], mode)
+            P = F @ P @ F.T + Q
+        if seen:
+            rows = [i for node in seen for i in range(n)[network.coordinates(node)]]
+            H = np.eye(n)[rows]
+            R = np.zeros((len(rows), len(rows)))
+            for j, cov in enumerate(seen.values()):
+                own = slice(j * network.dim, (j + 1) * network.dim)
+                R[own, own] = cov
+            P = joseph_update(nothing, P, np.zeros(len(rows)), H, R, P)[1]
+        bounds[k] = P
+    return bounds
+
+
+def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
+    """Transition matrix and noise of a step of dt [s] from a state of the network (n_state,), each (dim_x, dim_x).
+
+    Of the motion linearised there: F = exp(A dt), and the integral of exp(A s) D exp(A' s) by Simpson's rule.
+    """
+    network = model.network
+    shape = all_positions(network, unpack(state, network.dim)[0])
+    A, density = model.linearised(shape, mode)
+    n = network.n_state
+    rate = motion(network)
+    for i in range(n):
+        step = np.zeros(n)
+        step[i] = SHIFT
+        A[:n, i] = (rate(state + step, 0.0) - rate(state - step, 0.0)) / (2.0 * SHIFT)
+    half = small_expm(A * (dt / 2.0))
+    F = half @ half
+    Q = dt / 6.0 * (density + 4.0 * half @ density @ half.T + F @ density @ F.T)
+    return F, 0.5 * (Q + Q.T)

@@ -1,0 +1,111 @@
+"""The check that needs no truth: each mark predicted as if it were hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork, Uncertainty
+from estimators.filters.adaptation import RunningScale
+from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.filter import TissueFilter
+from estimators.tissue.settings import FilterSettings
+
+Floats = NDArray[np.float64]
+
+MOST = 100.0
+"""Factor on the target's variance at most: ten times as unsure; beyond, the model is of no use; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Check:
+    """What the filter without a mark predicted for it in one frame.
+
+    error: seen less predicted [m], (dim,); nees: its square by the covariance of prediction and mark
+    """
+
+    error: Floats
+    nees: float
+
+
+class LeaveOneOut:
+    """A filter of the target, and for each marked node a filter that never gets its mark and predicts it.
+
+    Where withheld marks are off by more than was predicted the model is wrong, for the target too: its covariance is
+    scaled by what their errors say of the predicted variance, never below 1.
+
+    State: the filters, tissue and without (by node); scale, a factor on the target's covariance; checks, by node, of
+    the last frame.
+    """
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        target: str,
+        marked: Sequence[str],
+        settings: FilterSettings | None = None,
+        *,
+        uncertainty: Uncertainty | None = None,
+        n_calibration: int = 0,
+    ) -> None:
+        if len(marked) < 2:
+            raise ValueError(f"marked: expected two or more nodes, found {len(marked)}")
+        self.tissue, *others = (
+            TissueFilter(network, node, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
+            for node in (target, *marked)
+        )
+        self.without = dict(zip(marked, others, strict=True))
+        self.checks: Mapping[str, Check] = {}
+        self._scales = RunningScale((1.0, MOST))
+        self._time_s: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """Factor on the target's covariance, 1 or more."""
+        return self._scales.scale
+
+    def predict(self, time_s: float) -> None:
+        """Move all filters to this exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
+        self.tissue.predict(time_s)
+        for other in self.without.values():
+            other.predict(time_s)
+
+    def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
+        """Check each mark against the filter that never had it, take the marks in, and say where the target is."""
+        return self.checked(self.tissue.update(marks), marks)
+
+    def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
+        """The same, of marks that the filter of the target has taken in already and what it said then."""
+        checks = {}
+        dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
+        self._time_s = estimate.time_s
+        for node, other in self.without.items():
+            predicted = other.update([mark for mark in marks if mark.node != node])
+            seen = [mark for mark in marks if mark.node == node]
+            if not seen or predicted.cov is None or predicted.status is not Status.TRACKING:
+                continue
+            error = seen[0].position - predicted.mean
+            own = seen[0].cov + _with_calibration(other, seen[0])
+            checks[node] = Check(error, float(error @ np.linalg.solve(predicted.cov + own, error)))
+            self._scales.learn(error, predicted.cov, own, dt / len(self.without))
+        self.checks = checks
+        return replace(estimate, cov=None if estimate.cov is None else self.scale * estimate.cov)
+
+
+def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
+    """What a calibration that is off adds to the variance of its mark about a filter's target [m²], (dim, dim).
+
+    Where the filter considers it, its own error comes from the same: columns C and the mark's F add
+    (C + F)(C + F)' - C C'.
+    """
+    if mark.shared is None:
+        return np.zeros_like(mark.cov)
+    added = mark.shared @ mark.shared.T
+    if other.n_calibration:
+        mixture = other.mixture
+        columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, other.target])[:, -other.n_calibration :]
+        added += columns @ mark.shared.T + mark.shared @ columns.T
+    return added

@@ -1,0 +1,64 @@
+"""How good Gaussian predictions are, error and covariance together: proper scores, PIT, calibration curves.
+
+Source: [gneiting2007].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2, kstest, norm
+
+from estimators.consistency.nees import coverage
+
+Floats = NDArray[np.float64]
+
+
+def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
+    """Continuous ranked probability score of normal predictions, in the unit of what is predicted; lower is better.
+
+    means, sds, truths of one shape, which is that of the scores. Source: [gneiting2007], equation (21).
+    """
+    mean, sd = np.asarray(means, dtype=float), np.asarray(sds, dtype=float)
+    z = (np.asarray(truths, dtype=float) - mean) / sd
+    return np.asarray(sd * (z * (2.0 * norm.cdf(z) - 1.0) + 2.0 * norm.pdf(z) - 1.0 / np.sqrt(np.pi)))
+
+
+def energy_score(
+    means: ArrayLike, covs: ArrayLike, truths: ArrayLike, rng: np.random.Generator, n_draws: int = 1000
+) -> Floats:
+    """Energy score of Gaussian predictions of points, (n,), in their unit; lower is better.
+
+    E |X - truth| - E |X - X'| / 2 by drawn X, X'; in one dimension it is the CRPS. means and truths (n, d), covs
+    (n, d, d). Source: [gneiting2007], equation (22). Raises numpy's LinAlgError for a covariance that is none.
+    """
+    mean, truth = np.asarray(means, dtype=float), np.asarray(truths, dtype=float)
+    roots = np.linalg.cholesky(np.asarray(covs, dtype=float))
+    drawn = np.einsum("nij,kj->nki", roots, rng.standard_normal((n_draws, mean.shape[1])))
+    off = np.linalg.norm(drawn - (truth - mean)[:, None], axis=2).mean(axis=1)
+    # each draw against the next: independent pairs
+    apart = np.linalg.norm(drawn - np.roll(drawn, 1, axis=1), axis=2).mean(axis=1)
+    return np.asarray(off - 0.5 * apart)
+
+
+def pit_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
+    """Probability integral transform of normal predictions: uniform on (0, 1) where they are right."""
+    z = (np.asarray(truths, dtype=float) - np.asarray(means, dtype=float)) / np.asarray(sds, dtype=float)
+    return np.asarray(norm.cdf(z))
+
+
+def pit_squared(squared: ArrayLike, degrees: int) -> Floats:
+    """The same of normalised squared errors or innovations (NEES, NIS) of so many degrees of freedom."""
+    return np.asarray(chi2.cdf(np.asarray(squared, dtype=float), degrees))
+
+
+def uniformity(pit: ArrayLike) -> float:
+    """Probability that independent transforms of right predictions were so far from uniform: Kolmogorov and Smirnov."""
+    return float(kstest(np.asarray(pit, dtype=float).ravel(), "uniform").pvalue)
+
+
+def calibration_curve(squared: ArrayLike, degrees: int, shares: Sequence[float]) -> Floats:
+    """Part of the normalised squared errors inside the regions that ought to hold these shares of them, (n_shares,)."""
+    return np.array([coverage(squared, degrees, share) for share in shares])

@@ -1,0 +1,236 @@
+"""Interacting multiple models: filterpy's estimator with rates in place of odds a frame, and logarithmic likelihoods.
+
+Source: [barshalom2001], section 11.6.6. What is considered beside the state: [bierman1977], chapter VIII.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import filterpy.kalman as filterpy
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.filters.exponential import small_expm
+from estimators.filters.kernels import (
+    joseph_update,
+    mixed_each,
+    moments_each,
+    regressions,
+    schmidt_update,
+    symmetric_points_each,
+    with_columns,
+)
+from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
+
+Floats = NDArray[np.float64]
+
+NARROW = 0.05
+"""Spread of the sigma points, by the usual one, where the usual one would leave the model's ground; chosen."""
+
+LEAST = 1e-100
+"""Least probability of a mode: none is ruled out for good, and none is divided by nothing."""
+
+WARY = 1.0
+"""Part of the variance of what z shares that gains take as drawn anew beside; chosen: `docs/calibration.md`. Schmidt's
+gain, 0, is the best of one update: it does not see that the next ones are off by the same, and leans on them."""
+
+FLOOR = 1e-12
+"""Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """How all modes move at once.
+
+    points(points (k, n_points, n), dt): where they are dt [s] later, of the same shape
+    columns(means (k, n), columns (k, n, r), dt): what the columns make of the means' errors dt [s] later
+    turned(points): which modes have points where the model must not be asked, (k,)
+    """
+
+    points: Callable[[Floats, float], Floats]
+    columns: Callable[[Floats, Floats, float], Floats] | None = None
+    turned: Callable[[Floats], NDArray[np.bool_]] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beliefs:
+    """Mode by mode: odds mu (k,), means (k, n), covariances (k, n, n)."""
+
+    mu: Floats
+    means: Floats
+    covs: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transition:
+    """What one cycle of prediction did, for a smoother.
+
+    weights (k, k): of mode i in the mix that mode j starts from; means, covs: of each mode's mix, (k, n), (k, n, n)
+    F (k, n, n): transition matrices; arrived: the beliefs at the end, before any measurement
+    """
+
+    weights: Floats
+    means: Floats
+    covs: Floats
+    F: Floats
+    arrived: Beliefs
+
+
+class InteractingMixture(filterpy.IMMEstimator):
+    """A bank of unscented filters of one state, mixed by how well each explains the measurements.
+
+    filters: one for each mode, of equal state
+    rates: how often mode i turns into mode j [1/s], (n_modes, n_modes), rows summing to zero
+    mu: probability of each mode, (n_modes,)
+    columns: (n_modes, n, r): what r known, independent directions, each by one standard deviation, make of the error
+        of each mode's mean; never estimated
+    considered: whether gains allow for the columns; if not, these are the sensitivities of a filter that knows of none
+    log_likelihood: of the last measurement
+    wary: see `WARY`
+    told: (n_modes, m, r): what the directions made of the last innovations
+    x, P: mean and covariance of the whole mixture, what the columns add included
+    trace: None, or a list to which each prediction adds its `Transition`
+    repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`
+
+    Differs from filterpy: the transition matrix is exp(rates dt), so that the odds do not depend on the frame rate;
+    likelihoods are compared as logarithms, so that two hopeless modes are still told apart; modes move together.
+    """
+
+    def __init__(
+        self, filters: Sequence[UnscentedKalmanFilter], mu: Floats, rates: Floats, move: Move | None = None
+    ) -> None:
+        self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
+        self.considered = True
+        self.wary = WARY
+        self.omega: Floats
+        self.cbar: Floats
+        self.told = self.columns
+        self.log_likelihood = 0.0
+        self.repairs: Counter[str] = Counter()
+        super().__init__(list(filters), np.array(mu, dtype=float), np.eye(len(filters)))
+        self.rates = np.asarray(rates, dtype=float)
+        self.move = Move(self._one_by_one) if move is None else move
+        self.trace: list[Transition] | None = None
+        first = self.filters[0]
+        self._scale = first._scale
+        self._weights = (np.tile(first.Wm, (len(filters), 1)), np.tile(first.Wc, (len(filters), 1)))
+
+    def _one_by_one(self, points: Floats, dt: float) -> Floats:
+        return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
+
+    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
+        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r); odds stay."""
+        for f in self.filters:
+            f.x, f.P = mean.copy(), cov.copy()
+        own = self.columns[0] if columns is None else columns
+        self.columns = np.tile(own, (len(self.filters), 1, 1))
+        self._compute_state_estimate()
+
+    def predict(self, dt: float, longest_s: float = np.inf) -> None:
+        """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
+        self.M = small_expm(self.rates * dt)
+        self._compute_mixing_probabilities()
+        before = self.beliefs()
+        xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
+        Qs = np.array([f.Q for f in self.filters])
+        n = max(1, int(np.ceil(dt / longest_s - 1e-9)))
+        mixes, F = (xs, Ps), np.tile(np.eye(xs.shape[1]), (len(xs), 1, 1))
+        for _ in range(n):
+            points, moved, weights = self._moved(xs, Ps, dt / n)
+            if columns.shape[2] and self.move.columns is not None:
+                columns = self.move.columns(xs, columns, dt / n)
+            if self.trace is not None:
+                F = regressions(points, moved) @ F
+            xs, Ps = moments_each(moved, *weights, Qs)
+        if self.trace is not None:
+            self.trace.append(Transition(self.omega, *mixes, F, Beliefs(self.cbar, xs, Ps)))
+        self.columns = columns
+        for f, x, P in zip(self.filters, xs, Ps, strict=True):
+            f.x, f.P = x, P
+        # filterpy moves mu only in update; between two updates the prior is the one that the rates give
+        self.mu = self.cbar
+        self._compute_state_estimate()
+
+    def _moved(self, xs: Floats, Ps: Floats, dt: float) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+        """Sigma points of each mode before and after a step, and their weights; narrow where they must be."""
+        scales = np.full(len(xs), self._scale)
+        points, definite = symmetric_points_each(xs, Ps, scales)
+        if not definite.all():
+            self.repairs["definite"] += int((~definite).sum())
+            Ps = np.array([P if fine else definite_of(P) for P, fine in zip(Ps, definite, strict=True)])
+            points, _ = symmetric_points_each(xs, Ps, scales)
+        weights = self._weights
+        if self.move.turned is not None and (turned := self.move.turned(points)).any():
+            self.repairs["narrowed"] += int(turned.sum())
+            scales[turned] *= NARROW**2
+            points, _ = symmetric_points_each(xs, Ps, scales)
+            weights = (weights[0].copy(), weights[1].copy())
+            weights[1][turned, 1:] = 0.5 / scales[turned, None]
+            weights[1][turned, 0] = 0.0  # no negative weight: the covariance stays one
+            # to first order: curvature at the mean, taken as far as the covariance reaches, has no bounds
+            weights[0][turned] = np.arange(points.shape[1]) == 0
+        return points, self.move.points(points, dt), weights
+
+    def _compute_mixing_probabilities(self) -> None:
+        self.cbar = np.maximum(self.mu @ self.M, LEAST)
+        self.omega = (self.M * np.asarray(self.mu)[:, None]) / self.cbar
+
+    def update_linear(self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None) -> None:
+        """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
+
+        shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
+        """
+        columns = np.empty_like(self.columns)
+        self.told = H @ self.columns if shared is None else H @ self.columns + shared
+        for k, f in enumerate(self.filters):
+            if shared is not None and self.considered:
+                found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.wary)
+            else:
+                total = with_columns(f.P, self.columns[k]) if self.considered else f.P
+                found = joseph_update(f.x, f.P, z, H, R, total)
+            x, P, y, S, K, nis, log_det, definite = found
+            if not definite:
+                raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+            f._accept(x, P, (y, S, K))
+            f._judge(nis, log_det)
+            columns[k] = self.columns[k] - K @ self.told[k]
+        self.columns = columns
+        logs = np.array([f.log_likelihood for f in self.filters])
+        self.likelihood = np.exp(logs - logs.max())
+        posterior = self.mu * self.likelihood
+        self.log_likelihood = float(logs.max() + np.log(posterior.sum()))
+        self.mu = np.maximum(posterior / posterior.sum(), LEAST)
+        self.mu /= self.mu.sum()
+        self._compute_state_estimate()
+
+    def beliefs(self) -> Beliefs:
+        """What the modes believe now."""
+        return Beliefs(self.mu, np.array([f.x for f in self.filters]), np.array([f.P for f in self.filters]))
+
+    def _compute_state_estimate(self) -> None:
+        now = self.beliefs()
+        xs, Ps, columns = mixed_each(now.mu[:, None], now.means, now.covs, self.columns)
+        self.x, self.P = xs[0], with_columns(Ps[0], columns[0])
+
+
+def definite_of(P: Floats) -> Floats:
+    """The covariance (n, n) with eigenvalues below rounding lifted to it.
+
+    Of the correlations, so that units do not matter.
+    """
+    root = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(P / np.outer(root, root))
+    lifted = np.maximum(values, FLOOR * max(values[-1], 1.0))
+    mended = root[:, None] * ((vectors * lifted) @ vectors.T) * root
+    return 0.5 * (mended + mended.T)
+
+
+def mixed(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
+    """Mean (n,) and covariance (n, n) of a Gaussian mixture: weights (k,), means (k, n), covs (k, n, n)."""
+    mean = weights @ means
+    away = means - mean
+    cov = np.einsum("k,kij->ij", weights, covs) + (weights[:, None] * away).T @ away
+    return mean, 0.5 * (cov + cov.T)

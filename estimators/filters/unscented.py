@@ -1,0 +1,106 @@
+"""filterpy's unscented filter with compiled sums, batched models and measurements of any length."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import filterpy.kalman as filterpy
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.filters.kernels import joseph_update, moments, symmetric_points
+
+Floats = NDArray[np.float64]
+
+
+class CovarianceError(ArithmeticError):
+    """A covariance that is no longer positive definite; nothing is repaired in silence."""
+
+
+def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
+    """Sigma points whose weights are all positive: alpha 1, beta 0, kappa 0, the third-degree cubature rule.
+
+    With the customary kappa = 3 - n the centre's weight is negative beyond three states and the covariance may lose
+    its definiteness [arasaratnam2009].
+    """
+    return filterpy.MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0)
+
+
+class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
+    """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y) and these differences.
+
+    - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and give rows back;
+    - a measurement may have any length: hx, H and R go with it;
+    - the linear update is Joseph's form; P is symmetric to the last bit, and a P or S that is not positive
+      definite raises CovarianceError;
+    - the likelihood is kept as a logarithm, so that it cannot underflow.
+
+    State: x (dim_x,) and P (dim_x, dim_x) after the last predict or update; nis and log_likelihood of the last update.
+    """
+
+    def __init__(
+        self,
+        dim_x: int,
+        fx: Callable[[Floats, float], Floats],
+        hx: Callable[[Floats], Floats] | None = None,
+        points: filterpy.MerweScaledSigmaPoints | None = None,
+    ) -> None:
+        points = positive_points(dim_x) if points is None else points
+        super().__init__(dim_x, dim_z=1, dt=0.0, hx=hx, fx=fx, points=points)
+        self._scale = points.alpha**2 * (points.n + points.kappa)
+        self.nis = 0.0
+
+    def predict(self, dt: float) -> None:
+        """Move x and P ahead by dt [s] and add Q; raises CovarianceError."""
+        points = self.fx(self._drawn(), dt)
+        self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
+
+    def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
+        """Take in a measurement z (m,) of noise R (m, m) through hx, (n_points, dim_x) to (n_points, m).
+
+        None is no measurement: nothing changes. Raises CovarianceError.
+        """
+        if z is None:
+            return
+        R = self.R if R is None else R
+        drawn = self._drawn()
+        seen = (self.hx if hx is None else hx)(drawn)
+        expected, S = moments(seen, self.Wm, self.Wc, R)
+        cross = (self.Wc[:, None] * (drawn - self.x)).T @ (seen - expected)
+        y = z - expected
+        try:
+            C = np.linalg.cholesky(S)
+        except np.linalg.LinAlgError:
+            raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
+        K = np.linalg.solve(C.T, np.linalg.solve(C, cross.T)).T
+        updated = self.P - K @ S @ K.T
+        w = np.linalg.solve(C, y)
+        self._accept(self.x + K @ y, 0.5 * (updated + updated.T), (y, S, K))
+        self._judge(float(w @ w), float(2.0 * np.log(np.diag(C)).sum()))
+
+    def update_linear(self, z: Floats, H: Floats, R: Floats) -> None:
+        """Take in z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
+
+        Of a linear measurement the unscented update is the Kalman update.
+        """
+        x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R, self.P)
+        if not definite:
+            raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+        self._accept(x, P, (y, S, K))
+        self._judge(nis, log_det)
+
+    def _drawn(self) -> Floats:
+        points, definite = symmetric_points(self.x, self.P, self._scale)
+        if not definite:
+            raise CovarianceError("state covariance: expected positive definite, found otherwise")
+        return points
+
+    def _accept(self, x: Floats, P: Floats, solved: tuple[Floats, Floats, Floats]) -> None:
+        self.x, self.P = x, P
+        self.y, self.S, self.K = solved
+
+    def _judge(self, nis: float, log_det: float) -> None:
+        self.nis = nis
+        self._log_likelihood = -0.5 * (nis + log_det + len(self.y) * np.log(2.0 * np.pi))
+        self._likelihood = None
+        self._mahalanobis = np.sqrt(nis)

@@ -1,0 +1,51 @@
+"""Needle guidance: lesion, needle, hit probability, advice, planning, tracked needles, breathing.
+
+What may enter: what turns an estimate into what the needle should do.
+"""
+
+from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
+from estimators.guidance.breathing import Breath, Breathing, BreathingSettings
+from estimators.guidance.hit_probability import Aim, best_aim, hit_probability
+from estimators.guidance.lesion import Lesion
+from estimators.guidance.needle import Hit, Insertion, Needle
+from estimators.guidance.needle_tracking import Arrival, NeedleNoise, NeedleTracker
+from estimators.guidance.obstacles import Obstacle, ball, clearances
+from estimators.guidance.planning import Plan, PlannedNeedle, PlannedTarget, Skin, compliance, displaced, paths, plan
+from estimators.guidance.settings import AdviceSettings, health_fault
+
+__all__ = [
+    "Advice",
+    "AdviceSettings",
+    "Aim",
+    "Arrival",
+    "Breath",
+    "Breathing",
+    "BreathingSettings",
+    "Guidance",
+    "Hit",
+    "Insertion",
+    "Lesion",
+    "Needle",
+    "NeedleNoise",
+    "NeedleTracker",
+    "Obstacle",
+    "Outlook",
+    "PathSource",
+    "Plan",
+    "PlannedNeedle",
+    "PlannedTarget",
+    "Skin",
+    "TargetPath",
+    "advise",
+    "ball",
+    "best_aim",
+    "clearances",
+    "compliance",
+    "displaced",
+    "guide",
+    "health_fault",
+    "hit_probability",
+    "path_times",
+    "paths",
+    "plan",
+]

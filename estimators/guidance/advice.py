@@ -1,0 +1,247 @@
+"""What to do with the needle now: go, wait, turn it, or nothing since the estimate does not carry it.
+
+Everything is reckoned from one predicted path of the target, made once a frame (`TissueFilter.predict_path`): when the
+needle arrives, where the target is then and how surely, what a hit is worth in probability now and later.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.guidance.kernels import insert_each
+from estimators.guidance.lesion import Lesion
+from estimators.guidance.needle import Insertion, Needle
+from estimators.guidance.settings import AdviceSettings, health_fault
+from estimators.tissue.estimate import TargetEstimate
+
+Floats = NDArray[np.float64]
+
+MARGIN_S = 0.5
+"""By which the path is told beyond the time at which a needle would reach a target that rests; chosen."""
+
+
+class Advice(StrEnum):
+    """What to do with the needle now."""
+
+    GO = "GO"
+    """Insert: a hit is probable, and waiting makes it little more so."""
+    WAIT = "WAIT"
+    """Do not insert yet: soon it will be better, or nothing is good enough."""
+    REALIGN = "REALIGN"
+    """The needle points elsewhere: turned to the aim, or drawn back, it will do."""
+    NO_GUIDANCE = "NO_GUIDANCE"
+    """The estimate is not healthy: nothing is said of the needle."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetPath:
+    """Where the target will be: times [s], (k,), rising, two or more; means [m] (k, dim); covs [m²] (k, dim, dim)."""
+
+    times_s: Floats
+    means: Floats
+    covs: Floats
+
+    def __post_init__(self) -> None:
+        k, dim = self.means.shape
+        if k < 2 or self.times_s.shape != (k,) or self.covs.shape != (k, dim, dim):
+            raise ValueError(
+                f"path: expected two or more times, means (k, dim), covs (k, dim, dim), "
+                f"found {self.times_s.shape}, {self.means.shape}, {self.covs.shape}"
+            )
+        if not (np.diff(self.times_s) > 0.0).all():
+            raise ValueError(f"path times_s: expected times that rise, found {self.times_s}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlook:
+    """What would come of inserting along the present direction, begun at each of the times starts_s [s], (k,).
+
+    arrivals_s: when the notch is beside the target [s], inf where it never gets there on the path that was told
+    probabilities: of a hit, 0 there; both (k,)
+    """
+
+    starts_s: Floats
+    arrivals_s: Floats
+    probabilities: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guidance:
+    """The advice for one moment; where there is none, or the needle never arrives, numbers are None.
+
+    advice, reason: what to do, and why in words
+    arrival_s: time at which the notch, or the tip if that is to hit, is beside the target, inserted now [s]
+    probability: of a hit, inserted now along the present direction
+    aim: where the target will be then [m], (dim,): what to bring the notch's middle to
+    cov: covariance of the target then [m²], (dim, dim)
+    lateral_m: by how much the needle's line misses the aim
+    depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
+    turn_rad, turned_axis, turned_probability: by how much to turn the needle about its entry, to which direction
+        (dim,), and the probability of a hit from there
+    best_in_s, best_probability: the best moment to begin along the present direction, from now [s]
+    outlook: all moments that were tried
+    """
+
+    advice: Advice
+    reason: str
+    arrival_s: float | None = None
+    probability: float | None = None
+    aim: Floats | None = None
+    cov: Floats | None = None
+    lateral_m: float | None = None
+    depth_m: float | None = None
+    turn_rad: float | None = None
+    turned_axis: Floats | None = None
+    turned_probability: float | None = None
+    best_in_s: float | None = None
+    best_probability: float | None = None
+    outlook: Outlook | None = None
+
+
+class PathSource(Protocol):
+    """What a filter must offer to be guided by: when a mark was last taken in, and the target's path."""
+
+    @property
+    def seen_s(self) -> float | None:
+        """When a mark was last taken in [s], None before the first."""
+
+    def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Means (k, dim) and covariances (k, dim, dim) of the target at later times [s], (k,)."""
+
+
+def path_times(
+    estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
+) -> Floats:
+    """Times [s], (k,), at which the target's path must be told: until the last insertion tried should arrive.
+
+    And MARGIN_S more, for a target that moves away meanwhile.
+    """
+    way_m = float(np.linalg.norm(estimate.mean - insertion.entry)) + needle.reach_m - insertion.depth_m
+    until_s = settings.horizon_s + max(way_m, 0.0) / insertion.speed_m_s + MARGIN_S
+    n_times = int(np.ceil(until_s / settings.path_s)) + 2
+    return now_s + settings.path_s * np.arange(n_times, dtype=np.float64)
+
+
+def guide(
+    filter_: PathSource,
+    estimate: TargetEstimate,
+    insertion: Insertion,
+    lesion: Lesion,
+    *,
+    needle: Needle | None = None,
+    settings: AdviceSettings | None = None,
+    now_s: float | None = None,
+) -> Guidance:
+    """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
+
+    The path is predicted only where the estimate is healthy: it takes far longer than all the rest.
+    """
+    needle = Needle() if needle is None else needle
+    settings = AdviceSettings() if settings is None else settings
+    now_s = estimate.time_s if now_s is None else now_s
+    fault = health_fault(estimate, now_s, filter_.seen_s, settings)
+    if fault is not None:
+        return Guidance(Advice.NO_GUIDANCE, fault)
+    times = path_times(estimate, insertion, needle, settings, now_s)
+    path = TargetPath(times, *filter_.predict_path(times))
+    return advise(path, insertion, lesion, needle=needle, settings=settings, now_s=now_s)
+
+
+def advise(
+    path: TargetPath,
+    insertion: Insertion,
+    lesion: Lesion,
+    *,
+    needle: Needle | None = None,
+    settings: AdviceSettings | None = None,
+    now_s: float | None = None,
+) -> Guidance:
+    """Advice from a healthy estimate's path; now_s: the path's first time if not given [s].
+
+    Raises ValueError where dimensions differ or the path does not reach from now to the horizon.
+    """
+    needle = Needle() if needle is None else needle
+    settings = AdviceSettings() if settings is None else settings
+    now_s = float(path.times_s[0]) if now_s is None else now_s
+    if not path.means.shape[1] == len(insertion.entry) == lesion.dim:
+        found = (path.means.shape[1], len(insertion.entry), lesion.dim)
+        raise ValueError(f"dimensions: expected path, insertion and lesion to agree, found {found}")
+    n_starts = int(settings.horizon_s / settings.step_s + 1e-9) + 1
+    starts = now_s + settings.step_s * np.arange(n_starts, dtype=np.float64)
+    if not path.times_s[0] <= now_s <= starts[-1] <= path.times_s[-1]:
+        raise ValueError(
+            f"path: expected to reach from {now_s} to {starts[-1]} s, found {path.times_s[0]} to {path.times_s[-1]} s"
+        )
+    told = (path.times_s, path.means, path.covs)
+    held = (insertion.entry, insertion.axis, insertion.speed_m_s, insertion.depth_m, needle.reach_m)
+    sampled = needle.sampled
+    to_ball = lesion.to_ball
+    arrivals, depths, aims, p = insert_each(starts, told, held, needle.spread, to_ball, *sampled, False)
+    _, _, turned_aims, turned_p = insert_each(starts[:1], told, held, needle.spread, to_ball, *sampled, True)
+    outlook = Outlook(starts, arrivals, p)
+    best = int(np.argmax(p))
+    if not np.isfinite(arrivals[0]):
+        reason = f"the needle does not reach the target within {path.times_s[-1] - now_s:.1f} s"
+        return Guidance(Advice.WAIT, reason, best_in_s=starts[best] - now_s, best_probability=p[best], outlook=outlook)
+    beside = aims[0] - insertion.entry
+    across = beside - (beside @ insertion.axis) * insertion.axis
+    turned = turned_aims[0] - insertion.entry if np.isfinite(turned_aims[0, 0]) else beside
+    turned_axis = turned / max(float(np.linalg.norm(turned)), 1e-12)
+    cosine, sine = float(turned_axis @ insertion.axis), turned_axis - (turned_axis @ insertion.axis) * insertion.axis
+    turn = float(np.arctan2(np.linalg.norm(sine), cosine))
+    deeper = float(depths[0] - insertion.depth_m)
+    later = float(starts[best] - now_s)
+    what, reason = _decided(float(p[0]), (later, float(p[best])), (turn, float(turned_p[0])), deeper, settings)
+    return Guidance(
+        what,
+        reason,
+        arrival_s=float(arrivals[0]),
+        probability=float(p[0]),
+        aim=aims[0],
+        cov=_cov_at(path, float(arrivals[0])),
+        lateral_m=float(np.linalg.norm(across)),
+        depth_m=deeper,
+        turn_rad=turn,
+        turned_axis=turned_axis,
+        turned_probability=float(turned_p[0]),
+        best_in_s=later,
+        best_probability=float(p[best]),
+        outlook=outlook,
+    )
+
+
+def _decided(
+    p: float, best: tuple[float, float], turned: tuple[float, float], deeper: float, settings: AdviceSettings
+) -> tuple[Advice, str]:
+    """The advice and its reason. best: (in how long [s], probability); turned: (by what [rad], probability)."""
+    later, p_best = best
+    turn, p_turned = turned
+    if deeper < -settings.overshot_m:
+        return Advice.REALIGN, f"the tip is {-1e3 * deeper:.1f} mm too deep: draw it back"
+    if p >= settings.go and p_best <= p + settings.worth:
+        return Advice.GO, f"a hit is {_percent(p)} probable"
+    if p_best >= settings.go:
+        return Advice.WAIT, f"in {later:.1f} s a hit is {_percent(p_best)} probable, now {_percent(p)}"
+    if p_turned >= settings.go:
+        turned_deg = np.degrees(turn)
+        return (
+            Advice.REALIGN,
+            f"turned by {turned_deg:.1f} deg a hit is {_percent(p_turned)} probable, now {_percent(p)}",
+        )
+    return Advice.WAIT, f"the target is too uncertain: even well aimed a hit is {_percent(max(p, p_turned))} probable"
+
+
+def _percent(p: float) -> str:
+    """Rounded down: what is not certain is not told as 100 %."""
+    return f"{int(100.0 * p)} %"
+
+
+def _cov_at(path: TargetPath, time_s: float) -> Floats:
+    j = min(max(int(np.searchsorted(path.times_s, time_s)) - 1, 0), len(path.times_s) - 2)
+    share = (time_s - path.times_s[j]) / (path.times_s[j + 1] - path.times_s[j])
+    return (1.0 - share) * path.covs[j] + share * path.covs[j + 1]

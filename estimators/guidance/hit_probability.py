@@ -1,0 +1,94 @@
+"""The probability that a needle samples a lesion, and where to aim so that it is highest.
+
+Target and tip are Gaussian and independent, so that what has to lie in the lesion, less the target, is Gaussian with
+the sum of their covariances. A linear map makes the lesion the unit ball. There a point is hit with the probability of
+a generalised chi-square variable [imhof1961]; `hit_kernels` computes it, and that of a core of some length, by one
+error function a line along the needle and Gauss-Legendre sums across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from estimators.guidance.kernels import hit, hit_each
+from estimators.guidance.lesion import Lesion
+from estimators.guidance.needle import Needle
+from estimators.tissue.belief import Belief
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Aim:
+    """Where to bring the notch's middle, or the tip if that is to hit, [m] (dim,), and the probability of a hit."""
+
+    point: Floats
+    probability: float
+
+
+def hit_probability(
+    target: Belief, tip: Belief, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
+) -> float:
+    """Probability that what the needle samples with lies in the lesion, see `Hit`.
+
+    To 1e-5; of a core where the sum of covariances is dozens of times as wide one way as another, to 2e-4.
+
+    axis: unit vector (dim,) along the needle; of the tip's mean, the notch lies `needle.reach_m` back along it
+    Raises ValueError where dimensions differ.
+    """
+    needle = Needle() if needle is None else needle
+    _check_dim(target, tip, axis, lesion)
+    length, core = needle.sampled
+    back = needle.reach_m * np.asarray(axis, dtype=float)
+    offsets = (tip.means - back)[None] - target.means[:, None]
+    covs = tip.covs[None] + target.covs[:, None]
+    dim, k = lesion.dim, offsets.shape[0] * offsets.shape[1]
+    each = hit_each(
+        offsets.reshape(k, dim), covs.reshape(k, dim, dim), np.asarray(axis, dtype=float), lesion.to_ball, length, core
+    )
+    # the sums of the kernels may come to more than one by their error
+    return min(float(np.outer(target.weights, tip.weights).ravel() @ each), 1.0)
+
+
+def best_aim(target: Belief, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None) -> Aim:
+    """The aim at which a hit is most probable: the tip's covariance [m²] (dim, dim) and the needle's axis stay.
+
+    Of a single Gaussian it is the mean: the lesion, and the places of a core that is long enough, are convex and
+    symmetric about it [anderson1955]. Of a mixture, which may have several peaks, it is the best that an ascent finds
+    from each mean and from the mean of all.
+    """
+    needle = Needle() if needle is None else needle
+    axis = np.asarray(axis, dtype=float)
+    tip = Belief.gaussian(target.means[0], tip_cov)
+    _check_dim(target, tip, axis, lesion)
+    to_ball, (length, core) = lesion.to_ball, needle.sampled
+    covs = target.covs + tip.covs
+
+    def probability(point: Floats) -> float:
+        return float(target.weights @ hit_each(point - target.means, covs, axis, to_ball, length, core))
+
+    if len(target.weights) == 1:
+        return Aim(target.means[0].copy(), float(hit(np.zeros(lesion.dim), covs[0], axis, to_ball, length, core)))
+    scale = float(np.linalg.svd(lesion.axes, compute_uv=False)[-1])
+    best = Aim(target.means[0], -1.0)
+    for start in (*target.means, target.weights @ target.means):
+        simplex = start + np.vstack([np.zeros(lesion.dim), 0.5 * scale * np.eye(lesion.dim)])
+        found = minimize(
+            lambda point: -probability(point),
+            start,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "xatol": 1e-4 * scale, "fatol": 1e-9},
+        )
+        if -found.fun > best.probability:
+            best = Aim(found.x, float(-found.fun))
+    return best
+
+
+def _check_dim(target: Belief, tip: Belief, axis: Floats, lesion: Lesion) -> None:
+    dims = (target.means.shape[1], tip.means.shape[1], len(axis))
+    if dims != (lesion.dim,) * 3:
+        raise ValueError(f"dimensions: expected target, tip and axis of the lesion's {lesion.dim}, found {dims}")

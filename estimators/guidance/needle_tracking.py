@@ -1,0 +1,144 @@
+"""Where a tracked needle's tip is and when it arrives: a Kalman filter of constant speed along the needle's line.
+
+The state is the tip's position and its speed along the line, x = (p, s): dp/dt = s d + bending across the line,
+ds/dt = white noise. Source: [barshalom2001], section 6.3.2, the discretised continuous white noise acceleration model,
+along the line; across it the tip wanders (a random walk), as a needle that bends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from estimators.filters.kernels import joseph_update
+from estimators.filters.unscented import CovarianceError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class NeedleNoise:
+    """How unsteady a needle is; every figure chosen.
+
+    acceleration: white, along the line [m/s²/sqrt(Hz)]: a hand changes its speed by some 10 mm/s within a second
+    bending: of the tip across the line [m/sqrt(s)]
+    speed_sd: of the speed before any measurement [m/s]
+    """
+
+    acceleration: float = 0.01
+    bending: float = 2e-4
+    speed_sd: float = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arrival:
+    """When the tip reaches a depth, time_s [s], and one standard deviation of that, sd_s [s], to first order."""
+
+    time_s: float
+    sd_s: float
+
+
+class NeedleTracker:
+    """The tip of a needle that goes along a line.
+
+    entry: where the line meets the skin [m], (dim,); direction: of the push, made to length 1, (dim,)
+    State: time_s of the belief, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
+    covariance of the tip [m] and the speed along the line [m/s]; nis of the last measurement.
+
+    Raises ValueError for a direction without length.
+    """
+
+    def __init__(self, entry: ArrayLike, direction: ArrayLike, noise: NeedleNoise | None = None) -> None:
+        self.entry = np.array(entry, dtype=float)
+        along = np.array(direction, dtype=float)
+        length = float(np.linalg.norm(along))
+        if along.shape != self.entry.shape or not 0.0 < length < np.inf:
+            raise ValueError(f"direction: expected {self.entry.shape} numbers, not all 0, found {along}")
+        self.direction = along / length
+        self.noise = NeedleNoise() if noise is None else noise
+        self.time_s: float | None = None
+        self.nis: float | None = None
+        self.x = np.r_[self.entry, 0.0]
+        self.P = np.zeros((len(self.x), len(self.x)))
+
+    @property
+    def depth(self) -> tuple[float, float]:
+        """How far the tip is beyond the entry along the line [m], and one standard deviation of that [m]."""
+        d = self.direction
+        return float((self.x[:-1] - self.entry) @ d), float(np.sqrt(d @ self.P[:-1, :-1] @ d))
+
+    @property
+    def speed(self) -> tuple[float, float]:
+        """Along the line [m/s], and one standard deviation of that [m/s]."""
+        return float(self.x[-1]), float(np.sqrt(self.P[-1, -1]))
+
+    def predict(self, time_s: float) -> None:
+        """Move the belief to this time [s]; raises ValueError where time goes back or is not finite."""
+        self.x, self.P = self._ahead(time_s)
+        self.time_s = time_s
+
+    def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
+        """Where the tip will be at a later time [m], (dim,), and the covariance of that [m²]; the belief stays.
+
+        Raises ValueError before the first measurement, and for a time that is past or not finite.
+        """
+        if self.time_s is None:
+            raise ValueError("tip_at: expected a measurement before, found none")
+        x, P = self._ahead(time_s)
+        return x[:-1], P[:-1, :-1]
+
+    def update(self, position: ArrayLike, cov: ArrayLike) -> None:
+        """Take in a position of the tip at the belief's time [m], (dim,), with its covariance [m²], (dim, dim).
+
+        From a tracker or from a mark of its own hue. The first one begins the belief. Raises ValueError for other
+        shapes, or without a time, and CovarianceError.
+        """
+        z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
+        dim = len(self.entry)
+        if z.shape != (dim,) or R.shape != (dim, dim) or not (np.isfinite(z).all() and np.isfinite(R).all()):
+            raise ValueError(
+                f"tip: expected finite numbers of shapes {(dim,)}, {(dim, dim)}, found {z.shape}, {R.shape}"
+            )
+        if self.time_s is None:
+            raise ValueError("update: expected predict(time_s) before, found no time")
+        if not self.P.any():
+            self.x = np.r_[z, 0.0]
+            self.P[:-1, :-1], self.P[-1, -1] = R, self.noise.speed_sd**2
+            return
+        x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, np.eye(dim, dim + 1), R, self.P)
+        if not definite:
+            raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+        self.x, self.P, self.nis = x, P, float(nis)
+
+    def arrival(self, depth_m: float) -> Arrival | None:
+        """When the tip will be at this depth [m]; None where it does not go there, or already is beyond.
+
+        t = (depth - l) / s, and sd t = sd l(t) / s, where l(t) is the depth predicted for that time.
+        """
+        depth, _ = self.depth
+        speed, _ = self.speed
+        if self.time_s is None or not speed > 0.0 or depth_m < depth:
+            return None
+        t = (depth_m - depth) / speed
+        _, P = self._ahead(self.time_s + t)
+        d = self.direction
+        return Arrival(self.time_s + t, float(np.sqrt(d @ P[:-1, :-1] @ d)) / speed)
+
+    def _ahead(self, time_s: float) -> tuple[Floats, Floats]:
+        if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        if self.time_s is None or not self.P.any():
+            return self.x, self.P
+        dt, d = time_s - self.time_s, self.direction
+        F = np.eye(len(self.x))
+        F[:-1, -1] = dt * d
+        q, across = self.noise.acceleration**2, self.noise.bending**2
+        along = np.outer(d, d)
+        Q = np.zeros_like(F)
+        Q[:-1, :-1] = q * dt**3 / 3.0 * along + across * dt * (np.eye(len(d)) - along)
+        Q[:-1, -1] = Q[-1, :-1] = q * dt**2 / 2.0 * d
+        Q[-1, -1] = q * dt
+        P = F @ self.P @ F.T + Q
+        return F @ self.x, 0.5 * (P + P.T)

@@ -1,0 +1,214 @@
+"""Which way to put the needle: straight paths ranked by the probability that the tip ends in the lesion.
+
+The insertion itself pushes the target aside. That is foreseen as the tissue's linear answer to the needle's forces at
+arrival, u = C F: C the columns of the inverse stiffness matrix at rest that belong to the target [dimaio2003], F the
+cutting force at the tip and the full friction along the shaft, shared by the nodes as `dynamics.needle.loads` does.
+Each path aims at where the target will be then. Obstacles are taken where they are at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, rest_shape, shares, stiffness_matrix
+from estimators.guidance.kernels import ball_hits
+from estimators.guidance.obstacles import Obstacle, clearances
+
+Floats = NDArray[np.float64]
+
+AIMING = 6
+"""How often a path is aimed anew at where its own push moves the target; on the phantom micrometres are left."""
+
+SAME = 3
+"""Decimals to which hit probabilities count as one; between those the path with more room about it comes first."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedTarget:
+    """What is to be hit: Gaussian belief about its centre at arrival [m], (dim,), [m²], (dim, dim); its radius [m]."""
+
+    mean: Floats
+    cov: Floats
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedNeedle:
+    """The needle to plan for; forces chosen as in `dynamics.Needle`.
+
+    force_sd: relative standard deviation of the forces; tip_sd_m: of the tip about its path, an axis [m]
+    """
+
+    radius_m: float = 0.5e-3 * GAUGES_MM[16]
+    cutting_N: float = 1.0  # noqa: N815
+    friction_N_m: float = 15.0  # noqa: N815
+    reach_m: float = 0.06
+    force_sd: float = 0.3
+    tip_sd_m: float = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Skin:
+    """Where the needle may go in: the box between two corners, whose sides may be nothing [m], (dim,).
+
+    normal: out of the tissue, made to length 1, (dim,); max_angle_rad: of the needle to it; max_length_m: in the tissue
+    """
+
+    start: Floats
+    end: Floats
+    normal: Floats
+    max_angle_rad: float = np.pi / 2
+    max_length_m: float = np.inf
+
+    def __post_init__(self) -> None:
+        for key in ("start", "end", "normal"):
+            object.__setattr__(self, key, np.array(getattr(self, key), dtype=float))
+        length = float(np.linalg.norm(self.normal))
+        if not length > 0.0:
+            raise ValueError("skin normal: expected a direction, found 0")
+        object.__setattr__(self, "normal", self.normal / length)
+
+    def entries(self, n: int) -> Floats:
+        """Some n points in it [m], (n, dim): along the straight line in the plane, on a grid of the box in space."""
+        if len(self.start) == 2:
+            return self.start + np.linspace(0.0, 1.0, n)[:, None] * (self.end - self.start)
+        sides = np.abs(self.end - self.start)
+        wide = np.flatnonzero(sides > 0.0)
+        step = (float(np.prod(sides[wide])) / n) ** (1.0 / max(1, len(wide)))
+        counts = [max(1, round(side / step)) if side > 0.0 else 1 for side in sides]
+        grids = [np.linspace(a, b, k) for a, b, k in zip(self.start, self.end, counts, strict=True)]
+        return np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """Paths and what is to be expected of each; rows as given, `order` ranks them.
+
+    entries, directions, tips: (n, dim) [m]; lengths: in the tissue [m], (n,)
+    pushed: by how much the insertion moves the target [m], (n, dim)
+    means, covs: where the target will be [m], (n, dim), and what tip and target are off by together [m²], (n, dim, dim)
+    hits: probability that the tip ends in the lesion, (n,); clearance: least room to an obstacle's margin [m], (n,)
+    angles: to the skin's normal [rad], (n,); reasons: why it is rejected, one tuple for each, empty where it is not
+    order: allowed paths from the best on, then rejected ones by their hits, (n,)
+    """
+
+    entries: Floats
+    directions: Floats
+    tips: Floats
+    lengths: Floats
+    pushed: Floats
+    means: Floats
+    covs: Floats
+    hits: Floats
+    clearance: Floats
+    angles: Floats
+    reasons: tuple[tuple[str, ...], ...]
+    order: NDArray[np.int64]
+
+    @property
+    def allowed(self) -> NDArray[np.bool_]:
+        """Which paths are not rejected, (n,)."""
+        return np.array([not reasons for reasons in self.reasons], dtype=bool)
+
+    @property
+    def best(self) -> int | None:
+        """Row of the best path; None where all are rejected."""
+        return int(self.order[0]) if self.allowed.any() else None
+
+
+def compliance(network: MassSpringNetwork, target: str) -> Floats:
+    """How the target moves by a force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
+    K = stiffness_matrix(network, rest_shape(network))
+    return np.asarray(np.linalg.solve(K, np.eye(len(K))[:, network.coordinates(target)]).T)
+
+
+def displaced(
+    network: MassSpringNetwork, C: Floats, needle: PlannedNeedle, tips: ArrayLike, entries: ArrayLike
+) -> Floats:
+    """By how much needles from entries to tips [m], (n, dim), move the target [m], (n, dim); C: its `compliance`."""
+    to, from_ = np.asarray(tips, dtype=float), np.asarray(entries, dtype=float)
+    along = to - from_
+    lengths = np.linalg.norm(along, axis=1)
+    back = 0.5 * (SHAFT[0] + 1.0)
+    points = np.concatenate([to[:, None], to[:, None] - back[:, None] * along[:, None]], axis=1)
+    rubbing = needle.friction_N_m * 0.5 * lengths[:, None] * SHAFT[1]
+    most = np.concatenate([np.full((len(to), 1), needle.cutting_N), rubbing], axis=1)
+    shared = np.einsum("nq,nqi->ni", most, shares(network, points, needle.reach_m))[:, network.free]
+    directions = along / lengths[:, None]
+    return np.einsum("dif,ni,nf->nd", C.reshape(len(C), len(network.free), -1), shared, directions)
+
+
+def paths(
+    network: MassSpringNetwork,
+    target: str,
+    lesion: PlannedTarget,
+    needle: PlannedNeedle,
+    entries: Floats,
+    n_aims: int = 5,
+) -> tuple[Floats, Floats]:
+    """Entries and tips [m], (n n_aims, dim): from each entry to where the target will be, and to points beside it.
+
+    n_aims: odd; all but one aim up to 0.6 radii beside the centre, both ways in the plane, all around in space
+    """
+    C = compliance(network, target)
+    from_ = np.repeat(entries, n_aims, axis=0)
+    tips = np.tile(lesion.mean, (len(from_), 1))
+    for _ in range(AIMING):
+        tips = lesion.mean + displaced(network, C, needle, tips, from_)
+    along = tips - from_
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    spread = np.tile(np.linspace(-0.6, 0.6, n_aims), len(entries))[:, None] * lesion.radius_m
+    if network.dim == 2:
+        return from_, tips + spread * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    least = np.eye(3)[np.abs(along).argmin(axis=1)]
+    across = np.cross(along, least)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    turn = np.tile(np.linspace(0.0, np.pi, n_aims, endpoint=False), len(entries))[:, None]
+    return from_, tips + spread * (np.cos(turn) * across + np.sin(turn) * np.cross(along, across))
+
+
+def plan(
+    network: MassSpringNetwork,
+    target: str,
+    lesion: PlannedTarget,
+    needle: PlannedNeedle,
+    skin: Skin,
+    obstacles: Sequence[Obstacle],
+    *,
+    entries: Floats,
+    tips: Floats,
+) -> Plan:
+    """Straight paths from entries to tips [m], (n, dim), judged and ranked; `paths` makes some.
+
+    Raises ValueError for shapes that do not fit and for paths without length, NetworkError where there is no rest.
+    """
+    along = tips - entries
+    lengths = np.linalg.norm(along, axis=1)
+    if entries.shape != tips.shape or entries.shape[1:] != (network.dim,) or not (lengths > 0.0).all():
+        raise ValueError(f"expected entries and other tips of shape (n, {network.dim}), found {entries.shape}")
+    directions = along / lengths[:, None]
+    pushed = displaced(network, compliance(network, target), needle, tips, entries)
+    means = lesion.mean + pushed
+    # the forces are off by one factor: the target stays on the line along which it is pushed
+    covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)
+    covs = covs + needle.force_sd**2 * pushed[:, :, None] * pushed[:, None, :]
+    hits = ball_hits(tips - means, covs, lesion.radius_m)
+    room = clearances(entries, tips, obstacles, needle.radius_m)
+    angles = np.arccos(np.clip(-directions @ skin.normal, -1.0, 1.0))
+    low, high = np.minimum(skin.start, skin.end) - 1e-9, np.maximum(skin.start, skin.end) + 1e-9
+    outside = np.any((entries < low) | (entries > high), axis=1).tolist()
+    reasons = []
+    for k in range(len(entries)):
+        found = [one.name for one, own in zip(obstacles, room[k], strict=True) if own < 0.0]
+        found += ["outside the entry"] if outside[k] else []
+        found += ["too long"] if lengths[k] > skin.max_length_m else []
+        found += ["too steep"] if angles[k] > skin.max_angle_rad else []
+        reasons.append(tuple(found))
+    clearance = room.min(axis=1) if len(obstacles) else np.full(len(entries), np.inf)
+    rejected = np.array([bool(found) for found in reasons])
+    order = np.lexsort((lengths, -clearance, -np.round(hits, SAME), rejected))
+    return Plan(entries, directions, tips, lengths, pushed, means, covs, hits, clearance, angles, tuple(reasons), order)

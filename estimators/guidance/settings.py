@@ -1,0 +1,67 @@
+"""Where the lines between the kinds of advice run, and when an estimate is not fit to advise on a needle at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.tissue.estimate import Status, TargetEstimate
+
+
+@dataclass(frozen=True, slots=True)
+class AdviceSettings:
+    """Where the lines between the kinds of advice run; every figure chosen.
+
+    go: probability of a hit from which on to insert
+    worth: by how much more probable a later hit must be to be waited for
+    horizon_s, step_s: insertions are tried that begin at each step up to the horizon [s]
+    stale_s: an estimate older than this gives no guidance [s]
+    coasting_s: neither does one that no mark has entered for longer [s]
+    overshot_m: a tip that is too deep by more than this has to be drawn back [m]
+    path_s: the target's path is told at steps of this [s]
+    """
+
+    go: float = 0.9
+    worth: float = 0.05
+    horizon_s: float = 2.0
+    step_s: float = 0.1
+    stale_s: float = 0.1
+    coasting_s: float = 0.2
+    overshot_m: float = 1e-3
+    path_s: float = 1.0 / 30.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.go <= 1.0 and 0.0 <= self.worth <= 1.0):
+            raise ValueError(f"advice go, worth: expected 0 to 1, found {self.go}, {self.worth}")
+        for name in ("step_s", "stale_s", "path_s"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"advice {name}: expected more than 0, found {getattr(self, name)}")
+        for name in ("horizon_s", "coasting_s", "overshot_m"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"advice {name}: expected 0 or more, found {getattr(self, name)}")
+
+
+def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, settings: AdviceSettings) -> str | None:
+    """Why an estimate gives no guidance at this time [s], in words; None where it does.
+
+    seen_s: when a mark was last taken in, None if never
+    """
+    age = now_s - estimate.time_s
+    unseen = np.inf if seen_s is None else now_s - seen_s
+    cov = estimate.cov
+    faults = (
+        (
+            estimate.status in (Status.INITIALISING, Status.LOST, Status.DIVERGED),
+            f"the estimate is {estimate.status}",
+        ),
+        (not age <= settings.stale_s, f"the estimate is {age:.2f} s old, more than {settings.stale_s:g} s"),
+        (cov is None, "the estimate has no covariance"),
+        (
+            not np.isfinite(estimate.mean).all() or (cov is not None and not np.isfinite(cov).all()),
+            "the estimate is not finite",
+        ),
+        (unseen > settings.coasting_s, f"no mark was seen for {unseen:.2f} s, more than {settings.coasting_s:g} s"),
+        (estimate.model_only, "the marks tell next to nothing of the target: the model alone speaks"),
+    )
+    return next((told for so, told in faults if so), None)

@@ -1,0 +1,181 @@
+"""The constants of a network from a calibration recording in which the hidden mark is seen, too.
+
+Gauss-Newton on the filter's innovations: a filter that takes the constants for granted runs beside the sensitivities of
+its error to each of them; its innovations y, of covariance S, are then noise and T theta, T what the constants do to
+them, theta what they are off by. Source: [friedland1969]. The unknown pokes are the filter's business.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import KINDS, MassSpringNetwork, Parameter, Uncertainty, independent, parameters, scaled
+from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.filter import TissueFilter
+from estimators.tissue.settings import FilterSettings
+
+Floats = NDArray[np.float64]
+Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
+
+PRIOR_SD: Mapping[str, float] = dict(zip(KINDS, (0.3, 0.05, 0.5, 0.5, 0.5), strict=True))
+"""How well constants are known before, by kind: relative standard deviations; chosen."""
+
+MOST_PASSES = 12
+CONVERGED = 0.1
+"""The search ends when no constant moves by more than this part of its standard error."""
+
+SLACK = 1.0
+"""A step is halved where the log posterior falls by more; less is what the modes' mixing makes of it; chosen."""
+
+KEPT = 0.995
+"""Part of the target's variance by unknown constants that the directions kept must carry; chosen."""
+
+
+class IdentificationError(ValueError):
+    """A recording from which constants cannot be found; the message says why."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identified:
+    """What a calibration recording says of the constants.
+
+    network: with the constants found
+    parameters, change: which, and the log of each by what it was before, (n,)
+    cov: covariance of the logs, (n, n); prior_sd (n,): how well they were known before
+    uncertainty: the few directions of it that matter for the target
+    passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
+    """
+
+    network: MassSpringNetwork
+    parameters: tuple[Parameter, ...]
+    change: Floats
+    cov: Floats
+    prior_sd: Floats
+    uncertainty: Uncertainty
+    passes: int
+    converged: bool
+
+    @property
+    def sd(self) -> Floats:
+        """Standard error of the log of each constant, (n,)."""
+        return np.sqrt(np.diag(self.cov))
+
+    def told_apart(self) -> tuple[Floats, Floats]:
+        """Part of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
+
+        Directions are in the logs of the constants by their prior standard deviations. Where most is left, the
+        recording does not tell: the Fisher information there is below that of the prior.
+        """
+        left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
+        return left[::-1], directions.T[::-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sum:
+    information: Floats
+    gradient: Floats
+    log_likelihood: float
+
+
+def identify(
+    network: MassSpringNetwork,
+    frames: Frames,
+    marked: Sequence[str],
+    target: str,
+    *,
+    prior_sd: Mapping[str, float] = PRIOR_SD,
+    settings: FilterSettings | None = None,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> Identified:
+    """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
+
+    frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
+    `advance` is told the share done. Raises IdentificationError where the target is never seen.
+    """
+    if not any(mark.node == target for _, marks in frames for mark in marks):
+        raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
+    settings = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
+    which = parameters(network, tuple(prior_sd))
+    sd = np.array([prior_sd[parameter.kind] for parameter in which])
+    prior = independent(which, sd)
+
+    def at(theta: Floats) -> tuple[MassSpringNetwork, _Sum]:
+        model = scaled(network, which, sd * theta)
+        tissue = TissueFilter(model, target, marked, settings, uncertainty=prior)
+        return model, _passed(tissue, frames)
+
+    theta = np.zeros(len(which))
+    model, found = at(theta)
+    passes, converged, step = 1, False, 1.0
+    while passes < MOST_PASSES and not converged:
+        advance(passes / (MOST_PASSES + 1))
+        H = found.information + np.eye(len(theta))
+        move = np.linalg.solve(H, found.gradient - theta)
+        error = np.sqrt(np.diag(np.linalg.inv(H)))
+        converged = bool(np.abs(move / error).max() < CONVERGED)
+        if converged:
+            break
+        score = found.log_likelihood - 0.5 * theta @ theta
+        while True:
+            tried = theta + step * move
+            model_tried, sum_tried = at(tried)
+            passes += 1
+            if sum_tried.log_likelihood - 0.5 * tried @ tried >= score - SLACK or passes >= MOST_PASSES:
+                break
+            step *= 0.5
+        theta, model, found, step = tried, model_tried, sum_tried, 1.0
+    cov = np.linalg.inv(found.information + np.eye(len(theta))) * np.outer(sd, sd)
+    uncertainty = principal(model, Uncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings)
+    advance(1.0)
+    return Identified(model, which, sd * theta, np.asarray(cov, dtype=np.float64), sd, uncertainty, passes, converged)
+
+
+def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:
+    mixture = tissue.mixture
+    mixture.considered = False
+    n = tissue.model.n_columns
+    information, gradient, log_likelihood = np.zeros((n, n)), np.zeros(n), 0.0
+    for time_s, marks in frames:
+        started = tissue.seen_s is not None
+        tissue.predict(time_s)
+        used = tissue.update(marks).marks_used
+        if not (started and used):
+            continue
+        log_likelihood += mixture.log_likelihood
+        for weight, f, T in zip(mixture.mu, mixture.filters, mixture.told, strict=True):
+            if weight > 1e-6:
+                solved = np.linalg.solve(f.S, np.column_stack([T, f.y]))
+                information += weight * T.T @ solved[:, :-1]
+                gradient += weight * T.T @ solved[:, -1]
+    return _Sum(information, gradient, log_likelihood)
+
+
+def principal(
+    network: MassSpringNetwork,
+    uncertainty: Uncertainty,
+    frames: Frames,
+    marked: Sequence[str],
+    target: str,
+    settings: FilterSettings | None = None,
+) -> Uncertainty:
+    """The few directions that carry what this uncertainty does to the target when its mark is not seen.
+
+    The same covariance turned to the axes of the target's variance along the frames; the smallest axes, together below
+    1 - KEPT of it, are left out.
+    """
+    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
+    n = tissue.model.n_columns
+    effect = np.zeros((n, n))
+    for time_s, marks in frames:
+        tissue.predict(time_s)
+        tissue.update([mark for mark in marks if mark.node != target])
+        columns = np.einsum("k,kij->ij", tissue.mixture.mu, tissue.mixture.columns[:, tissue.target])
+        effect += columns.T @ columns
+    values, axes = np.linalg.eigh(effect)
+    values, axes = values[::-1], axes[:, ::-1]
+    kept = int(np.searchsorted(np.cumsum(values) / values.sum(), KEPT)) + 1
+    return Uncertainty(uncertainty.parameters, axes[:, :kept].T @ uncertainty.directions)

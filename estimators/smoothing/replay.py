@@ -1,0 +1,105 @@
+"""Frames that come late or out of order, taken in where they belong: a bounded history and replay."""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
+from estimators.tissue.filter import Snapshot, TissueFilter
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Event:
+    """What was seen at one exposure time [s]: marks, or a fix of the target with its covariance [m, m²]."""
+
+    time_s: float
+    marks: tuple[MarkMeasurement, ...] = ()
+    fix: tuple[Floats, Floats] | None = None
+
+
+@dataclass(slots=True)
+class _Kept:
+    """An event and what the filter knew before it."""
+
+    event: Event
+    before: Snapshot = field(repr=False)
+
+
+class Replay:
+    """A filter that takes frames in any order, as long as none is later than its history is long.
+
+    Each event is fused at its own exposure time: the filter goes back to just before it and takes in again what came
+    after. The result is that of the same events in order, to the last bit.
+
+    horizon_s: how far back events are kept [s]
+    State: the filter; the events of the last horizon_s with what the filter knew before each; late: how many events
+    came out of order and were fused, `fused`, or were older than all that is kept, `refused`.
+    """
+
+    def __init__(self, tissue: TissueFilter, horizon_s: float = 0.5) -> None:
+        if not horizon_s >= 0:
+            raise ValueError(f"horizon_s: expected 0 s or more, found {horizon_s}")
+        self.tissue = tissue
+        self.horizon_s = horizon_s
+        self.late: Counter[str] = Counter()
+        self._kept: list[_Kept] = []
+
+    def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
+        """The newest estimate after the marks exposed at this time [s]; None where they came too late.
+
+        Raises ValueError as the filter does.
+        """
+        return self._fused(Event(time_s, marks=tuple(marks)))
+
+    def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
+        """The newest estimate after a fix of the target exposed at this time [s]; None where it came too late."""
+        return self._fused(Event(time_s, fix=(position, cov)))
+
+    def _fused(self, event: Event) -> TargetEstimate | None:
+        newest = self.tissue.time_s
+        if newest is None or event.time_s >= newest:
+            estimate = self._apply(event)
+        elif event.time_s < newest - self.horizon_s:
+            self.late["refused"] += 1
+            return None
+        else:
+            self.late["fused"] += 1
+            estimate = self._again_with(event)
+        newest = self.tissue.time_s or event.time_s
+        self._kept = [kept for kept in self._kept if kept.event.time_s >= newest - self.horizon_s]
+        return estimate
+
+    def _again_with(self, event: Event) -> TargetEstimate:
+        later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
+        now = self.tissue.snapshot()
+        kept = self._kept
+        self.tissue.restore(later[0].before)
+        self._kept = [k for k in kept if k.event.time_s <= event.time_s]
+        try:
+            estimate = self._apply(event)
+            for old in later:
+                estimate = self._apply(old.event)
+        except Exception:
+            self._kept = kept
+            self.tissue.restore(now)
+            raise
+        return estimate
+
+    def _apply(self, event: Event) -> TargetEstimate:
+        before = self.tissue.snapshot()
+        try:
+            self.tissue.predict(event.time_s)
+            estimate = self.tissue.fix(*event.fix) if event.fix is not None else self.tissue.update(event.marks)
+        except Exception:
+            self.tissue.restore(before)
+            raise
+        insort(self._kept, _Kept(event, before), key=lambda kept: kept.event.time_s)
+        return estimate

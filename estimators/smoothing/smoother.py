@@ -1,0 +1,171 @@
+"""What the marks that came later say of an earlier time: fixed-interval and fixed-lag smoothing of the mixture.
+
+Backward in time each mode hands to the modes before it a Gaussian likelihood of the state; a pair of modes is weighed
+by its odds and by how well that likelihood meets the earlier mode's belief.
+With one mode this is Rauch, Tung and Striebel's smoother. Sources: [rauch1965], [koch2000].
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from estimators.filters.mixture import Beliefs, Transition, mixed
+from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
+from estimators.tissue.filter import TissueFilter
+
+Floats = NDArray[np.float64]
+CERTAIN = 1.0 - 1e-12
+"""Part of a variance that later marks may take away at most: the rest is rounding."""
+
+Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passed:
+    """What a filter knew at one frame, and how it came there.
+
+    estimate: the filter's own; filtered: its beliefs, mode by mode
+    cycles: the predictions that led here from the frame before; None where the filter started anew: what is known here
+        says nothing of earlier
+    considered: what constants not known add to the target's covariance [m²], (dim, dim)
+    """
+
+    estimate: TargetEstimate
+    filtered: Beliefs
+    cycles: tuple[Transition, ...] | None
+    considered: Floats
+
+
+class Passage:
+    """A filter on its way through frames, with what a smoother needs of each.
+
+    State: the filter and how often it was restarted.
+    """
+
+    def __init__(self, tissue: TissueFilter) -> None:
+        self.tissue = tissue
+        self._restarts = 0
+
+    def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Passed:
+        """The filter's estimate at this exposure time [s], and what led to it; raises ValueError as the filter does."""
+        mixture = self.tissue.mixture
+        first = self.tissue.seen_s is None
+        mixture.trace = []
+        try:
+            self.tissue.predict(time_s)
+            cycles = tuple(mixture.trace)
+        finally:
+            mixture.trace = None
+        estimate = self.tissue.update(marks)
+        restarts = self.tissue.repairs["restarted"] + self.tissue.repairs["doubted"]
+        anew = first or restarts != self._restarts
+        self._restarts = restarts
+        columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, self.tissue.target])
+        return Passed(estimate, mixture.beliefs(), None if anew else cycles, columns @ columns.T)
+
+
+def fixed_interval(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
+    """The target at each frame, given the marks of all frames: (time [s], marks) in order."""
+    passage = Passage(tissue)
+    passed = [passage.take(time_s, marks) for time_s, marks in frames]
+    return [_told(one, known, tissue) for one, known in zip(passed, smoothed(passed), strict=True)]
+
+
+class FixedLag:
+    """The target some time ago, given all marks until now.
+
+    lag_s: how long ago, at least [s]
+    State: the passage of the filter, and the frames of the last lag_s.
+    """
+
+    def __init__(self, tissue: TissueFilter, lag_s: float = 0.3) -> None:
+        if not lag_s >= 0:
+            raise ValueError(f"lag_s: expected 0 s or more, found {lag_s}")
+        self.lag_s = lag_s
+        self._passage = Passage(tissue)
+        self._passed: deque[Passed] = deque()
+
+    def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
+        """The target at the newest frame that is lag_s or more old; None while there is none."""
+        self._passed.append(self._passage.take(time_s, marks))
+        due_s = time_s - self.lag_s
+        while len(self._passed) > 1 and self._passed[1].estimate.time_s <= due_s:
+            self._passed.popleft()
+        if self._passed[0].estimate.time_s > due_s:
+            return None
+        return _told(self._passed[0], smoothed(tuple(self._passed))[0], self._passage.tissue)
+
+
+def smoothed(passed: Sequence[Passed]) -> list[Beliefs]:
+    """What all frames say of the state at each of them; none may be missing between."""
+    known = [passed[-1].filtered] if passed else []
+    for before, one in zip(reversed(passed[:-1]), reversed(passed), strict=False):
+        now = known[-1]
+        if one.cycles is None:
+            known.append(before.filtered)
+            continue
+        starts = [before.filtered, *(cycle.arrived for cycle in one.cycles[:-1])]
+        for start, cycle in zip(reversed(starts), reversed(one.cycles), strict=False):
+            now = smoothed_before(now, cycle, start)
+        known.append(now)
+    return known[::-1]
+
+
+def _told(one: Passed, known: Beliefs, tissue: TissueFilter) -> TargetEstimate:
+    target, poked = tissue.target, tissue.settings.poked_share(known.mu)
+    mean, cov = mixed(known.mu, known.means[:, target], known.covs[:, target, target])
+    return replace(one.estimate, mean=mean, cov=cov + one.considered, poked=poked)
+
+
+def smoothed_before(after: Beliefs, cycle: Transition, before: Beliefs) -> Beliefs:
+    """Beliefs at the start of a cycle, given those that all marks give at its end.
+
+    after: smoothed, at the end; before: filtered, at the start.
+    """
+    k, n = before.means.shape
+    logs = np.empty((k, k))
+    means, covs = np.empty((k, k, n)), np.empty((k, k, n, n))
+    roots = np.linalg.cholesky(before.covs)
+    for j in range(k):
+        root = np.linalg.cholesky(cycle.covs[j])
+        N, pull = _likelihood(after, cycle, j, root)
+        for i in range(k):
+            T = solve_triangular(root, roots[i], lower=True)
+            u = solve_triangular(root, before.means[i] - cycle.means[j], lower=True)
+            S = np.eye(n) + T.T @ N @ T
+            slope = T.T @ (pull - N @ u)
+            step = np.linalg.solve(S, slope)
+            means[i, j] = before.means[i] + roots[i] @ step
+            covs[i, j] = roots[i] @ np.linalg.solve(S, roots[i].T)
+            logs[i, j] = u @ pull - 0.5 * u @ N @ u + 0.5 * slope @ step - 0.5 * np.linalg.slogdet(S)[1]
+    weights = cycle.weights * np.exp(logs - logs.max(axis=0))
+    weights *= after.mu / weights.sum(axis=0)
+    mu = weights.sum(axis=1)
+    share = weights / mu[:, None]
+    joined = np.einsum("ij,ijn->in", share, means)
+    away = means - joined[:, None, :]
+    spread = np.einsum("ij,ijab->iab", share, covs) + np.einsum("ij,ija,ijb->iab", share, away, away)
+    return Beliefs(mu, joined, 0.5 * (spread + spread.swapaxes(1, 2)))
+
+
+def _likelihood(after: Beliefs, cycle: Transition, j: int, root: Floats) -> tuple[Floats, Floats]:
+    """What is known at the end says of y, (x - mix's mean) by the root of the mix's covariance: exp(y'n - y'N y / 2).
+
+    It takes the mix, N(0, 1) in y, to the smoothed moments of Rauch, Tung and Striebel: N(m / (1 - M), 1 - M) with M
+    between 0 and 1. Beyond these bounds, where merging modes has made the end less sure than was predicted, it is
+    taken to say nothing.
+    """
+    predicted = cycle.arrived
+    gain = np.linalg.solve(predicted.covs[j], cycle.F[j] @ root).T
+    M = gain @ (predicted.covs[j] - after.covs[j]) @ gain.T
+    values, axes = np.linalg.eigh(0.5 * (M + M.T))
+    told = np.where(values > 0.0, np.minimum(values, CERTAIN), 0.0)
+    toward = axes.T @ (gain @ (after.means[j] - predicted.means[j]))
+    pull = np.where(values > 0.0, toward / (1.0 - told), 0.0)
+    return (axes * (told / (1.0 - told))) @ axes.T, axes @ pull

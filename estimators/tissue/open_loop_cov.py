@@ -1,0 +1,87 @@
+"""How sure the paper's open loop has reason to be: what noise of marks that drive a model does to the hidden masses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork, rest_shape, state_matrix
+from estimators.filters.exponential import small_expm
+from estimators.tissue.process_model import grown_covariance
+
+Floats = NDArray[np.float64]
+
+
+class OpenLoopBelief:
+    """Covariance of the open loop's target, linearised about the rest shape.
+
+    Between frames a marked mass moves straight from where it was seen to where it is seen next, each wrong by its
+    mark's noise; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mark that
+    is not seen is taken to be where it was.
+
+    State: cov, of the hidden masses' places and velocities and of the marked masses' errors.
+    """
+
+    def __init__(self, network: MassSpringNetwork, target: str, marked: Sequence[str], white: float) -> None:
+        half = network.n_state // 2
+        A = state_matrix(network, rest_shape(network))
+        self._rows = {node: range(network.n_state)[network.coordinates(node)] for node in marked}
+        driven = [row for rows in self._rows.values() for row in rows]
+        hidden = [row for row in range(half) if row not in set(driven)]
+        follow = [*hidden, *(half + row for row in hidden)]
+        self._n, self._m = len(follow), len(driven)
+        self._own = A[np.ix_(follow, follow)]
+        self._by_place = A[np.ix_(follow, driven)]
+        self._by_velocity = A[np.ix_(follow, [half + row for row in driven])]
+        self._density = np.diag([0.0] * len(hidden) + [white**2] * len(hidden))
+        places = range(network.n_state)[network.coordinates(target)]
+        self._target = [follow.index(row) for row in places]
+        self._columns = {row: self._n + k for k, row in enumerate(driven)}
+        self.cov = np.zeros((self._n + self._m, self._n + self._m))
+        self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
+
+    @property
+    def target_cov(self) -> Floats:
+        """Covariance of the target [m²], (dim, dim)."""
+        return self.cov[np.ix_(self._target, self._target)]
+
+    def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
+        """Go on by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
+        n = self._n
+        if dt > 0.0:
+            own, start, end, noise_added = self._step(dt)
+        else:
+            own, start, end = np.eye(n), np.zeros((n, self._m)), np.zeros((n, self._m))
+            noise_added = np.zeros((n, n))
+        F, G, Q = np.eye(n + self._m), np.zeros((n + self._m, self._m)), np.zeros_like(self.cov)
+        F[:n, :n] = own
+        F[:n, n:] = start + end
+        R = np.zeros((self._m, self._m))
+        for node, cov in noise.items():
+            rows = [self._columns[row] - n for row in self._rows[node]]
+            R[np.ix_(rows, rows)] = cov
+            F[:n, [n + row for row in rows]] = start[:, rows]
+            F[[n + row for row in rows], [n + row for row in rows]] = 0.0
+            G[:n, rows] = end[:, rows]
+            G[[n + row for row in rows], rows] = 1.0
+        Q[:n, :n] = noise_added
+        self.cov = F @ self.cov @ F.T + G @ R @ G.T + Q
+
+    def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
+        """What the hidden masses, the marked ones' error at the start and that at the end make of the hidden ones.
+
+        And the covariance that unknown force adds. To a nanosecond: frames at one rate differ by rounding.
+        """
+        key = round(dt, 9)
+        if self._steps is None or self._steps[0] != key:
+            n, m = self._n, self._m
+            block = np.zeros((n + 2 * m, n + 2 * m))
+            block[:n, :n], block[:n, n : n + m], block[:n, n + m :] = self._own, self._by_place, self._by_velocity
+            block[n : n + m, n + m :] = np.eye(m)
+            moved = small_expm(block * dt)
+            end = moved[:n, n + m :] / dt
+            noise = grown_covariance(self._own, self._density, dt)
+            self._steps = key, (moved[:n, :n], moved[:n, n : n + m] - end, end, noise)
+        return self._steps[1]

@@ -1,0 +1,253 @@
+"""The tissue as a process model: its equations of motion, with an unknown poke on each marked node.
+
+The state of the filter is the network's (positions, then velocities of the free nodes) followed by the poke on each
+marked coordinate [N], node-major, and, where fixes are expected, by their bias [m], (dim,).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import (
+    MassSpringNetwork,
+    ParameterForces,
+    Stepper,
+    Uncertainty,
+    reversed_springs,
+    state_matrix,
+    stiffness_matrix,
+)
+from estimators.filters.exponential import small_expm
+from estimators.tissue.known_force import KnownPush
+
+Floats = NDArray[np.float64]
+
+LONGEST_STEP = 1.0 / 120.0
+"""Between two additions of noise [s]; chosen: `docs/decisions.md` has the error that it makes."""
+
+LEGENDRE = np.polynomial.legendre.leggauss(12)
+"""Nodes and weights on (-1, 1): rounding is all that is left up to steps of twice the correlation time."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForceMode:
+    """One belief about the unknown force.
+
+    white: acceleration noise on every free node [m/s²/sqrt(Hz)]: what the model leaves out
+    poke: standard deviation of the poke on each marked node, by its mass [m/s²]
+    lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]
+    only: place among the marked nodes of the only one that is poked so; None: all are
+    others: what is believed of the poke on the others then
+    """
+
+    white: float
+    poke: float
+    lasting_s: float
+    only: int | None = None
+    others: ForceMode | None = None
+
+    def pokes(self, n_marked: int, dim: int) -> tuple[Floats, Floats]:
+        """Standard deviation [m/s²] and correlation time [s] of the poke on each marked coordinate, (n_marked dim,)."""
+        sd, lasting = np.full(n_marked * dim, self.poke), np.full(n_marked * dim, self.lasting_s)
+        if self.only is not None and self.others is not None:
+            beside = np.arange(n_marked * dim) // dim != self.only
+            sd[beside], lasting[beside] = self.others.poke, self.others.lasting_s
+        return sd, lasting
+
+
+@dataclass(frozen=True, slots=True)
+class FixBias:
+    """What fixes of the target are off by together: sd [m] an axis, slowly varying over lasting_s [s]."""
+
+    sd_m: float
+    lasting_s: float = 60.0
+
+
+class TissueModel:
+    """Process model of a network whose marked nodes are poked by unknown forces.
+
+    uncertainty: directions in which the network's constants are not known; each makes a column of the error
+    n_calibration: directions in which the camera's calibration may be off; their columns come after those and are
+        moved by no force of their own
+    bias: of fixes of the target, if there are to be any
+    dim_x: the network's state, one poke for each coordinate of a marked node, and the bias
+    push: the known force that acts while points are moved, None where there is none
+    """
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        marked: Sequence[str],
+        *,
+        uncertainty: Uncertainty | None = None,
+        bias: FixBias | None = None,
+        n_calibration: int = 0,
+    ) -> None:
+        self.network = network
+        self.stepper = Stepper(network, LONGEST_STEP)
+        self.bias = bias
+        places = [network.coordinates(node) for node in marked]
+        self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
+        n_fixed = network.n_state + len(self.poked_rows)
+        self.dim_x = n_fixed + (0 if bias is None else network.dim)
+        self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
+        self.push: KnownPush | None = None
+        self._asked: tuple[Sequence[ForceMode], Floats] | None = None
+        self.mass = np.repeat(network.masses[network.free], network.dim)
+        self.uncertainty = uncertainty
+        self.n_constants = 0 if uncertainty is None else len(uncertainty.directions)
+        self.n_columns = self.n_constants + n_calibration
+        self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
+
+    def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
+        """Sigma points (n_points, dim_x) dt seconds later, each under its own poke, which fades meanwhile."""
+        return self.propagate_each(points[None], dt, (mode,))[0]
+
+    def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
+        """Sigma points of each mode, (n_modes, n_points, dim_x), dt seconds later."""
+        return self._moved(points, dt, modes, 0.0)
+
+    def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | float) -> Floats:
+        n, half = self.network.n_state, self.network.n_state // 2
+        lasting = self._lasting(modes)
+        fade = np.exp(-dt / lasting)
+        forces = np.zeros((*points.shape[:2], half))
+        # of the poke at the start, the mean share over the step
+        forces[:, :, self.poked_rows] = ((1.0 - fade) * lasting / dt) * points[:, :, self.pokes]
+        forces += outside
+        if self.push is not None:
+            forces += self.push.forces(points[:, :, :n])
+        moved = np.empty_like(points)
+        states = points[:, :, :n].reshape(-1, n)
+        moved[:, :, :n] = self.stepper.advance(states, dt, forces.reshape(-1, half)).reshape(*points.shape[:2], n)
+        moved[:, :, self.pokes] = fade * points[:, :, self.pokes]
+        if self.bias is not None:
+            moved[:, :, self.bias_rows] = np.exp(-dt / self.bias.lasting_s) * points[:, :, self.bias_rows]
+        return moved
+
+    def carried(self, means: Floats, columns: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
+        """What constants off by one standard deviation along each direction make of the error, dt seconds later.
+
+        means (n_modes, dim_x), columns (n_modes, dim_x, n_columns). A constant that is off is a force beside the
+        model's; the shift is taken as it is, not as a derivative. A calibration that is off is no force.
+        """
+        if not self.n_columns:
+            return columns
+        n = self.network.n_state
+        base = self._moved(means[:, None], dt, modes, 0.0)
+        outside = np.zeros((len(means), columns.shape[2], n // 2))
+        if self._forces is not None and self.uncertainty is not None:
+            for k, mean in enumerate(means):
+                # of the start and the end of the step: held from the start on, it would lag by half a step
+                ends = self._forces(mean[:n]) + self._forces(base[k, 0, :n])
+                outside[k, : self.n_constants] = 0.5 * self.uncertainty.directions @ ends
+        moved = self._moved(means[:, None] + columns.swapaxes(1, 2), dt, modes, outside)
+        return (moved - base).swapaxes(1, 2)
+
+    def _lasting(self, modes: Sequence[ForceMode]) -> Floats:
+        """Correlation times of the pokes [s], (n_modes, 1, n_pokes); those of the modes asked for last are kept."""
+        if self._asked is None or self._asked[0] is not modes:
+            self._asked = modes, np.array([self._pokes(mode)[1] for mode in modes])[:, None, :]
+        return self._asked[1]
+
+    def _pokes(self, mode: ForceMode) -> tuple[Floats, Floats]:
+        return mode.pokes(len(self.poked_rows) // self.network.dim, self.network.dim)
+
+    def turned(self, points: Floats) -> NDArray[np.bool_]:
+        """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""
+        return reversed_springs(self.network, points)
+
+    def resting_columns(self, shape: Floats, held: Sequence[int] = ()) -> Floats:
+        """What constants off along each direction make of a rest shape, (dim_x, n_columns).
+
+        shape of all nodes [m], (n_nodes, dim); held: rows of the state whose places are known.
+        """
+        columns = np.zeros((self.dim_x, self.n_columns))
+        if self._forces is None or self.uncertainty is None:
+            return columns
+        half = self.network.n_state // 2
+        state = np.zeros(self.network.n_state)
+        state[:half] = shape[self.network.free].ravel()
+        others = np.setdiff1d(np.arange(half), np.asarray(held, dtype=int))
+        forces = self.uncertainty.directions @ self._forces(state)
+        K = stiffness_matrix(self.network, shape)
+        columns[others, : self.n_constants] = np.linalg.solve(K[np.ix_(others, others)], forces[:, others].T)
+        return columns
+
+    def noise(self, dt: float, mode: ForceMode) -> Floats:
+        """Covariance that a step of dt [s] adds, (dim_x, dim_x), by the exact discretisation of each free coordinate.
+
+        Springs and dashpots are left out of it: over a step of 1/240 s they change the phantom's by some 10 %, and the
+        predicted covariance by 2 %, the same at every frame rate since steps are.
+        """
+        n, half = self.network.n_state, self.network.n_state // 2
+        Q = np.zeros((self.dim_x, self.dim_x))
+        q, v = np.arange(half), np.arange(half, n)
+        white = mode.white**2
+        Q[q, q], Q[v, v] = white * dt**3 / 3.0, white * dt
+        Q[q, v] = Q[v, q] = white * dt**2 / 2.0
+        poke = np.array([_poke_noise(dt, sd, lasting) for sd, lasting in zip(*self._pokes(mode), strict=True)])
+        rows, mass = self.poked_rows, self.mass[self.poked_rows]
+        places = (rows, half + rows, n + np.arange(len(rows)))
+        scales = (np.ones(len(rows)), np.ones(len(rows)), mass)  # acceleration to force in the third only
+        for a in range(3):
+            for b in range(3):
+                Q[places[a], places[b]] += scales[a] * poke[:, a, b] * scales[b]
+        if self.bias is not None:
+            slow = -np.expm1(-2.0 * dt / self.bias.lasting_s) * self.bias.sd_m**2
+            Q[self.bias_rows, self.bias_rows] = slow * np.eye(self.network.dim)
+        return Q
+
+    def linearised(self, rest: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
+        """Matrix A and noise density of the augmented motion about a rest shape, each (dim_x, dim_x)."""
+        n, half = self.network.n_state, self.network.n_state // 2
+        A = np.zeros((self.dim_x, self.dim_x))
+        A[:n, :n] = state_matrix(self.network, rest)
+        density = np.zeros_like(A)
+        density[range(half, n), range(half, n)] = mode.white**2
+        for k, (row, sd, lasting) in enumerate(zip(self.poked_rows, *self._pokes(mode), strict=True)):
+            A[half + row, n + k] = 1.0 / self.mass[row]
+            A[n + k, n + k] = -1.0 / lasting
+            density[n + k, n + k] = 2.0 * (sd * self.mass[row]) ** 2 / lasting
+        if self.bias is not None:
+            for row in range(self.bias_rows.start, self.bias_rows.stop):
+                A[row, row] = -1.0 / self.bias.lasting_s
+                density[row, row] = 2.0 * self.bias.sd_m**2 / self.bias.lasting_s
+        return A, density
+
+
+def grown_covariance(A: Floats, density: Floats, seconds: float) -> Floats:
+    """Covariance after so many seconds of dx/dt = A x + white noise of that density, from none; (n, n).
+
+    Source: [vanloan1978]. Unlike Lyapunov's equation it needs no damping.
+    """
+    n = len(A)
+    step, doublings = seconds, 0
+    while np.abs(A).sum(axis=1).max() * step > 1.0:
+        step, doublings = step / 2.0, doublings + 1
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -A, density, A.T
+    grown = small_expm(block * step)
+    F = grown[n:, n:].T
+    Q = F @ grown[:n, n:]
+    for _ in range(doublings):
+        Q, F = F @ Q @ F.T + Q, F @ F
+    return 0.5 * (Q + Q.T)
+
+
+def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
+    """Covariance of place, velocity and poke by mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
+
+    sd: of the force by mass [m/s²]; tau: its correlation time [s]
+
+    The integral of g g' over the age s of the noise, g what noise of that age has become: Gauss-Legendre.
+    """
+    s = 0.5 * dt * (LEGENDRE[0] + 1.0)
+    gone = -np.expm1(-s / tau)
+    g = np.array([tau * (s - tau * gone), tau * gone, 1.0 - gone])
+    Q = (0.5 * dt * LEGENDRE[1] * (2.0 * sd**2 / tau) * g) @ g.T
+    return 0.5 * (Q + Q.T)

@@ -1,0 +1,1 @@
+"""What it is worth: the demonstration and the benchmark. A file for each subcommand."""

@@ -1,0 +1,168 @@
+"""Results as tables for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich.table import Table
+
+from experiments.studies.demo import PAPER_MM, Figures
+from vision import Calibration
+
+Row = Mapping[str, float | int | None]
+
+
+def track_table(figures: Mapping[str, Row]) -> Table:
+    """One row a method: error, coverage, NEES, speed."""
+    table = Table(title="Error of the hidden target")
+    for head in ("method", "mean ± SD [mm]", "RMSE [mm]", "in 95 % region", "mean NEES", "frames", "lost", "ms/frame"):
+        table.add_column(head, justify="left" if head == "method" else "right")
+    for method, row in figures.items():
+        table.add_row(
+            method,
+            _mean_sd(row),
+            _number(row["rmse_mm"], ".2f"),
+            _number(row["coverage95"], ".1%"),
+            _number(row["mean_nees"], ".2f"),
+            str(row["frames"]),
+            str(row["frames_lost"]),
+            _number(row["ms_per_frame"], ".2f"),
+        )
+    return table
+
+
+def advice_line(counts: Mapping[str, int]) -> str:
+    """How many frames had which advice."""
+    frames = sum(counts.values())
+    return f"{frames} frames: " + ", ".join(f"{name} {n}" for name, n in counts.items())
+
+
+def plan_table(told: Mapping[str, Any]) -> Table:
+    """The best path of a plan and the next best, from plan.json."""
+    table = Table(title=f"Paths to {told['target']['node']}: {told['allowed']} of {told['paths']} allowed")
+    for head in ("", "entry [mm]", "depth [mm]", "angle", "hit", "room [mm]", "pushes the target [mm]"):
+        table.add_column(head, justify="right")
+    for rank, path in enumerate([told["best"], *told["next_best"]], start=1):
+        table.add_row(
+            str(rank),
+            ", ".join(f"{x:.1f}" for x in path["entry_mm"]),
+            f"{path['depth_mm']:.1f}",
+            f"{path['angle_deg']:.0f}°",
+            f"{path['hit_probability']:.1%}",
+            _number(path["clearance_mm"], ".1f"),
+            ", ".join(f"{x:.1f}" for x in path["pushed_mm"]),
+        )
+    return table
+
+
+def insertion_table(told: Mapping[str, Any]) -> Table:
+    """One row a policy, from summary.json: hits with their interval, misses, time, insertions."""
+    table = Table(title=f"{told['runs']} runs, a lesion of {told['radius_mm']:g} mm at {told['speed_mm_s']:g} mm/s")
+    for head in ("policy", "hits", "95 % interval", "miss [mm]", "s to a hit", "insertions", "never there"):
+        table.add_column(head, justify="left" if head == "policy" else "right")
+    for policy, row in told.items():
+        if isinstance(row, Mapping):
+            table.add_row(
+                policy,
+                f"{row['hit_rate']:.1%}",
+                f"{row['hit_rate_low']:.1%} to {row['hit_rate_high']:.1%}",
+                _number(row["miss_mm"], ".2f"),
+                _number(row["seconds_to_hit"], ".2f"),
+                f"{row['insertions']:.2f}",
+                str(row["never"]),
+            )
+    return table
+
+
+def demo_table(figures: Figures) -> Table:
+    """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
+    table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")
+    table.add_column("method")
+    for scenario in figures:
+        table.add_column(scenario, justify="right")
+    methods = list(next(iter(figures.values())))
+    table.add_row(
+        "as published (1.09 s a frame, marks to 4.14 mm)", *(f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
+    )
+    for method in methods:
+        label = f"{method} (the paper's method, on these frames)" if method == "open-loop" else method
+        table.add_row(label, *(_mean_sd(rows[method]) for rows in figures.values()))
+    table.add_row(
+        "filter: in its 95 % region", *(_number(rows["filter"]["coverage95"], ".1%") for rows in figures.values())
+    )
+    return table
+
+
+def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
+    """One row a figure."""
+    table = Table(title="Benchmarks (medians of one run)")
+    table.add_column("benchmark")
+    table.add_column("figure")
+    table.add_column("value", justify="right")
+    for name, figures in report.items():
+        for key, value in figures.items():
+            table.add_row(name, key, f"{value:.3g}")
+    return table
+
+
+def constants_table(report: Mapping[str, Any]) -> Table:
+    """One row a constant: value and standard error; in the caption what the recording does not tell."""
+    table = Table(title="Constants found")
+    for head in ("constant", "value [SI]", "standard error", "change"):
+        table.add_column(head, justify="left" if head == "constant" else "right")
+    for row in report["constants"]:
+        table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", f"{row['change']:+.1%}")
+    n = len(report["not_told"])
+    table.caption = (
+        f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording tells"
+        f" {len(report['constants']) - n}; {n} stay as well known as before (--json names them)."
+    )
+    return table
+
+
+def levels_table(report: Mapping[str, Any]) -> Table:
+    """One row a noise level: value and standard error."""
+    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the sd that was told"}
+    table = Table(title="Noise levels found")
+    for head in ("level", "value", "unit", "standard error"):
+        table.add_column(head, justify="right" if head in ("value", "standard error") else "left")
+    for name, row in report["levels"].items():
+        table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
+    gained = report["log_likelihood"] - report["log_likelihood_before"]
+    table.caption = f"The recording is exp({gained:.1f}) times as probable as with the levels before."
+    return table
+
+
+def calibration_table(done: Calibration) -> Table:
+    """One row a constant of the lens: value and standard error."""
+    table = Table(title=f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px")
+    for head in ("constant", "value", "standard error"):
+        table.add_column(head, justify="left" if head == "constant" else "right")
+    values = [*done.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *done.distortion]
+    names = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
+    for name, value, sd in zip(names, values, [*done.matrix_sd, *done.distortion_sd], strict=True):
+        form = ".2f" if name.endswith("[px]") else ".5f"
+        table.add_row(name, format(value, form), format(sd, form))
+    return table
+
+
+def calibration_lines(done: Calibration) -> list[str]:
+    """How well the pictures fit, which were left out, and what a pixel is on the plane."""
+    across, down = done.mm_per_px
+    out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
+    return [
+        f"{len(done.images_used)} pictures used, rms {done.reprojection_rms_px:.3f} px; {out}",
+        *(f"  {line}" for line in done.images_left_out),
+        f"On the plane of {done.plane_image} a pixel at the centre is {across:.3f} x {down:.3f} mm",
+    ]
+
+
+def _mean_sd(row: Row) -> str:
+    if row["mae_mm"] is None:
+        return "truth not known"
+    return f"{row['mae_mm']:.2f} ± {row['sd_mm']:.2f}"
+
+
+def _number(value: float | int | None, form: str) -> str:
+    return "–" if value is None else format(value, form)

@@ -1,0 +1,34 @@
+"""`softaim compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.terminal import print_table, progress
+
+
+def compare(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: Out,
+    scene: SceneFile = None,
+    methods: Annotated[str | None, typer.Option("--methods", help="Which, separated by commas; default: all.")] = None,
+    force: Force = False,
+) -> None:
+    """Follow the target by the paper's method, ours and textbook filters, on the same marks."""
+    from experiments.commands.console import track_table
+    from experiments.formats.outputs import output_folder
+    from experiments.formats.recording import open_recording
+    from experiments.pipeline.compare import METHODS, chosen, summary, write_comparison
+    from experiments.pipeline.compare import compare as run
+
+    named = METHODS if methods is None else chosen(methods)
+    opened = open_recording(recording, scene)
+    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
+        done = run(opened, named, stage)
+        write_comparison(done, folder)
+    print_table(track_table(summary(done)))
+    print(f"Tables and a picture in {out}")

@@ -1,0 +1,43 @@
+"""`softaim track`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.terminal import print_table, progress
+
+
+def track(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: Out,
+    scene: SceneFile = None,
+    check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
+    force: Force = False,
+) -> None:
+    """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
+    from experiments.formats.outputs import output_folder
+    from experiments.formats.recording import open_recording
+    from experiments.pipeline.track import summary, write_tables
+    from experiments.pipeline.track import track as run
+    from experiments.plots.track import write_plots
+
+    opened = open_recording(recording, scene)
+    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
+        done = run(opened, stage("track"), check=check)
+        write_tables(done, folder)
+        write_plots(done, folder)
+    from experiments.commands.console import track_table
+    from experiments.pipeline.events import tell_swap
+
+    for step in done.steps:
+        if step.swap is not None:
+            tell_swap(step.swap)
+    print_table(track_table(summary(done)))
+    if check:
+        nees, scale = done.counts["check_nees"], done.counts["check_scale"]
+        print(f"Marks predicted as if hidden: NEES {nees:.2f}; the target's covariance times {scale:.2f}")
+    print(f"Tables and pictures in {out}")

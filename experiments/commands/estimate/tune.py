@@ -1,0 +1,36 @@
+"""`softaim tune`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import AsJson, SceneFile, SceneOut
+from experiments.commands.terminal import print_table, progress
+
+
+def tune(
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: SceneOut,
+    scene: SceneFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the noise levels under which a recording is most probable; no truth is needed. Write a scene with them."""
+    from experiments.commands.console import levels_table
+    from experiments.formats.recording import open_recording
+    from experiments.formats.scene.scene import write_scene
+    from experiments.pipeline.identify import marks_in, tuned_scene, tuning_report
+
+    opened = open_recording(recording, scene)
+    with progress() as stage:
+        frames = marks_in(opened, stage("marks"))
+        found_scene, found = tuned_scene(opened, frames, stage("tune"))
+        write_scene(found_scene, out)
+    if as_json:
+        print(json.dumps(tuning_report(found), indent=2))
+    else:
+        print_table(levels_table(tuning_report(found)))
+        print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")

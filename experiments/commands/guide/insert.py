@@ -1,0 +1,37 @@
+"""`softaim insert`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force, Out
+from experiments.commands.terminal import print_table, progress
+
+
+def insert(
+    scenario: Annotated[str, typer.Argument(help="quiet, poked, shoved, breathing, or a scenario file.")],
+    out: Out,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Worlds in which every policy is tried.")] = 2000,
+    speed_mm_s: Annotated[float, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Of the needle.")] = 50.0,
+    radius_mm: Annotated[float, typer.Option("--radius-mm", help="Of the lesion.")] = 5.0,
+    strength: Annotated[float, typer.Option("--strength", min=0.01, help="Factor on pokes and breathing.")] = 1.0,
+    force: Force = False,
+) -> None:
+    """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
+    from experiments.commands.console import insertion_table
+    from experiments.formats.outputs import output_folder
+    from experiments.formats.scenario import read_scenario
+    from experiments.plots.insertion import write_plots
+    from experiments.simulation.insert import case_of, summary, write_insertions
+    from experiments.simulation.insert import insert as run
+
+    case = case_of(read_scenario(scenario), speed_m_s=1e-3 * speed_mm_s, strength=strength)
+    with output_folder(out, force=force) as folder, progress() as stage:
+        done = run(case, runs, 1e-3 * radius_mm, stage("insert"))
+        write_insertions(done, folder)
+        write_plots(done, folder)
+    told = summary(done)
+    print_table(insertion_table(told))
+    print(f"Tables and pictures in {out}")

@@ -1,0 +1,50 @@
+"""`softaim calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force
+from experiments.commands.terminal import print_table, progress
+
+
+def calibrate(
+    board: Annotated[str, typer.Option("--board", help="Inner corners, 9x6; squares of a ChArUco board.")],
+    square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square.")],
+    out: Annotated[Path, typer.Option("--out", help="camera.toml; a folder for several cameras.")],
+    pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a folder of them, or a film.")] = None,
+    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER, once a camera.")] = None,
+    charuco: Annotated[str | None, typer.Option("--charuco", help="Dictionary of the markers, 4X4_50.")] = None,
+    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a marker.")] = None,
+    plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board on the phantom's plane.")] = None,
+    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Write the lens for OpenCV, too.")] = None,
+    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Write the lens for ROS, too.")] = None,
+    force: Force = False,
+) -> None:
+    """Find lens and place of cameras from pictures of a board, and how well they are known."""
+    from experiments.commands.console import calibration_lines, calibration_table
+    from experiments.pipeline.calibrate import AlsoWrite, board_of
+    from experiments.pipeline.calibrate import command as run
+    from experiments.plots.calibration import calibration_png
+
+    printed = board_of(board, square_mm, charuco, marker_mm)
+    also = AlsoWrite(opencv_yaml, ros_yaml)
+    with progress() as stage:
+        done = run(
+            pictures or [],
+            camera or [],
+            printed,
+            out,
+            plane=plane,
+            also=also,
+            picture=calibration_png,
+            force=force,
+            stage=stage,
+        )
+    for one in done:
+        print_table(calibration_table(one))
+        print(*calibration_lines(one), sep="\n")
+    print(f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}")

@@ -1,0 +1,168 @@
+"""Lenses in the YAML of OpenCV and in that of ROS (`camera_info`), written and read."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.errors import InputError, read_text, shown
+from experiments.formats.outputs import write_whole
+from vision import Lens, quiet_opencv
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LensFile:
+    """A lens, the size of its pictures [px], and the camera's name where the file tells it."""
+
+    lens: Lens
+    size_px: tuple[int, int]
+    name: str | None = None
+
+
+def write_opencv_yaml(content: LensFile, path: Path) -> None:
+    """Write image_width, image_height, camera_matrix and distortion_coefficients as cv2.FileStorage does."""
+    storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", content.size_px[0])
+    storage.write("image_height", content.size_px[1])
+    storage.write("camera_matrix", content.lens.matrix)
+    storage.write("distortion_coefficients", content.lens.distortion.reshape(-1, 1))
+    write_whole(path, storage.releaseAndGetString())
+
+
+def read_opencv_yaml(path: Path) -> LensFile:
+    """The lens of a file that cv2.FileStorage wrote; raises InputError that names file and key."""
+    text = read_text(path)
+    try:
+        with quiet_opencv():
+            storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except (cv2.error, SystemError):
+        raise InputError.at(path, "YAML as OpenCV writes it", "a file that it cannot read") from None
+    size = [storage.getNode(key) for key in ("image_width", "image_height")]
+    for key, node in zip(("image_width", "image_height"), size, strict=True):
+        if node.empty() or not node.isInt() or node.real() < 1:
+            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", "none")
+    arrays = {}
+    for key in ("camera_matrix", "distortion_coefficients"):
+        node = storage.getNode(key)
+        try:
+            found = None if node.empty() else node.mat()
+        except cv2.error:
+            found = None
+        if found is None:
+            raise InputError.at(f"{path}: {key}", "a matrix", "none")
+        arrays[key] = np.asarray(found, dtype=np.float64)
+    lens = _lens(path, arrays["camera_matrix"], arrays["distortion_coefficients"])
+    return LensFile(lens, (int(size[0].real()), int(size[1].real())))
+
+
+def write_ros_yaml(content: LensFile, path: Path) -> None:
+    """Write what ROS's camera_info_manager reads: matrix, plumb_bob distortion, no rectification."""
+    projection = np.column_stack([content.lens.matrix, np.zeros(3)])
+    lines = [
+        f"image_width: {content.size_px[0]}",
+        f"image_height: {content.size_px[1]}",
+        f"camera_name: {json.dumps(content.name or 'camera', ensure_ascii=False)}",
+        *_block("camera_matrix", content.lens.matrix),
+        "distortion_model: plumb_bob",
+        *_block("distortion_coefficients", content.lens.distortion.reshape(1, -1)),
+        *_block("rectification_matrix", np.eye(3)),
+        *_block("projection_matrix", projection),
+    ]
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def read_ros_yaml(path: Path) -> LensFile:
+    """The lens of a camera_info file; raises InputError that names file and key or line."""
+    tables = _ros_tables(path)
+    if (model := tables.get("distortion_model", "none")) != "plumb_bob":
+        raise InputError.at(f"{path}: distortion_model", "plumb_bob", shown(model))
+    size = []
+    for key in ("image_width", "image_height"):
+        text = tables.get(key, "none")
+        if not (isinstance(text, str) and re.fullmatch(r"[1-9][0-9]{0,8}", text)):
+            raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", shown(text))
+        size.append(int(text))
+    matrix, distortion = (_ros_matrix(path, tables, key) for key in ("camera_matrix", "distortion_coefficients"))
+    name = tables.get("camera_name")
+    return LensFile(_lens(path, matrix, distortion), (size[0], size[1]), name if isinstance(name, str) else None)
+
+
+def _block(key: str, values: Floats) -> list[str]:
+    data = ", ".join(repr(float(v)) for v in values.ravel())
+    return [f"{key}:", f"  rows: {values.shape[0]}", f"  cols: {values.shape[1]}", f"  data: [{data}]"]
+
+
+def _ros_tables(path: Path) -> Mapping[str, str | dict[str, str]]:
+    """Keys and what follows them; of YAML what camera_info files use: two levels, and lists that may be wrapped."""
+    text = read_text(path)
+    # wrapped lists, and lists of one entry a line, on one line
+    text = re.sub(r"\[[^\]]*\]", lambda found: " ".join(found[0].split()), text)
+    text = re.sub(r":[ \t]*((?:\n[ \t]*-[ \t]+[^\n]*)+)", lambda found: f": [{', '.join(_entries(found[1]))}]", text)
+    tables: dict[str, str | dict[str, str]] = {}
+    inside: dict[str, str] | None = None
+    for number, raw in enumerate(text.splitlines(), start=1):
+        line = re.sub(r"(^|\s)#.*$", "", raw).rstrip()
+        if not line or line == "---" or line.startswith("%"):
+            continue
+        parts = re.fullmatch(r"(\s*)([A-Za-z_]\w*):(?:\s+(.*))?", line)
+        if parts is None or (parts[1] and inside is None):
+            raise InputError.at(f"{path}: line {number}", "key: value", shown(line.strip()))
+        key, value = parts[2], _unquoted(parts[3] or "")
+        if parts[1] and inside is not None:
+            inside[key] = value
+        elif value:
+            tables[key], inside = value, None
+        else:
+            inside = {}
+            tables[key] = inside
+    return tables
+
+
+def _entries(block: str) -> list[str]:
+    return [line.split("-", 1)[1].strip() for line in block.strip().splitlines()]
+
+
+def _unquoted(value: str) -> str:
+    text = value.strip()
+    return text[1:-1] if len(text) > 1 and text[0] == text[-1] and text[0] in "\"'" else text
+
+
+def _ros_matrix(path: Path, tables: Mapping[str, str | dict[str, str]], key: str) -> Floats:
+    table = tables.get(key)
+    if not isinstance(table, dict):
+        raise InputError.at(f"{path}: {key}", "rows, cols and data", "none" if table is None else shown(table))
+    try:
+        shape = (int(table["rows"]), int(table["cols"]))
+        listed = table["data"]
+        if not (listed.startswith("[") and listed.endswith("]")):
+            raise ValueError(listed)
+        values = np.array([float(v) for v in listed[1:-1].split(",")])
+        return values.reshape(shape)
+    except KeyError as missing:
+        raise InputError.at(f"{path}: {key}.{missing.args[0]}", "this key", "none") from None
+    except ValueError:
+        raise InputError.at(
+            f"{path}: {key}.data", "rows times cols numbers in brackets", shown(table.get("data"))
+        ) from None
+
+
+def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not min(matrix[0, 0], matrix[1, 1]) > 0:
+        raise InputError.at(f"{path}: camera_matrix", "3 rows of 3 numbers, focal lengths above 0", _told(matrix))
+    flat = distortion.ravel()
+    if len(flat) not in (4, 5) or not np.isfinite(flat).all():
+        raise InputError.at(f"{path}: distortion_coefficients", "4 or 5 numbers, k1 k2 p1 p2 [k3]", _told(flat))
+    return Lens(matrix, np.append(flat, np.zeros(5 - len(flat))))
+
+
+def _told(values: Floats | Sequence[float]) -> str:
+    return shown(np.asarray(values).tolist())

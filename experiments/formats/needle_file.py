@@ -1,0 +1,123 @@
+"""Needle files: the words of `needle.toml`, and the needle, its way, the lesion and the thresholds that they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle
+from experiments.errors import InputError, shown
+from experiments.formats.scene.schema import Coordinates, NotNegative, Positive, Strict, read_toml
+
+Part = Annotated[float, Field(ge=0, le=1)]
+USUAL, SETTINGS = Needle(), AdviceSettings()
+
+
+class LesionTable(Strict):
+    """`[lesion]`: a ball by its radius, or an ellipsoid by its semi-axes, each a vector."""
+
+    radius_mm: Positive | None = None
+    semi_axes_mm: Annotated[list[Coordinates], Field(min_length=2, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _one_form(self) -> LesionTable:
+        if (self.radius_mm is None) == (self.semi_axes_mm is None):
+            found = "none" if self.radius_mm is None else "both"
+            raise ValueError(f"expected either radius_mm or semi_axes_mm, found {found}")
+        return self
+
+
+class AdviceTable(Strict):
+    """`[advice]`: thresholds, see `AdviceSettings`."""
+
+    go: Annotated[float, Field(gt=0, le=1)] = SETTINGS.go
+    worth: Part = SETTINGS.worth
+    horizon_s: Annotated[float, Field(ge=0, le=60)] = SETTINGS.horizon_s
+    step_s: Annotated[float, Field(ge=0.001)] = SETTINGS.step_s
+    stale_s: Positive = SETTINGS.stale_s
+    coasting_s: NotNegative = SETTINGS.coasting_s
+    overshot_mm: NotNegative = 1e3 * SETTINGS.overshot_m
+
+
+class NeedleFile(Strict):
+    """The whole of `needle.toml`, version 1."""
+
+    version: int
+    entry_mm: Coordinates
+    direction: Coordinates
+    speed_mm_s: Positive
+    depth_mm: NotNegative = 0.0
+    hit: Literal["TIP", "NOTCH", "CORE"] = USUAL.hit.value
+    notch_offset_mm: NotNegative = 1e3 * USUAL.notch_offset_m
+    notch_length_mm: Positive = 1e3 * USUAL.notch_length_m
+    core_mm: Positive = 1e3 * USUAL.core_m
+    tip_sd_mm: NotNegative = 1e3 * USUAL.tip_sd_m
+    bending_sd_mm_per_mm: NotNegative = USUAL.bending_sd
+    lesion: LesionTable | None = None
+    advice: AdviceTable = AdviceTable()
+
+    @model_validator(mode="after")
+    def _fits(self) -> NeedleFile:
+        if self.hit == "CORE" and self.core_mm > self.notch_length_mm:
+            raise ValueError(
+                f"core_mm: expected no more than notch_length_mm ({self.notch_length_mm:g}), found {self.core_mm:g}"
+            )
+        if not any(self.direction):
+            raise ValueError(f"direction: expected one other than nought, found {shown(self.direction)}")
+        return self
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NeedlePlan:
+    """What a needle file says."""
+
+    needle: Needle
+    insertion: Insertion
+    lesion: Lesion
+    settings: AdviceSettings
+
+
+def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
+    """The plan in a needle file for a scene of this dimension; raises InputError.
+
+    radius_m: of the lesion where the file does not say [m]
+    """
+    file = read_toml(path, NeedleFile)
+    for key in ("entry_mm", "direction"):
+        found = getattr(file, key)
+        if len(found) != dim:
+            raise InputError.at(f"{path}: {key}", f"{dim} numbers, as the scene has", str(len(found)))
+    needle = Needle(
+        Hit(file.hit),
+        1e-3 * file.notch_offset_mm,
+        1e-3 * file.notch_length_mm,
+        1e-3 * file.core_mm,
+        1e-3 * file.tip_sd_mm,
+        file.bending_sd_mm_per_mm,
+    )
+    insertion = Insertion(
+        1e-3 * np.array(file.entry_mm), np.array(file.direction), 1e-3 * file.speed_mm_s, 1e-3 * file.depth_mm
+    )
+    told = file.advice
+    settings = AdviceSettings(
+        told.go, told.worth, told.horizon_s, told.step_s, told.stale_s, told.coasting_s, 1e-3 * told.overshot_mm
+    )
+    return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings)
+
+
+def _lesion(path: Path, table: LesionTable | None, radius_m: float, dim: int) -> Lesion:
+    if table is None or table.semi_axes_mm is None:
+        radius = radius_m if table is None or table.radius_mm is None else 1e-3 * table.radius_mm
+        return Lesion.ball(radius, dim)
+    rows = table.semi_axes_mm
+    place, expected = f"{path}: lesion.semi_axes_mm", f"{dim} vectors of {dim} numbers, none in the span of the others"
+    if len(rows) != dim or any(len(row) != dim for row in rows):
+        raise InputError.at(place, expected, shown(rows))
+    try:
+        return Lesion(1e-3 * np.array(rows).T)
+    except ValueError:
+        raise InputError.at(place, expected, shown(rows)) from None

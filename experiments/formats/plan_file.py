@@ -1,0 +1,153 @@
+"""`plan.toml`: the needle, where it may go in and what it must not touch; lengths in mm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from dynamics import GAUGES_MM
+from estimators import Obstacle, PlannedNeedle, Skin
+from experiments.errors import InputError
+from experiments.formats.scene.schema import Coordinates, Name, NotNegative, Positive, Strict, read_toml
+
+Kind = Literal["rib", "vessel", "other"]
+
+
+class NeedleTable(Strict):
+    """`[needle]`; forces and noise as in `PlannedNeedle`."""
+
+    gauge: int = 16
+    cutting_N: NotNegative = PlannedNeedle().cutting_N  # noqa: N815 (the format's own word)
+    friction_N_m: NotNegative = PlannedNeedle().friction_N_m  # noqa: N815
+    reach_mm: Positive = 1e3 * PlannedNeedle().reach_m
+    force_sd: NotNegative = PlannedNeedle().force_sd
+    tip_sd_mm: Positive = 1e3 * PlannedNeedle().tip_sd_m
+
+    @model_validator(mode="after")
+    def _known(self) -> NeedleTable:
+        if self.gauge not in GAUGES_MM:
+            raise ValueError(f"gauge: expected one of {', '.join(map(str, GAUGES_MM))}, found {self.gauge}")
+        return self
+
+
+class EntryTable(Strict):
+    """`[entry]`: a stretch of skin in the plane, a box in space; some n points of it are tried."""
+
+    from_mm: Coordinates
+    to_mm: Coordinates
+    normal: Coordinates
+    max_angle_deg: Annotated[float, Field(gt=0, le=90)] = 60.0
+    max_length_mm: Positive = 150.0
+    n: Annotated[int, Field(ge=1, le=10_000)] = 100
+    n_aims: Annotated[int, Field(ge=1, le=99)] = 5
+
+    @model_validator(mode="after")
+    def _usable(self) -> EntryTable:
+        if not any(self.normal):
+            raise ValueError("normal: expected a direction out of the tissue, found zeros")
+        if self.n_aims % 2 == 0:
+            raise ValueError(f"n_aims: expected an odd number, found {self.n_aims}")
+        return self
+
+
+class ObstacleTable(Strict):
+    """`[[obstacle]]`: a ball by its centre, a capsule by the ends of its axis."""
+
+    name: Name
+    kind: Kind = "other"
+    centre_mm: Coordinates | None = None
+    from_mm: Coordinates | None = None
+    to_mm: Coordinates | None = None
+    radius_mm: Positive
+    margin_mm: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _one_form(self) -> ObstacleTable:
+        given = [key for key in ("centre_mm", "from_mm", "to_mm") if getattr(self, key) is not None]
+        if given not in (["centre_mm"], ["from_mm", "to_mm"]):
+            raise ValueError(f"expected centre_mm, or from_mm and to_mm, found {', '.join(given) or 'none of them'}")
+        return self
+
+
+class PlanFile(Strict):
+    """The whole of `plan.toml`, version 1.
+
+    arrival_s: from the last frame of a recording to when the needle arrives; belief_sd_mm: of the target an axis, where
+    there is a scene only
+    """
+
+    version: int
+    arrival_s: NotNegative = 0.0
+    belief_sd_mm: Positive = 2.0
+    needle: NeedleTable = NeedleTable()
+    entry: EntryTable
+    obstacle: list[ObstacleTable] = Field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What is to be planned: `plan.toml` in metres.
+
+    obstacles, kinds: one kind for each; arrival_s [s]; belief_sd_m [m]; n_entries, n_aims: how many paths are tried
+    """
+
+    needle: PlannedNeedle
+    skin: Skin
+    obstacles: tuple[Obstacle, ...]
+    kinds: tuple[Kind, ...]
+    arrival_s: float
+    belief_sd_m: float
+    n_entries: int
+    n_aims: int
+
+
+def read_task(path: Path, dim: int) -> Task:
+    """The task of a file for a scene of so many axes; raises InputError, `file: key: expected …, found …`."""
+    file = read_toml(path, PlanFile)
+    places = {f"entry.{key}": getattr(file.entry, key) for key in ("from_mm", "to_mm", "normal")}
+    seen: dict[str, int] = {}
+    for i, one in enumerate(file.obstacle):
+        places |= {f"obstacle[{i}].{key}": getattr(one, key) for key in ("centre_mm", "from_mm", "to_mm")}
+        if one.name in seen:
+            raise InputError.at(
+                f"{path}: obstacle[{i}].name", "a name of its own", f"that of obstacle[{seen[one.name]}]"
+            )
+        seen[one.name] = i
+    for key, place in places.items():
+        if place is not None and len(place) != dim:
+            raise InputError.at(f"{path}: {key}", f"{dim} numbers, as the scene has", str(len(place)))
+    table, entry = file.needle, file.entry
+    return Task(
+        needle=PlannedNeedle(
+            radius_m=0.5e-3 * GAUGES_MM[table.gauge],
+            cutting_N=table.cutting_N,
+            friction_N_m=table.friction_N_m,
+            reach_m=1e-3 * table.reach_mm,
+            force_sd=table.force_sd,
+            tip_sd_m=1e-3 * table.tip_sd_mm,
+        ),
+        skin=Skin(
+            1e-3 * np.array(entry.from_mm),
+            1e-3 * np.array(entry.to_mm),
+            np.array(entry.normal),
+            float(np.radians(entry.max_angle_deg)),
+            1e-3 * entry.max_length_mm,
+        ),
+        obstacles=tuple(_obstacle(one) for one in file.obstacle),
+        kinds=tuple(one.kind for one in file.obstacle),
+        arrival_s=file.arrival_s,
+        belief_sd_m=1e-3 * file.belief_sd_mm,
+        n_entries=entry.n,
+        n_aims=entry.n_aims,
+    )
+
+
+def _obstacle(table: ObstacleTable) -> Obstacle:
+    start = table.from_mm if table.centre_mm is None else table.centre_mm
+    end = table.to_mm if table.centre_mm is None else table.centre_mm
+    ends = (1e-3 * np.array(start), 1e-3 * np.array(end))
+    return Obstacle(table.name, *ends, 1e-3 * table.radius_mm, 1e-3 * table.margin_mm)

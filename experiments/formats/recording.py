@@ -1,0 +1,269 @@
+"""Recordings: a folder with a scene, frames or marks, their times and, where known, the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.errors import InputError, shown
+from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
+from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.tables import Table, read_table, write_table
+from vision import SourceError
+
+Floats = NDArray[np.float64]
+
+SAME_TIME_S = 1e-9
+"""Times that differ by less are one time: no file is written finer than this."""
+
+AXES = ("x_mm", "y_mm", "z_mm")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkRow:
+    """A mark that another tracker found: its node, where it was [m], (dim,), one standard deviation an axis [m]."""
+
+    node: str
+    position_m: Floats
+    sd_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fix:
+    """A direct sighting of the target: when [s], where [m], (dim,), one standard deviation an axis [m]."""
+
+    time_s: float
+    position_m: Floats
+    sd_m: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """Where nodes really were; each has its own times. No filter reads it.
+
+    times_s: by node, increasing [s], (n,)
+    positions: by node [m], (n, dim)
+    """
+
+    times_s: dict[str, Floats]
+    positions: dict[str, Floats]
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Nodes of which the truth is known."""
+        return tuple(self.times_s)
+
+    def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
+        """Which of the times [s], (n,), the truth spans, and where the node was then [m], (n, dim).
+
+        Straight between the truth's own times. Positions outside of its span are NaN: nobody knows.
+        KeyError for a node that is not among `nodes`.
+        """
+        own_s, own = self.times_s[node], self.positions[node]
+        times = np.asarray(times_s, dtype=float)
+        inside = (times >= own_s[0]) & (times <= own_s[-1])
+        positions = np.stack([np.interp(times, own_s, own[:, a]) for a in range(own.shape[1])], axis=1)
+        positions[~inside] = np.nan
+        return inside, positions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """A recording, checked when opened.
+
+    folder: where it is
+    exposures_s: one for each frame, increasing [s], (n_frames,)
+    source: the video file, or the folder of pictures or of a film's pieces; None where marks.csv takes their place
+    marks: for each frame the marks that another tracker found; None where there are pictures
+    truth: where nodes really were, if that is known
+    fixes: direct sightings of the target, in order of time
+    """
+
+    folder: Path
+    scene: Scene
+    exposures_s: Floats
+    source: Path | None
+    marks: tuple[tuple[MarkRow, ...], ...] | None
+    truth: Truth | None
+    fixes: tuple[Fix, ...]
+
+    def open_frames(self) -> Pictures:
+        """The frames from the first on; InputError if there are none to open, or they cannot be opened."""
+        if self.source is None:
+            raise InputError.at(self.folder, "a video or frames", f"{MARKS}, which has no frames to show")
+        return open_pictures(self.source, self.exposures_s.tolist())
+
+
+def open_recording(folder: Path, scene_path: Path | None = None) -> Recording:
+    """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError."""
+    if not folder.is_dir():
+        raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
+    source = source_in(folder)
+    scene_path = folder / "scene.toml" if scene_path is None else scene_path
+    scene = read_scene(scene_path)
+    frames_csv = folder / "frames.csv"
+    marks: tuple[tuple[MarkRow, ...], ...] | None = None
+    if source.name == MARKS:
+        exposures_s, marks = _read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
+    else:
+        if len(scene.cameras) != 1:
+            raise InputError.at(
+                f"{scene_path}: camera", f"one for {source.name} ({ONE_CAMERA})", str(len(scene.cameras))
+            )
+        exposures_s = read_frames(frames_csv, torn=source.name == SEGMENTS)
+    truth_csv, fixes_csv = folder / "truth.csv", folder / "fixes.csv"
+    recording = Recording(
+        folder=folder,
+        scene=scene,
+        exposures_s=exposures_s,
+        source=None if marks is not None else source,
+        marks=marks,
+        truth=_read_truth(truth_csv, scene) if truth_csv.exists() else None,
+        fixes=_read_fixes(fixes_csv, scene) if fixes_csv.exists() else (),
+    )
+    if marks is None:
+        try:
+            _check_frames(recording, source, scene_path)
+        except SourceError as error:
+            raise InputError(str(error)) from error
+    return recording
+
+
+def _check_frames(recording: Recording, source: Path, scene_path: Path) -> None:
+    """Raise InputError now for what would otherwise be found at the end of a long run."""
+    n_rows = len(recording.exposures_s)
+    n_frames, what = count_pictures(source)
+    # A recorder that was killed may have finished a piece whose rows it did not come to write.
+    if n_frames < n_rows or (n_frames > n_rows and source.name != SEGMENTS):
+        rows = f"a row for each of the {n_frames} {what}"
+        raise InputError.at(recording.folder / "frames.csv", rows, f"{n_rows} rows")
+    with recording.open_frames() as frames:
+        height, width = next(iter(frames)).image.shape[:2]
+    size_px = recording.scene.cameras[0].size_px
+    if size_px != (width, height):
+        expected = f"[{width}, {height}], as the pictures of {source.name} have"
+        raise InputError.at(f"{scene_path}: camera[0].size_px", expected, shown(list(size_px)))
+
+
+def read_frames(path: Path, *, torn: bool = False) -> Floats:
+    """Exposure times of frames.csv [s], (n_frames,); torn: the last line may have been cut off. Raises InputError."""
+    table = read_table(path, ["frame", "exposure_s"], refused={"camera": ONE_CAMERA}, torn=torn)
+    if not table.n_rows:
+        raise InputError.at(path, "a row for each frame", "none")
+    table.check_each("frame", np.arange(table.n_rows, dtype=float))
+    table.check_order("exposure_s", strictly=True)
+    return table.numbers["exposure_s"]
+
+
+def _read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
+    """Exposure times of the frames and the marks of each; without given times, those at which a mark was seen."""
+    table = _read_places(path, scene, ["time_s", "sd_mm"], ["node"])
+    nodes = _node_indices(table, scene)
+    marked = [scene.network.index(mark.node) for mark in scene.marks]
+    table.check("node", np.isin(nodes, marked), "a node with a mark in the scene")
+    table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
+    table.check_order("time_s", strictly=False)
+    times_s = table.numbers["time_s"]
+    if exposures_s is None:
+        if not table.n_rows:
+            raise InputError.at(path, "a row for each mark", "none, and no frames.csv")
+        exposures_s, frames = np.unique(times_s, return_inverse=True)
+    else:
+        after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
+        near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
+        off = np.abs(exposures_s[near] - times_s)
+        frames = np.where(off[0] <= off[1], near[0], near[1])
+        table.check("time_s", off.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
+    _, first = np.unique(frames * scene.network.n_nodes + nodes, return_index=True)
+    table.check("node", np.isin(np.arange(table.n_rows), first), "each node once at one time")
+    positions, sds = _positions(table, scene), (1e-3 * table.numbers["sd_mm"]).tolist()
+    rows = [MarkRow(*row) for row in zip(table.texts["node"], positions, sds, strict=True)]
+    starts = np.searchsorted(frames, np.arange(len(exposures_s) + 1)).tolist()
+    return exposures_s, tuple(tuple(rows[a:b]) for a, b in pairwise(starts))
+
+
+def _read_truth(path: Path, scene: Scene) -> Truth:
+    table = _read_places(path, scene, ["time_s"], ["node"])
+    if not table.n_rows:
+        raise InputError.at(path, "a row for each time and node", "none")
+    nodes, times_s, positions = _node_indices(table, scene), table.numbers["time_s"], _positions(table, scene)
+    table.check_order("time_s", strictly=True, groups=nodes)
+    rows = {scene.network.names[i]: np.flatnonzero(nodes == i) for i in np.unique(nodes)}
+    return Truth(
+        times_s={name: times_s[own] for name, own in rows.items()},
+        positions={name: positions[own] for name, own in rows.items()},
+    )
+
+
+def _read_fixes(path: Path, scene: Scene) -> tuple[Fix, ...]:
+    table = _read_places(path, scene, ["time_s", "sd_mm"], [])
+    table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
+    table.check_order("time_s", strictly=False)
+    times_s, sds = table.numbers["time_s"].tolist(), (1e-3 * table.numbers["sd_mm"]).tolist()
+    return tuple(Fix(*row) for row in zip(times_s, _positions(table, scene), sds, strict=True))
+
+
+def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str]) -> Table:
+    refused = {"camera": ONE_CAMERA}
+    if scene.network.dim == 2:
+        refused["z_mm"] = "expected no such column for a flat scene, found it"
+    return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, refused=refused)
+
+
+def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:
+    indices = {name: i for i, name in enumerate(scene.network.names)}
+    nodes = np.array([indices.get(name, -1) for name in table.texts["node"]], dtype=np.int64)
+    if (nodes < 0).any():
+        row = int(np.argmax(nodes < 0))
+        raise InputError(f"{table.place(row, 'node')}: no node named {shown(table.texts['node'][row])}")
+    return nodes
+
+
+def _positions(table: Table, scene: Scene) -> Floats:
+    return 1e-3 * np.stack([table.numbers[axis] for axis in AXES[: scene.network.dim]], axis=1)
+
+
+def write_frames_csv(path: Path, exposures_s: Floats) -> None:
+    """Write frames.csv; raises InputError, and ValueError for times that do not increase by 1 ns or more."""
+    _check_times(exposures_s)
+    write_table(path, ["frame", "exposure_s"], ([str(k), f"{t:.9f}"] for k, t in enumerate(exposures_s)))
+
+
+def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str, Floats]) -> None:
+    """Write truth.csv: nodes' positions [m], (n, dim) each, at times [s], (n,); raises InputError, ValueError."""
+    _check_times(times_s)
+    nodes = list(positions_by_node)
+    positions = np.stack([positions_by_node[node] for node in nodes], axis=1)
+    if len(positions) != len(times_s) or not np.isfinite(positions).all():
+        raise ValueError(f"truth: expected finite positions at {len(times_s)} times, found {positions.shape} of them")
+    write_table(
+        path,
+        ["time_s", "node", *AXES[: positions.shape[2]]],
+        ([f"{t:.9f}", node, *_mm(positions[k, i])] for k, t in enumerate(times_s) for i, node in enumerate(nodes)),
+    )
+
+
+def write_marks_csv(path: Path, times_s: Floats, marks: Sequence[Sequence[MarkRow]], *, dim: int) -> None:
+    """Write marks.csv: the marks found at each of the times [s], (n,); raises InputError, ValueError."""
+    _check_times(times_s)
+    rows = [(t, row) for t, found in zip(times_s, marks, strict=True) for row in found]
+    for _, row in rows:
+        if len(row.position_m) != dim or not np.isfinite([*row.position_m, row.sd_m]).all() or row.sd_m <= 0:
+            raise ValueError(f"marks: expected {dim} finite coordinates and a deviation above 0, found {row}")
+    header = ["time_s", "node", *AXES[:dim], "sd_mm"]
+    write_table(path, header, ([f"{t:.9f}", r.node, *_mm(r.position_m), f"{1e3 * r.sd_m:.9g}"] for t, r in rows))
+
+
+def _mm(position_m: Floats) -> list[str]:
+    return [f"{1e3 * x:.4f}" for x in position_m]
+
+
+def _check_times(times_s: Floats) -> None:
+    times = np.asarray(times_s, dtype=float)
+    if times.ndim != 1 or not np.isfinite(times).all() or not (np.diff(np.round(times, 9)) > 0).all():
+        raise ValueError(f"times: expected finite ones that increase by 1 ns or more, found {times}")

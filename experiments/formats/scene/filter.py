@@ -1,0 +1,78 @@
+"""What a scene says of the filter: `[uncertainty]` of the constants and `[filter]`, noise levels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynamics import (
+    KINDS,
+    MassSpringNetwork,
+    NetworkError,
+    Uncertainty,
+    independent,
+    label,
+    parameter_named,
+    parameters,
+)
+from estimators import FilterSettings, FixBias
+from experiments.formats.scene.schema import FilterTable, UncertaintyTable
+
+ADAPTED = (0.25, 4.0)
+"""Factors on the variances of the marks between which they adapt: half and twice the standard deviation; chosen."""
+
+
+def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> Uncertainty | None:
+    """How well the network's constants are known; raises NetworkError, `uncertainty…: …`."""
+    if table is None:
+        return None
+    if table.parameters is None or table.directions is None:
+        sds = {kind: sd for kind in KINDS if (sd := getattr(table, kind)) is not None}
+        which = parameters(network, tuple(sds))
+        return independent(which, [sds[parameter.kind] for parameter in which])
+    named = []
+    for i, text in enumerate(table.parameters):
+        try:
+            named.append(parameter_named(network, text))
+        except NetworkError as error:
+            raise NetworkError(f"uncertainty.parameters[{i}]: {error}") from None
+    return Uncertainty(tuple(named), np.array(table.directions, dtype=float).reshape(-1, len(named)))
+
+
+def settings_of(table: FilterTable | None) -> FilterSettings:
+    """The filter's settings: the usual ones, and what the table changes."""
+    usual = FilterSettings()
+    if table is None:
+        return usual
+    white = usual.quiet.white if table.white_m_s2_sqrt_hz is None else table.white_m_s2_sqrt_hz
+    poke = usual.poked.poke if table.poke_m_s2 is None else table.poke_m_s2
+    lasting_s = usual.poked.lasting_s if table.poke_lasting_s is None else table.poke_lasting_s
+    return replace(
+        usual,
+        quiet=replace(usual.quiet, white=white, poke=usual.quiet.poke * white / usual.quiet.white),
+        poked=replace(usual.poked, white=white, poke=poke, lasting_s=lasting_s),
+        fix_bias=None if table.fix_bias_mm is None else FixBias(1e-3 * table.fix_bias_mm),
+        marks_bounds=ADAPTED if table.adapt_marks else usual.marks_bounds,
+    )
+
+
+def filter_table(settings: FilterSettings) -> dict[str, float | bool]:
+    """The keys of `[filter]` for these settings; none where they are the usual ones."""
+    if settings == FilterSettings():
+        return {}
+    keys: dict[str, float | bool] = {
+        "white_m_s2_sqrt_hz": settings.quiet.white,
+        "poke_m_s2": settings.poked.poke,
+        "poke_lasting_s": settings.poked.lasting_s,
+    }
+    if settings.fix_bias is not None:
+        keys["fix_bias_mm"] = 1e3 * settings.fix_bias.sd_m
+    if settings.marks_bounds != (1.0, 1.0):
+        keys["adapt_marks"] = True
+    return keys
+
+
+def uncertainty_names(network: MassSpringNetwork, uncertainty: Uncertainty) -> list[str]:
+    """The names of the constants, as `[uncertainty]` has them."""
+    return [label(network, parameter) for parameter in uncertainty.parameters]

@@ -1,0 +1,189 @@
+"""CSV files read and written whole, with complaints that name the row and the column.
+
+Rows are counted as an editor counts lines: the header is row 1.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.errors import InputError, read_text, shown
+from experiments.formats.outputs import write_whole
+
+Floats = NDArray[np.float64]
+CHUNK_ROWS = 50_000
+"""Rows held as text at once; a million rows of text would take ten times the memory of their numbers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Columns of a CSV file: numbers as arrays (n_rows,), all finite; texts as lists of n_rows."""
+
+    path: Path
+    numbers: dict[str, Floats]
+    texts: dict[str, list[str]]
+    n_rows: int
+
+    def place(self, row: int, column: str) -> str:
+        """Where the entry of this data row, counted from 0, stands in the file."""
+        return f"{self.path}: row {row + 2}: {column}"
+
+    def check(self, column: str, good: NDArray[np.bool_], expected: str) -> None:
+        """Raise InputError for the first row that is not good, (n_rows,)."""
+        if not good.all():
+            row = int(np.argmin(good))
+            entry = (
+                _number_text(self.numbers[column][row]) if column in self.numbers else shown(self.texts[column][row])
+            )
+            raise InputError.at(self.place(row, column), expected, entry)
+
+    def check_each(self, column: str, expected: Floats) -> None:
+        """Raise InputError for the first row whose number is not the expected one, (n_rows,)."""
+        wrong = np.flatnonzero(self.numbers[column] != expected)
+        if len(wrong):
+            row = int(wrong[0])
+            found = _number_text(self.numbers[column][row])
+            raise InputError.at(self.place(row, column), _number_text(expected[row]), found)
+
+    def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
+        """Raise InputError for the first row whose number falls behind the one before, or repeats it if strictly.
+
+        groups: with it, (n_rows,), the one before is the last of the same group
+        """
+        groups = np.zeros(self.n_rows, dtype=np.int64) if groups is None else groups
+        order = np.argsort(groups, kind="stable")
+        values = self.numbers[column]
+        steps = np.diff(values[order])
+        late = np.flatnonzero((np.diff(groups[order]) == 0) & (steps <= 0 if strictly else steps < 0))
+        if len(late):
+            pair = late[np.argmin(order[late + 1])]
+            before, row = int(order[pair]), int(order[pair + 1])
+            least = f"{_number_text(values[before])} ({'the row before' if before == row - 1 else f'row {before + 2}'})"
+            expected = f"more than {least}" if strictly else f"{least} or more"
+            raise InputError.at(self.place(row, column), expected, _number_text(values[row]))
+
+
+def read_table(
+    path: Path,
+    numbers: Sequence[str],
+    texts: Sequence[str] = (),
+    *,
+    refused: Mapping[str, str] | None = None,
+    torn: bool = False,
+) -> Table:
+    """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are let be.
+
+    refused: what to say of columns that might be met and are not read, by name
+    torn: the writer may have been killed in the last line: it is left out if it has no end
+
+    Raises InputError for anything else; for a number that is not finite too.
+    """
+    text = read_text(path)
+    if torn:
+        text = text[: text.rfind("\n") + 1]
+    if not text.strip():
+        raise InputError.at(path, f"columns {', '.join([*numbers, *texts])}", "an empty file")
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
+    rows = _rows(path, reader)
+    header = next(rows)
+    _check_header(path, header, [*numbers, *texts], refused or {})
+    parts: dict[str, list[Floats]] = {column: [np.empty(0)] for column in numbers}
+    read_texts: dict[str, list[str]] = {column: [] for column in texts}
+    same: dict[str, str] = {}
+    n_rows = 0
+    while chunk := list(islice(rows, CHUNK_ROWS)):
+        columns = dict(zip(header, zip(*chunk, strict=True), strict=True))
+        for column in numbers:
+            values = _numbers(columns[column])
+            if values is None:
+                raise _first_fault(path, chunk, header, numbers, n_rows + 2)
+            parts[column].append(values)
+        for column in texts:
+            read_texts[column].extend(same.setdefault(entry, entry) for entry in columns[column])
+        n_rows += len(chunk)
+    return Table(path, {column: np.concatenate(arrays) for column, arrays in parts.items()}, read_texts, n_rows)
+
+
+def _rows(path: Path, reader: Iterator[list[str]]) -> Iterator[list[str]]:
+    """Rows of the file, header first, each as long as the header and on a line of its own."""
+    row, width, blank = 0, 0, 0
+    while True:
+        row += 1
+        try:
+            entries = next(reader, None)
+        except csv.Error as error:
+            raise InputError.at(f"{path}: row {row}", "comma-separated values", str(error)) from None
+        if entries is None:
+            return
+        if reader.line_num != row:  # type: ignore[attr-defined]
+            raise InputError.at(f"{path}: row {row}", "a row on one line", "a line break in quotes")
+        if not any(entries):
+            blank = blank or row
+            continue
+        width = width or len(entries)
+        if blank:
+            raise InputError.at(f"{path}: row {blank}", f"{width} values", "an empty line")
+        if len(entries) != width:
+            raise InputError.at(f"{path}: row {row}", f"{width} values", str(len(entries)))
+        yield entries
+
+
+def _check_header(path: Path, header: list[str], columns: list[str], refused: Mapping[str, str]) -> None:
+    for column in header:
+        if column in refused:
+            raise InputError(f"{path}: {column}: {refused[column]}")
+    for column in columns:
+        if header.count(column) != 1:
+            found = "none" if column not in header else str(header.count(column))
+            raise InputError.at(f"{path}: row 1", f"one column {column}", f"{found} in {shown(','.join(header))}")
+    for column in header:
+        if column not in columns:
+            raise InputError.at(f"{path}: row 1", f"columns {', '.join(columns)}", f"column {shown(column)} too")
+
+
+def _numbers(entries: Sequence[str]) -> Floats | None:
+    """The entries as numbers, None if one of them is not a finite one."""
+    # Python reads 1_000 and digits of other scripts as numbers; a file that has them was not meant so
+    whole = "".join(entries)
+    if not whole.isascii() or "_" in whole:
+        return None
+    try:
+        values = np.array([float(entry) for entry in entries])
+    except ValueError:
+        return None
+    return values if np.isfinite(values).all() else None
+
+
+def _number_text(value: float) -> str:
+    """A number as a person would write it: 3 and not 3.0."""
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+def _first_fault(
+    path: Path, rows: list[list[str]], header: list[str], numbers: Sequence[str], first_row: int
+) -> InputError:
+    places = [(header.index(column), column) for column in numbers]
+    row, column, entry = next(
+        (row, column, entries[place])
+        for row, entries in enumerate(rows, first_row)
+        for place, column in places
+        if _numbers([entries[place]]) is None
+    )
+    return InputError.at(f"{path}: row {row}: {column}", "a finite number", shown(entry) if entry.strip() else "none")
+
+
+def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Write a CSV file, whole or not at all; raises InputError."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    write_whole(path, text.getvalue())

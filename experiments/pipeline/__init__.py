@@ -1,0 +1,4 @@
+"""What runs a recording or a live source through detection, estimation and guidance.
+
+What may enter: a way of running; mathematics belongs to the packages below.
+"""

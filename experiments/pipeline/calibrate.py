@@ -1,0 +1,196 @@
+"""`softaim calibrate`: from pictures of a board to camera files."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.errors import InputError, shown
+from experiments.formats.camera_file import write_camera_toml
+from experiments.formats.camera_yaml import LensFile, write_opencv_yaml, write_ros_yaml
+from experiments.formats.outputs import output_folder, write_whole
+from vision import (
+    DICTIONARIES,
+    FILMS,
+    SHARP_FRAMES,
+    Board,
+    Calibration,
+    CalibrationError,
+    CameraViews,
+    View,
+    board_text,
+    calibrate,
+    calibrate_together,
+    find_board,
+    grey_pictures,
+)
+
+Picture = Callable[[Calibration], bytes]
+"""Draws a calibration as a PNG file."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlsoWrite:
+    """Files of other programs to write beside camera.toml, where wanted."""
+
+    opencv_yaml: Path | None = None
+    ros_yaml: Path | None = None
+
+
+def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
+    """The board that the command's options tell; InputError names the option.
+
+    text: 9x6, inner corners of a chessboard or squares of a ChArUco board
+    """
+    parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
+    if parts is None:
+        raise InputError.at("--board", "columns x rows, such as 9x6", shown(text))
+    less = 0 if charuco is None else 1
+    columns, rows = int(parts[1]) - less, int(parts[2]) - less
+    if min(columns, rows) < 3 - less:
+        raise InputError.at("--board", f"3 or more {'squares' if less else 'inner corners'} each way", shown(text))
+    if not 0 < square_mm < math.inf:
+        raise InputError.at("--square-mm", "more than 0", str(square_mm))
+    if charuco is None:
+        if marker_mm is not None:
+            raise InputError.at("--marker-mm", "--charuco with it", "none")
+        return Board(columns, rows, 1e-3 * square_mm)
+    dictionary = charuco.upper().removeprefix("DICT_")
+    if dictionary not in DICTIONARIES:
+        raise InputError.at("--charuco", f"one of {', '.join(DICTIONARIES)}", shown(charuco))
+    if marker_mm is None or not 0 < marker_mm < square_mm:
+        found = "none" if marker_mm is None else str(marker_mm)
+        raise InputError.at("--marker-mm", "a length above 0 and below --square-mm", found)
+    try:
+        return Board(columns, rows, 1e-3 * square_mm, dictionary, 1e-3 * marker_mm)
+    except ValueError as error:
+        raise InputError(f"--charuco: {error}") from None
+
+
+def views_of(
+    board: Board, paths: Sequence[Path], name: str, advance: Callable[[float], None] = lambda share: None
+) -> CameraViews:
+    """What the pictures at these paths show of the board; SourceError for pictures that cannot be read."""
+    views, left_out, size = [], [], (0, 0)
+    # how many will come is known of files only
+    expected = sum(_expected(path) for path in paths)
+    for k, (picture, image) in enumerate(grey_pictures(paths), start=1):
+        size = (image.shape[1], image.shape[0])
+        corners = find_board(board, image)
+        if corners is None:
+            left_out.append(f"{picture}: board not found")
+        else:
+            views.append(View(picture, corners))
+        advance(min(k / max(expected, 1), 1.0))
+    if not views:
+        places = ", ".join(map(str, paths[:3])) + (" …" if len(paths) > 3 else "")
+        raise CalibrationError(
+            f"{places}: expected pictures of {board_text(board)},"
+            f" found it in none of {len(left_out)}; check --board, and show the whole board, sharp and evenly lit"
+        )
+    return CameraViews(name, size, tuple(views), tuple(left_out))
+
+
+def _expected(path: Path) -> int:
+    if path.suffix.lower() in FILMS:
+        return SHARP_FRAMES
+    return len(list(path.iterdir())) if path.is_dir() else 1
+
+
+def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
+    """The pictures, and the one of the plane if it is a file that is not among them."""
+    if plane is None or not plane.is_file():
+        return [*pictures]
+    among = any(path.is_file() and path.samefile(plane) for path in pictures)
+    inside = any(path.is_dir() and path.samefile(plane.parent) for path in pictures)
+    return [*pictures] if among or inside else [*pictures, plane]
+
+
+def calibrate_one(views: CameraViews, plane: Path | None, out: Path, also: AlsoWrite, picture: Picture) -> Calibration:
+    """Calibrate one camera; write camera.toml, its picture beside it, and what else is wanted."""
+    done = calibrate(
+        views.views, views.size_px, None if plane is None else plane.name, name=views.name, left_out=views.left_out
+    )
+    drawn = picture(done)
+    if also.opencv_yaml is not None:
+        write_opencv_yaml(LensFile(done.lens, done.size_px), also.opencv_yaml)
+    if also.ros_yaml is not None:
+        write_ros_yaml(LensFile(done.lens, done.size_px, done.name), also.ros_yaml)
+    write_whole(picture_beside(out), drawn)
+    write_camera_toml(done, out)
+    return done
+
+
+def calibrate_many(
+    board: Board,
+    cameras: Sequence[CameraViews],
+    plane: Path | None,
+    out: Path,
+    *,
+    picture: Picture,
+    force: bool = False,
+) -> list[Calibration]:
+    """Calibrate the cameras of one scene together; write NAME.toml and NAME.png of each into the folder `out`."""
+    with output_folder(out, force=force) as folder:
+        done = calibrate_together(board, cameras, None if plane is None else plane.name)
+        for camera in done:
+            write_camera_toml(camera, folder / f"{camera.name}.toml")
+            (folder / f"{camera.name}.png").write_bytes(picture(camera))
+    return done
+
+
+def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
+    """Folders by camera of `left=DIR` texts; InputError for anything else."""
+    folders: dict[str, Path] = {}
+    for text in cameras:
+        name, equals, folder = text.partition("=")
+        if not (equals and folder and re.fullmatch(r"\w[\w .-]*", name)):
+            raise InputError.at("--camera", "NAME=FOLDER", shown(text))
+        if name in folders:
+            raise InputError.at("--camera", "a name of its own for each camera", f"{shown(name)} twice")
+        if not Path(folder).is_dir():
+            raise InputError.at(f"--camera {name}", "a folder of pictures", shown(folder))
+        folders[name] = Path(folder)
+    if len(folders) < 2:
+        raise InputError.at("--camera", "two or more cameras, or pictures without --camera", str(len(folders)))
+    return folders
+
+
+def picture_beside(out: Path) -> Path:
+    """Where the picture of a calibration goes: camera.png beside camera.toml."""
+    if out.suffix.lower() != ".toml":
+        raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
+    return out.with_suffix(".png")
+
+
+def command(
+    pictures: Sequence[Path],
+    cameras: Sequence[str],
+    board: Board,
+    out: Path,
+    *,
+    plane: Path | None,
+    also: AlsoWrite,
+    picture: Picture,
+    force: bool,
+    stage: Callable[[str], Callable[[float], None]],
+) -> list[Calibration]:
+    """What the command does: one camera from pictures, or several from a folder each. Raises for bad input."""
+    if bool(pictures) == bool(cameras):
+        found = "both" if pictures else "neither"
+        raise InputError.at("calibrate", "pictures of one camera or --camera NAME=FOLDER of several", found)
+    if pictures:
+        picture_beside(out)
+        return [
+            calibrate_one(
+                views_of(board, with_plane(pictures, plane), out.stem, stage("boards")), plane, out, also, picture
+            )
+        ]
+    if also.opencv_yaml is not None or also.ros_yaml is not None:
+        raise InputError.at("--opencv-yaml, --ros-yaml", "pictures of one camera", "--camera")
+    folders = named_folders(cameras)
+    seen = [views_of(board, [folder], name, stage(name)) for name, folder in folders.items()]
+    return calibrate_many(board, seen, plane, out, picture=picture, force=force)

@@ -1,0 +1,49 @@
+"""What a person may name as a source: all that `vision.open_source` knows, recordings, and the simulated phantom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import vision
+from experiments.errors import InputError
+from experiments.formats.recording import open_recording
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import Scene, read_scene
+from experiments.simulation.phantom_camera import PhantomCamera
+
+PHANTOM = "phantom"
+
+
+def open_source(
+    spec: str, scene_path: Path | None, *, live: bool, fps: float | None = None
+) -> tuple[Scene | None, vision.Source]:
+    """The frames of `spec`, and the scene: that of scene_path, else its own, None where it has none.
+
+    live, fps: as in `vision.open_source`. Raises InputError, also where the scene has no camera.
+    """
+    scene = None if scene_path is None else filmed_scene(scene_path)
+    if spec == PHANTOM:
+        phantom = PhantomCamera(read_scenario("webcam"))
+        frames = vision.LiveFrames(
+            lambda: phantom,
+            ends=lambda _capture: True,
+            keep=1 if live else vision.EVERY,
+            exposures=lambda: vision.told_times,
+        )
+        return (phantom.scene if scene is None else scene), frames
+    folder = Path(spec)
+    if folder.is_dir() and ((folder / "frames.csv").exists() or (folder / "scene.toml").exists()):
+        recording = open_recording(folder, scene_path)
+        return recording.scene, vision.from_file(recording.open_frames(), live=live)
+    try:
+        return scene, vision.open_source(spec, live=live, fps=fps)
+    except vision.SourceError as error:
+        raise InputError(str(error)) from error
+
+
+def filmed_scene(path: Path) -> Scene:
+    """The scene of a file; InputError where it has no camera."""
+    scene = read_scene(path)
+    if not scene.cameras:
+        raise InputError.at(f"{path}: camera", "one", "none")
+    return scene

@@ -1,0 +1,33 @@
+"""The keys of a mark's table in scene.toml, learned from one place in one picture."""
+
+from __future__ import annotations
+
+from experiments.errors import InputError, shown
+from experiments.pipeline.frame_sources import open_source
+from vision import HueError, learn_hue
+
+
+def hue_lines(source: str, at: str, number: int, fps: float | None = None) -> list[str]:
+    """hue_deg, half_width_deg, min_saturation and min_value of the mark at `at`, "u,v" [px], in frame `number`.
+
+    Raises InputError where there is no such frame, place or mark.
+    """
+    try:
+        u, v = (float(part) for part in at.split(","))
+    except ValueError:
+        raise InputError(f"--at: expected two numbers, U,V, found {shown(at)}") from None
+    _, frames = open_source(source, None, live=False, fps=fps if fps is not None else 30.0)
+    with frames:
+        frame = next((frame for frame in frames if frame.index == number), None)
+    if frame is None:
+        raise InputError(f"{source}: expected a frame {number}, found fewer")
+    try:
+        hue = learn_hue(frame.image, (u, v))
+    except (HueError, ValueError) as error:
+        raise InputError(f"{source}: frame {number}: {error}") from None
+    return [
+        f"hue_deg = {hue.hue_deg:.1f}",
+        f"half_width_deg = {hue.half_width_deg:.1f}",
+        f"min_saturation = {hue.min_saturation:.3f}",
+        f"min_value = {hue.min_value:.3f}",
+    ]

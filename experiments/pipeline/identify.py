@@ -1,0 +1,154 @@
+"""Constants, noise levels and rest shape from recordings: what `softaim identify` and `softaim tune` do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import NetworkError, at_rest_where_seen, label, value
+from estimators import IdentificationError, Identified, MarkMeasurement, Tuned, identify, tune
+from experiments.errors import InputError
+from experiments.formats.recording import Recording
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.line import Line
+from experiments.pipeline.track import measurement
+
+Floats = NDArray[np.float64]
+Advance = Callable[[float], None]
+Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
+
+TOLD = 0.5
+"""Part of the prior variance left to a combination of constants above which the recording does not tell; chosen."""
+
+NAMED = 4
+"""Constants named of such a combination, those that weigh most."""
+
+
+def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
+    """All marks of each frame, those that are there for scoring only included; raises InputError, SourceError."""
+    times = recording.exposures_s
+    if recording.marks is not None:
+        return [
+            (float(time_s), tuple(measurement(mark) for mark in marks))
+            for time_s, marks in zip(times, recording.marks, strict=True)
+        ]
+    line = Line(recording.scene, baseline=False)
+    frames = []
+    with recording.open_frames() as film:
+        for k, frame in enumerate(film):
+            frames.append((frame.exposure_s, line.see(frame.exposure_s, frame.image).marks))
+            advance((k + 1) / len(times))
+    return frames
+
+
+def resting_scene(recording: Recording, frames: Frames) -> Scene:
+    """The scene with rest lengths corrected so that it rests where the recording, at rest, shows it; InputError."""
+    network = recording.scene.network
+    positions, variances = network.positions.copy(), []
+    for i in network.free:
+        node = network.names[i]
+        seen = [mark for _, marks in frames for mark in marks if mark.node == node]
+        if not seen:
+            raise InputError.at(recording.folder, f"a mark on {node} in a picture of the tissue at rest", "none")
+        positions[i] = np.mean([mark.position for mark in seen], axis=0)
+        variances.append(np.mean([np.trace(mark.cov) for mark in seen]) / network.dim / len(seen))
+    try:
+        return replace(
+            recording.scene, network=at_rest_where_seen(network, positions, sd_m=float(np.sqrt(np.mean(variances))))
+        )
+    except NetworkError as error:
+        raise InputError(f"{recording.folder}: {error}") from None
+
+
+def identified_scene(
+    recording: Recording, frames: Frames, advance: Advance = lambda _share: None
+) -> tuple[Scene, Identified]:
+    """The scene with the constants found in a calibration recording, how well they are known, and all that was found.
+
+    Raises InputError where the hidden mark is not seen.
+    """
+    scene = recording.scene
+    try:
+        found = identify(
+            scene.network, frames, scene.measured_nodes, scene.target.node, settings=scene.settings, advance=advance
+        )
+    except IdentificationError as error:
+        raise InputError(f"{recording.folder}: {error}") from None
+    return replace(scene, network=found.network, uncertainty=found.uncertainty), found
+
+
+def tuned_scene(recording: Recording, frames: Frames, advance: Advance = lambda _share: None) -> tuple[Scene, Tuned]:
+    """The scene with the noise levels under which the recording is most probable, and all that was found."""
+    scene = recording.scene
+    found = tune(
+        scene.network,
+        frames,
+        scene.measured_nodes,
+        scene.target.node,
+        uncertainty=scene.uncertainty,
+        settings=scene.settings,
+        advance=advance,
+    )
+    return replace(scene, settings=found.settings), found
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One constant found: its name, its value [SI], relative standard error, by how much it changed, relative."""
+
+    name: str
+    value: float
+    standard_error: float
+    change: float
+
+
+def constants(found: Identified) -> list[Constant]:
+    """What was found, constant by constant."""
+    return [
+        Constant(label(found.network, one), value(found.network, one), float(sd), float(np.expm1(change)))
+        for one, sd, change in zip(found.parameters, found.sd, found.change, strict=True)
+    ]
+
+
+def untold(found: Identified) -> list[Mapping[str, object]]:
+    """Combinations of which the recording tells less than was known before.
+
+    Of each the part of the variance that is left, and the constants that weigh most in it.
+    """
+    left, directions = found.told_apart()
+    combinations: list[Mapping[str, object]] = []
+    for share, direction in zip(left, directions, strict=True):
+        if share > TOLD:
+            most = np.argsort(-np.abs(direction))[:NAMED]
+            weights = {label(found.network, found.parameters[k]): round(float(direction[k]), 3) for k in most}
+            combinations.append({"variance_left": float(share), "weights": weights})
+    return combinations
+
+
+def identification_report(found: Identified) -> dict[str, object]:
+    """What `softaim identify --json` prints."""
+    return {
+        "passes": found.passes,
+        "converged": found.converged,
+        "directions": len(found.uncertainty.directions),
+        "constants": [
+            {"name": c.name, "value": c.value, "standard_error": c.standard_error, "change": c.change}
+            for c in constants(found)
+        ],
+        "not_told": untold(found),
+    }
+
+
+def tuning_report(found: Tuned) -> dict[str, object]:
+    """What `softaim tune --json` prints."""
+    return {
+        "levels": {
+            name: {"value": float(level), "relative_standard_error": float(sd)}
+            for name, level, sd in zip(found.names, found.values, found.log_sd, strict=True)
+        },
+        "log_likelihood": found.log_likelihood,
+        "log_likelihood_before": found.log_likelihood_before,
+    }

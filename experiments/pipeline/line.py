@@ -1,0 +1,138 @@
+"""The line from a frame to the target: detect, identify, predict, update; the paper's method on the same marks."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from estimators import FixBias, Identity, LeaveOneOut, MarkMeasurement, OpenLoop, Swap, TargetEstimate, TissueFilter
+from experiments.formats.recording import Fix
+from experiments.formats.scene.scene import Scene
+
+Floats = NDArray[np.float64]
+
+OPEN_LOOP, FILTER = "open-loop", "filter"
+
+SIZE_SD = 0.05
+"""How far a mark's size may be off what the scene says: print, tilt, light that spills over; chosen."""
+
+USUAL_BIAS = FixBias(sd_m=1e-3)
+"""What fixes are off by together where the scene does not say: an ultrasound probe's calibration; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What one frame gave.
+
+    estimates: by method
+    marks: all marks identified in the frame, those for scoring only included, by the names that are believed now
+    swap: marks that were found to have been taken for each other, None in all but a few frames
+    detect_s, method_s: seconds spent on finding marks, and by method
+    """
+
+    estimates: dict[str, TargetEstimate]
+    marks: tuple[MarkMeasurement, ...]
+    detect_s: float
+    method_s: dict[str, float]
+    swap: Swap | None = None
+
+
+class Line:
+    """Runs the methods through the frames of one scene, in order of exposure.
+
+    check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
+    fixes: direct sightings of the target, fused at their times; what they are off by together is estimated, too
+    State: the filter, the names of the marks that it is told (identity), the filters that check it, the paper's open
+    loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come.
+    """
+
+    def __init__(self, scene: Scene, *, baseline: bool = True, fixes: Sequence[Fix] = (), check: bool = False) -> None:
+        self.scene = scene
+        measured = scene.measured_nodes
+        settings = scene.settings
+        if fixes and settings.fix_bias is None:
+            settings = replace(settings, fix_bias=USUAL_BIAS)
+        self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
+        told = scene.network, scene.target.node, measured, settings
+        made = LeaveOneOut if check else TissueFilter
+        filters = made(*told, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
+        self.checks = filters if isinstance(filters, LeaveOneOut) else None
+        self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
+        self.identity = Identity(self.filter, scene.nodes_alike)
+        self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
+        self._measured = frozenset(measured)
+        self._marks = {mark.node: mark for mark in scene.marks}
+        self.finder = vision.MarkFinder({mark.hue_deg: mark.hue for mark in scene.marks}.values())
+
+    def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
+        """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
+        began = time.perf_counter()
+        self._predict(exposure_s)
+        predicted = time.perf_counter()
+        marks = self._found(image)
+        return self._estimated(exposure_s, marks, time.perf_counter() - predicted, predicted - began)
+
+    def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
+        """Estimates at this exposure time [s] from marks that another tracker found."""
+        began = time.perf_counter()
+        self._predict(exposure_s)
+        return self._estimated(exposure_s, self.identity.named(marks), 0.0, time.perf_counter() - began)
+
+    def _predict(self, exposure_s: float) -> None:
+        """Move the filter to this time [s], by way of the fixes that came until then."""
+        if self.checks is not None:
+            for other in self.checks.without.values():
+                other.predict(exposure_s)
+        while self._fixes and self._fixes[0].time_s <= exposure_s:
+            fix = self._fixes.popleft()
+            if self.filter.time_s is None or fix.time_s >= self.filter.time_s:
+                self.filter.predict(fix.time_s)
+                self.identity.fix(fix.position_m, fix.sd_m**2 * np.eye(len(fix.position_m)))
+        self.filter.predict(exposure_s)
+
+    def _found(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
+        """The marks in a frame, on the plane."""
+        camera = self.scene.cameras[0]
+        expected = [self._looked_for(node, self.filter.expected) for node in self._marks]
+        found = self.finder.find(image, expected, lambda node: self._looked_for(node, self.filter.struck))
+        if not found:
+            return ()
+        marks = [self._marks[f.name] for f in found]
+        centers_px = np.array([f.detection.center_px for f in found])
+        covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
+        radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
+        centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
+        positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
+        shared = camera.calibration_error(positions) if len(camera.calibration) else [None] * len(marks)
+        return tuple(MarkMeasurement(m.node, positions[k], covs_m[k], shared[k]) for k, m in enumerate(marks))
+
+    def _looked_for(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> vision.Expected:
+        camera, mark = self.scene.cameras[0], self._marks[node]
+        mean, cov = belief(node)
+        if len(camera.calibration):
+            mean, cov = belief(node, camera.calibration_error(mean[None])[0])
+        center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
+        outline = vision.Outline(camera.disc_shape(mean, mark.diameter_m / 2.0), SIZE_SD, mark.even)
+        return vision.Expected(node, center_px, cov_px2, mark.hue_deg, outline)
+
+    def _estimated(
+        self, exposure_s: float, marks: tuple[MarkMeasurement, ...], detect_s: float, predict_s: float
+    ) -> Step:
+        measured = [mark for mark in marks if mark.node in self._measured]
+        began = time.perf_counter()
+        named = self.identity.update(measured)
+        estimate = named.estimate if self.checks is None else self.checks.checked(named.estimate, named.marks)
+        estimates = {FILTER: estimate}
+        filtered = time.perf_counter()
+        method_s = {FILTER: predict_s + filtered - began}
+        if self.open_loop is not None:
+            estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, named.marks)
+            method_s[OPEN_LOOP] = time.perf_counter() - filtered
+        unmeasured = [mark for mark in marks if mark.node not in self._measured]
+        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap)

@@ -1,0 +1,134 @@
+"""Advice on a needle while frames come: the path by tables, or by the breath where the target breathes."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import rest_shape
+from estimators import (
+    Advice,
+    Breathing,
+    Guidance,
+    QuickPath,
+    Status,
+    TargetEstimate,
+    TargetPath,
+    TissueFilter,
+    advise,
+    guide,
+    health_fault,
+    quick_path,
+    quick_tables,
+)
+from experiments.formats.needle_file import NeedlePlan
+from experiments.pipeline.advise import header, row
+
+Floats = NDArray[np.float64]
+
+SETTLED_S = 0.5
+"""The breath is learnt from so long after the first tracked frame on [s]: the first estimates are far off; chosen."""
+
+ASIDE_M = 0.05
+"""The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
+
+MARGIN_S, MOST_S = 0.5, 30.0
+"""And so long beside, for a target that moves away; a needle that takes longer than MOST_S does not arrive; chosen."""
+
+
+class LiveAdvice:
+    """What is to be done with a needle, asked at each frame and while none comes, and written to advice.csv at once.
+
+    Rows are in the order in which they were said: of a frame with its exposure time, of a moment without one with that
+    moment's. The path is the filter's, by tables, or the breath's; of a filter that considers unknown constants, for
+    which there are no tables, its own, which takes far longer.
+    State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of what was said.
+    """
+
+    def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path) -> None:
+        self.plan = plan
+        self.counts = Counter({str(advice): 0 for advice in Advice})
+        self._dim = tissue.model.network.dim
+        self._tables = None if tissue.model.n_constants else quick_tables(tissue, reach_s(plan, tissue))
+        self._breathing = Breathing(self._dim)
+        self._learn_s = np.inf
+        self._last: TargetEstimate | None = None
+        if self._tables is not None:
+            self._compiled(self._tables)
+        self._file = rows.open("w", encoding="utf-8", newline="")
+        self._csv = csv.writer(self._file)
+        self._csv.writerow(header(self._dim))
+
+    def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
+        """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written."""
+        self._last = estimate
+        if estimate.status is Status.TRACKING and estimate.cov is not None:
+            self._learn_s = min(self._learn_s, estimate.time_s + SETTLED_S)
+            if estimate.time_s >= self._learn_s:
+                self._breathing.update(estimate.time_s, estimate.mean, estimate.cov)
+        return self._said(tissue, estimate, now_s, estimate.time_s)
+
+    def unseen(self, tissue: TissueFilter, now_s: float) -> Guidance | None:
+        """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any."""
+        return None if self._last is None else self._said(tissue, self._last, now_s, now_s)
+
+    def close(self) -> None:
+        """End the table."""
+        self._file.close()
+
+    def _said(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float) -> Guidance:
+        said = self._guided(tissue, estimate, now_s)
+        self._csv.writerow(row(of_s, said, self._dim))
+        self._file.flush()
+        self.counts[str(said.advice)] += 1
+        return said
+
+    def _guided(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
+        plan = self.plan
+        fault = health_fault(estimate, now_s, tissue.seen_s, plan.settings)
+        if fault is not None:
+            return Guidance(Advice.NO_GUIDANCE, fault)
+        if self._tables is None:
+            held = tissue, estimate, plan.insertion, plan.lesion
+            return guide(*held, needle=plan.needle, settings=plan.settings, now_s=now_s)
+        path = self._path(tissue, self._tables)
+        return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
+
+    def _path(self, tissue: TissueFilter, tables: QuickPath) -> TargetPath:
+        if self._breathing.breath() is None or tissue.time_s is None:
+            return TargetPath(*quick_path(tables, tissue))
+        times = tissue.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64)
+        return TargetPath(times, *self._breathing.predict(times))
+
+    def _compiled(self, tables: QuickPath) -> None:
+        """Load what is compiled before the first frame has to wait for it."""
+        plan, n = self.plan, tables.n_times
+        means, covs = np.tile(plan.insertion.entry, (n, 1)), np.tile(1e-6 * np.eye(self._dim), (n, 1, 1))
+        path = TargetPath(tables.cycle_s * np.arange(n, dtype=np.float64), means, covs)
+        advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)
+
+
+def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
+    """How far ahead the path must be told [s]: for the last insertion tried, by the oldest estimate advised on."""
+    network, needle = tissue.model.network, plan.insertion
+    rest = rest_shape(network)[network.free].ravel()[tissue.target]
+    way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
+    way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
+    return plan.settings.horizon_s + way_s + MARGIN_S + plan.settings.stale_s
+
+
+def words(said: Guidance) -> str:
+    """The advice in short: what, how probable a hit is, where to aim, by what to correct, and why."""
+    what = str(said.advice).replace("_", " ")
+    if said.probability is None or said.aim is None:
+        return f"{what}: {said.reason}"
+    aim = ", ".join(f"{1e3 * x:.1f}" for x in said.aim)
+    lateral, depth, turn = said.lateral_m or 0.0, said.depth_m or 0.0, said.turn_rad or 0.0
+    return (
+        f"{what} {int(100.0 * said.probability)} %  aim ({aim}) mm, {1e3 * lateral:.1f} mm beside, "
+        f"turn {np.degrees(turn):.1f} deg, {1e3 * depth:.1f} mm to go: {said.reason}"
+    )

@@ -1,0 +1,159 @@
+"""Which way to put the needle: what `softaim plan` does."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from dynamics import rest_shape
+from estimators import Plan, PlannedTarget, TissueModel, paths
+from estimators import plan as ranked
+from experiments.errors import InputError
+from experiments.formats.plan_file import Task, read_task
+from experiments.formats.recording import open_recording
+from experiments.formats.scene.scene import Scene, read_scene
+from experiments.pipeline.line import Line
+from experiments.pipeline.track import measurement
+
+Floats = NDArray[np.float64]
+Advance = Callable[[float], None]
+
+SHOWN = 4
+"""Next best paths that are told beside the best."""
+
+APART = 10e-3
+"""Between entries of paths that count as different ways [m]; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planned:
+    """A plan, for what, and from which belief: `at rest`, or the filter's status and the time it is for [s]."""
+
+    scene: Scene
+    task: Task
+    lesion: PlannedTarget
+    plan: Plan
+    belief: str
+    time_s: float | None
+
+
+def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: None) -> Planned:
+    """Plan for a recording's folder or a scene file; raises InputError, SourceError, NetworkError."""
+    if source.is_dir():
+        recording = open_recording(source)
+        scene = recording.scene
+        task = read_task(plan_path, scene.network.dim)
+        line = Line(scene, baseline=False, fixes=recording.fixes)
+        n_frames = len(recording.exposures_s)
+        if recording.marks is not None:
+            for k, (exposure_s, marks) in enumerate(zip(recording.exposures_s, recording.marks, strict=True)):
+                line.take(float(exposure_s), [measurement(mark) for mark in marks])
+                advance((k + 1) / n_frames)
+        else:
+            with recording.open_frames() as frames:
+                for k, frame in enumerate(frames):
+                    line.see(frame.exposure_s, frame.image)
+                    advance((k + 1) / n_frames)
+        said = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
+        if said.cov is None:
+            raise InputError.at(source, "marks that tell of the target", "none")
+        mean, cov, belief, time_s = said.mean, said.cov, str(said.status), said.time_s
+    else:
+        scene = read_scene(source)
+        task = read_task(plan_path, scene.network.dim)
+        shape = rest_shape(scene.network)
+        model = TissueModel(scene.network, scene.measured_nodes, uncertainty=scene.uncertainty)
+        columns = model.resting_columns(shape)[scene.network.coordinates(scene.target.node)]
+        mean = shape[scene.network.index(scene.target.node)]
+        cov = task.belief_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
+        belief, time_s = "at rest", None
+    lesion = PlannedTarget(mean, cov, scene.target.radius_m)
+    told = (scene.network, scene.target.node, lesion, task.needle)
+    skin = task.skin.entries(task.n_entries)
+    if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():
+        raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")
+    entries, tips = paths(*told, skin, task.n_aims)
+    found = ranked(*told, task.skin, task.obstacles, entries=entries, tips=tips)
+    return Planned(scene, task, lesion, found, belief, time_s)
+
+
+def table(done: Planned) -> pd.DataFrame:
+    """All paths as plan.csv has them, from the best on, rejected ones after the allowed."""
+    found = done.plan
+    axes = "xyz"[: done.scene.network.dim]
+    columns: dict[str, Any] = {"rank": np.arange(1, len(found.order) + 1)}
+    for name, places in (("entry", found.entries), ("tip", found.tips), ("pushed", found.pushed)):
+        columns |= {f"{name}_{axis}_mm": 1e3 * places[found.order, a] for a, axis in enumerate(axes)}
+    columns |= {
+        "depth_mm": 1e3 * found.lengths[found.order],
+        "angle_deg": np.degrees(found.angles[found.order]),
+        "hit_probability": found.hits[found.order],
+        "clearance_mm": 1e3 * found.clearance[found.order],
+        "rejected": ["; ".join(found.reasons[k]) for k in found.order],
+    }
+    return pd.DataFrame(columns)
+
+
+def next_best(found: Plan, n: int = SHOWN) -> list[int]:
+    """Rows of the best path and up to n others, each with an entry apart from those before."""
+    chosen: list[int] = []
+    for k in found.order[: int(found.allowed.sum())]:
+        if all(np.linalg.norm(found.entries[k] - found.entries[i]) >= APART for i in chosen):
+            chosen.append(int(k))
+        if len(chosen) > n:
+            break
+    return chosen
+
+
+def report(done: Planned) -> dict[str, Any]:
+    """What plan.json holds; `best` is None where every path is rejected."""
+    found, lesion = done.plan, done.lesion
+    chosen = next_best(found)
+    return {
+        "version": 1,
+        "target": {
+            "node": done.scene.target.node,
+            "belief": done.belief,
+            "time_s": done.time_s,
+            "mean_mm": _mm(lesion.mean),
+            "cov_mm2": (1e6 * lesion.cov).round(6).tolist(),
+            "radius_mm": 1e3 * lesion.radius_m,
+        },
+        "best": _path(found, chosen[0]) if chosen else None,
+        "next_best": [_path(found, k) for k in chosen[1:]],
+        "paths": len(found.order),
+        "allowed": int(found.allowed.sum()),
+        "rejected_by": dict(Counter(reason for reasons in found.reasons for reason in reasons)),
+    }
+
+
+def _path(found: Plan, k: int) -> dict[str, Any]:
+    return {
+        "entry_mm": _mm(found.entries[k]),
+        "tip_mm": _mm(found.tips[k]),
+        "direction": found.directions[k].round(6).tolist(),
+        "depth_mm": round(1e3 * float(found.lengths[k]), 3),
+        "angle_deg": round(float(np.degrees(found.angles[k])), 3),
+        "hit_probability": round(float(found.hits[k]), 4),
+        "clearance_mm": round(1e3 * float(found.clearance[k]), 3) if np.isfinite(found.clearance[k]) else None,
+        "pushed_mm": _mm(found.pushed[k]),
+        "target_at_arrival_mm": _mm(found.means[k]),
+    }
+
+
+def _mm(place: Floats) -> list[float]:
+    return [round(1e3 * float(x), 3) + 0.0 for x in place]
+
+
+def write_plan(done: Planned, folder: Path) -> None:
+    """Write plan.csv and plan.json into a folder that exists."""
+    table(done).to_csv(folder / "plan.csv", index=False, float_format="%.6g")
+    (folder / "plan.json").write_text(json.dumps(report(done), indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -1,0 +1,235 @@
+"""Frames written as they come: what `softaim record` does.
+
+Unlike all else that is written, a recording stands under its own name while it grows, so that what was written is there
+when the program is killed: the film in pieces of a second, each named when it is whole on the disk, then its rows of
+frames.csv. At the end the pieces are joined into one film.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import vision
+from experiments.errors import InputError
+from experiments.formats.outputs import write_whole
+from experiments.formats.pictures import SEGMENTS, VIDEOS, source_in
+from experiments.formats.recording import read_frames, write_frames_csv
+from experiments.formats.scene.scene import Scene, write_scene
+from experiments.pipeline.events import tell_events
+from experiments.pipeline.frame_sources import open_source
+
+PIECE_S = 1.0
+"""Length of a piece: what a kill may cost; chosen."""
+WAIT_S = 0.1
+"""How long a frame is waited for before the clock is looked at; chosen."""
+
+Advance = Callable[[float], None]
+
+
+class Recorder:
+    """A recording that grows. Errors of the disk are InputErrors.
+
+    State: the pieces, exposure times of the piece that is being written [s], when it was begun, rows written.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        size_px: tuple[int, int],
+        codec: vision.Codec = "FFV1",
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.folder, self.size_px, self._clock = folder, size_px, clock
+        self.n_rows = 0
+        self._times: list[float] = []
+        self._last_s = -float("inf")
+        self._began = 0.0
+        try:
+            (folder / SEGMENTS).mkdir(parents=True)
+            with (folder / "frames.csv").open("xb") as rows:
+                rows.write(b"frame,exposure_s\n")
+        except OSError as error:
+            raise InputError.refused(folder, "a folder that can be written", error) from error
+        self._pieces = vision.SegmentWriter(folder / SEGMENTS, size_px, codec)
+
+    def take(self, frame: vision.Frame) -> None:
+        """Append a frame; InputError where its size or its time cannot follow the one before."""
+        height, width = frame.image.shape[:2]
+        if (width, height) != self.size_px:
+            raise InputError.at(
+                self.folder, f"frames of {self.size_px[0]} x {self.size_px[1]} px", f"{width} x {height}"
+            )
+        if not round(frame.exposure_s, 9) > round(self._last_s, 9):
+            raise InputError.at(self.folder, f"a frame after {self._last_s:.9f} s", f"{frame.exposure_s:.9f} s")
+        if self._times and frame.exposure_s - self._times[0] >= PIECE_S:
+            self.finish_piece()
+        self.look()  # where frames are written more slowly than they come
+        if not self._times:
+            self._began = self._clock()
+        self._pieces.write(frame.image)
+        self._times.append(frame.exposure_s)
+        self._last_s = frame.exposure_s
+
+    def look(self) -> None:
+        """Finish the piece if it was begun a second ago."""
+        if self._times and self._clock() - self._began >= PIECE_S:
+            self.finish_piece()
+
+    def finish_piece(self) -> None:
+        """Name the piece that is being written, then write its rows; both are on the disk."""
+        try:
+            self._pieces.finish()
+            with (self.folder / "frames.csv").open("ab") as rows:
+                told = (f"{self.n_rows + k},{time_s:.9f}\n" for k, time_s in enumerate(self._times))
+                rows.write("".join(told).encode("ascii"))
+                rows.flush()
+                os.fsync(rows.fileno())
+        except OSError as error:
+            raise InputError.refused(self.folder, "room to write", error) from error
+        self.n_rows += len(self._times)
+        self._times = []
+
+
+def record(
+    frames: vision.Source,
+    folder: Path,
+    *,
+    scene: Scene | None = None,
+    scene_path: Path | None = None,
+    codec: vision.Codec = "FFV1",
+    seconds: float = float("inf"),
+    clock: Callable[[], float] = time.monotonic,
+) -> int:
+    """Write frames to a new folder until they end, the seconds are over or Ctrl-C; how many were written, in pieces.
+
+    scene: what is in view, checked against the frames' size; scene_path: its file, copied in place of writing it anew
+    Nothing is made before the first frame came. Raises InputError, SourceError; what came until then is kept.
+    """
+    recorder: Recorder | None = None
+    began, first_s = clock(), 0.0
+    try:
+        while not frames.ended:
+            frame = frames.next(WAIT_S)
+            tell_events(frames)
+            if frame is None:
+                if recorder is not None:
+                    recorder.look()
+                if clock() - began >= seconds:
+                    break
+                continue
+            if recorder is None:
+                first_s = frame.exposure_s
+                recorder = _begun(folder, frame, scene, scene_path, codec, clock)
+            elif frame.exposure_s - first_s >= seconds:
+                break
+            recorder.take(frame)
+    except KeyboardInterrupt:
+        pass  # Ctrl-C is how a recording ends
+    finally:
+        tell_events(frames)
+        if recorder is not None:
+            recorder.finish_piece()
+    return 0 if recorder is None else recorder.n_rows
+
+
+def _begun(
+    folder: Path,
+    frame: vision.Frame,
+    scene: Scene | None,
+    scene_path: Path | None,
+    codec: vision.Codec,
+    clock: Callable[[], float],
+) -> Recorder:
+    height, width = frame.image.shape[:2]
+    if scene is not None and scene.cameras[0].size_px != (width, height):
+        raise InputError.at(
+            "scene: camera[0].size_px",
+            f"[{width}, {height}], as the frames have",
+            str(list(scene.cameras[0].size_px)),
+        )
+    recorder = Recorder(folder, (width, height), codec, clock=clock)
+    if scene_path is not None:
+        write_whole(folder / "scene.toml", scene_path.read_bytes())
+    elif scene is not None:
+        write_scene(scene, folder / "scene.toml")
+    return recorder
+
+
+def join(folder: Path, advance: Advance = lambda _share: None) -> int:
+    """Join the pieces of a recording into one film; how many frames it has. Raises InputError where there are none.
+
+    A row that a kill cut short goes, and frames without a row. Killed itself, it can be done again.
+    """
+    if not (folder / SEGMENTS).is_dir():
+        raise InputError.at(folder, f"{SEGMENTS}/, as a recording that was killed leaves", "none")
+    exposures_s = read_frames(folder / "frames.csv", torn=True)
+    n_frames = len(exposures_s)
+    try:
+        if source_in(folder).name not in VIDEOS:
+            pieces = vision.segments_in(folder / SEGMENTS)
+            span_s = float(exposures_s[-1] - exposures_s[0])
+            rate = min(max((n_frames - 1) / span_s, 1.0), 1000.0) if span_s > 0 else vision.NOMINAL_FPS
+            film = folder / f"video{pieces[0].suffix}"
+            write_frames_csv(folder / "frames.csv", exposures_s)
+            vision.join_segments(folder / SEGMENTS, film, n_frames, rate, advance)
+        shutil.rmtree(folder / SEGMENTS)
+        for partial in folder.glob(".video.*.partial.*"):
+            partial.unlink()
+    except vision.SourceError as error:
+        raise InputError(str(error)) from error
+    except OSError as error:
+        raise InputError.refused(folder, "a folder that can be written", error) from error
+    return n_frames
+
+
+def record_source(
+    source: str,
+    out: Path,
+    scene_path: Path | None = None,
+    *,
+    codec: str = "FFV1",
+    seconds: float | None = None,
+    fps: float | None = None,
+    stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
+) -> str:
+    """Record what `source` names to the new or empty folder `out`, and join it; a line on what was written.
+
+    Raises InputError; where the source fails, what came until then is kept and joined first.
+    """
+    if codec not in ("FFV1", "MJPG"):
+        raise InputError.at("--codec", "FFV1 or MJPG", codec)
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError.at(out, "a new or an empty folder", "a folder with files" if out.is_dir() else "a file")
+    scene, frames = open_source(source, scene_path, live=False, fps=fps)
+    fault: Exception | None = None
+    with frames:
+        try:
+            record(
+                frames,
+                out,
+                scene=scene,
+                scene_path=scene_path,
+                codec="FFV1" if codec == "FFV1" else "MJPG",
+                seconds=float("inf") if seconds is None else seconds,
+            )
+        except (vision.SourceError, InputError) as error:
+            fault = error
+    if fault is None and not (out / SEGMENTS).is_dir():
+        fault = InputError("expected frames, found none")
+    n_frames = 0
+    if (out / SEGMENTS).is_dir():
+        try:
+            n_frames = join(out, stage("join"))
+        except InputError as error:
+            fault = error if fault is None else fault
+    if fault is not None:
+        kept = f"; {n_frames} frames until then are in {out}" if n_frames else ""
+        raise InputError(f"{vision.shown_source(source)}: {fault}{kept}")
+    dropped = f", {frames.frames_dropped} dropped" if frames.frames_dropped else ""
+    track = f"; next: softaim track {out} --out {out}-track" if scene is not None else ""
+    return f"{n_frames} frames{dropped} in {out}{track}"

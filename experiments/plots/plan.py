@@ -1,0 +1,289 @@
+"""A plan as a picture: the tissue, what is in the way, the best path and what the needle will do to the target.
+
+Green is the path to take, pale green the next best, red what is forbidden and what forbids it; the lesion is blue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.transforms import Bbox
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from scipy.stats import chi2
+
+from dynamics import rest_shape
+from estimators import Obstacle
+from experiments.pipeline.plan import Planned, next_best
+from experiments.plots.track import ellipse
+
+Floats = NDArray[np.float64]
+
+BEST, NEXT, FORBIDDEN, LESION = "#0b7a3b", "#8cc9a1", "#c8372d", "#1f6fb4"
+FILLS = {"rib": "#e9e2cf", "vessel": "#d98880", "other": "#c9c9c9"}
+TISSUE, SKIN = "#f8ece4", "#b98b6b"
+ROUND = float(np.sqrt(chi2.ppf(0.95, 2)))
+"""Standard deviations of the 95 % region in the plane of the picture."""
+
+
+def _xy(place: Floats) -> tuple[float, float]:
+    return float(place[0]), float(place[1])
+
+
+def plan_figure(done: Planned) -> Figure:
+    """The whole scene beside a close-up of the lesion, with the figures of the best path; in space seen along z."""
+    with mpl.rc_context({"font.size": 9}):
+        figure = Figure(figsize=(12.5, 7.2), layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.75, 1.0), height_ratios=(1.0, 1.0))
+        whole, close = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
+        words = figure.add_subplot(grid[1, 1])
+    for ax in (whole, close):
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.set_aspect("equal")
+        ax.set(xlabel="x [mm]", ylabel="y [mm]")
+    _tissue(done, whole)
+    chosen = next_best(done.plan)
+    _paths(done, whole, chosen)
+    for ax in (whole, close):
+        for one, kind in zip(done.task.obstacles, done.task.kinds, strict=True):
+            _obstacle(ax, one, FILLS[kind], _path_x(done, chosen) if ax is whole else None)
+    _lesion(done, whole, chosen, close=False)
+    _lesion(done, close, chosen, close=True)
+    _frame(done, whole)
+    whole.set_title(f"Needle paths to {done.scene.target.node}", loc="left", fontsize=12, fontweight="bold")
+    whole.legend(loc="lower left", framealpha=0.95, fontsize=8.5)
+    _words(done, words, chosen)
+    return figure
+
+
+def _tissue(done: Planned, ax: Axes) -> None:
+    network = done.scene.network
+    x = 1e3 * rest_shape(network)[:, :2]
+    if np.linalg.matrix_rank(x - x.mean(axis=0)) == 2:
+        hull = x[ConvexHull(x).vertices]
+        ax.add_patch(Polygon(hull, fc=TISSUE, ec=SKIN, lw=1.2, zorder=0, label="tissue at rest"))
+    for i, j in network.springs:
+        ax.plot(*x[[i, j]].T, color="0.82", lw=0.8, zorder=1)
+    fixed = network.fixed
+    ax.plot(*x[~fixed].T, "o", color="0.55", ms=4, ls="none", zorder=2)
+    ax.plot(*x[fixed].T, "s", color="0.35", ms=4, ls="none", zorder=2)
+    for name, place in zip(network.names, x, strict=True):
+        if name != done.scene.target.node:
+            ax.annotate(name, _xy(place), (4, 4), textcoords="offset points", color="0.45", fontsize=7.5, zorder=2)
+    ends = 1e3 * np.array([done.task.skin.start[:2], done.task.skin.end[:2]])
+    ax.plot(*ends.T, color=SKIN, lw=5, alpha=0.55, solid_capstyle="round", zorder=1, label="entry allowed")
+
+
+def _obstacle(ax: Axes, one: Obstacle, fill: str, path_x: Callable[[float], float] | None) -> None:
+    ends = 1e3 * np.array([one.start[:2], one.end[:2]])
+    outline = _capsule(ends, 1e3 * one.radius_m)
+    if one.margin_m > 0.0:
+        margin = _capsule(ends, 1e3 * (one.radius_m + one.margin_m))
+        ax.add_patch(Polygon(margin, fc="none", ec=FORBIDDEN, lw=0.9, ls=(0, (3, 2)), zorder=4))
+    ax.add_patch(Polygon(outline, fc=fill, ec="0.35", lw=1.0, zorder=4))
+    if path_x is not None:
+        middle, reach = ends.mean(axis=0), 1e3 * (one.radius_m + one.margin_m)
+        right = middle[0] >= path_x(middle[1])
+        side = max(ends[:, 0]) + reach if right else min(ends[:, 0]) - reach
+        ax.annotate(
+            one.name,
+            (float(side), float(middle[1])),
+            (5 if right else -5, 0),
+            textcoords="offset points",
+            ha="left" if right else "right",
+            va="center",
+            fontsize=9,
+            zorder=7,
+            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
+        )
+
+
+def _path_x(done: Planned, chosen: list[int]) -> Callable[[float], float]:
+    """Where the line of the best path is at a height, x by y [mm]; without one, over the lesion."""
+    if not chosen or abs(done.plan.directions[chosen[0], 1]) < 1e-6:
+        return lambda _y: float(1e3 * done.lesion.mean[0])
+    (x, y), (dx, dy) = 1e3 * done.plan.tips[chosen[0], :2], done.plan.directions[chosen[0], :2]
+    return lambda height: float(x + (height - y) * dx / dy)
+
+
+def _capsule(ends: Floats, radius: float) -> Floats:
+    """The outline of a capsule about an axis with these ends, (2, 2), in the plane, (n, 2)."""
+    start, end = ends
+    along = end - start
+    turn = np.arctan2(along[1], along[0])
+    half = np.linspace(-np.pi / 2, np.pi / 2, 40)
+    caps = [
+        place + radius * np.stack([np.cos(half + turn + add), np.sin(half + turn + add)], axis=1)
+        for place, add in ((end, 0.0), (start, np.pi))
+    ]
+    return np.vstack(caps)
+
+
+def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
+    """One path from each entry, the most probable; the best and the next best stand out."""
+    found = done.plan
+    n_aims = done.task.n_aims
+    shown = [
+        min(range(i, i + n_aims), key=lambda k: (bool(found.reasons[k]), -found.hits[k]))
+        for i in range(0, len(found.hits), n_aims)
+    ]
+    labelled = set()
+    for k in shown[:: max(1, len(shown) // 50)]:
+        bad = bool(found.reasons[k])
+        label = "forbidden" if bad else "possible"
+        color, alpha = (FORBIDDEN, 0.28) if bad else (NEXT, 0.35)
+        ends = 1e3 * np.array([found.entries[k, :2], found.tips[k, :2]])
+        ax.plot(*ends.T, lw=0.8, zorder=3, color=color, alpha=alpha, label=None if label in labelled else label)
+        labelled.add(label)
+    for rank, k in reversed(list(enumerate(chosen))):
+        ends = 1e3 * np.array([found.entries[k, :2], found.tips[k, :2]])
+        best = rank == 0
+        name = "best path" if best else ("next best" if rank == 1 else None)
+        color, width = (BEST, 2.8) if best else (NEXT, 1.8)
+        ax.plot(*ends.T, solid_capstyle="round", label=name, color=color, lw=width, zorder=6 if best else 5)
+        if best:
+            above = 1e3 * (found.entries[k] - found.tips[k])[:2]
+            above = above / max(1e-9, float(np.linalg.norm(above)))
+            ax.annotate(
+                f"enter at ({ends[0, 0]:.0f}, {ends[0, 1]:.0f}) mm\n{1e3 * found.lengths[k]:.0f} mm deep"
+                f"\nhit {found.hits[k]:.0%}",
+                _xy(ends[0]),
+                _xy(26.0 * above + [0.0, 8.0]),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                color=BEST,
+                fontweight="bold",
+                fontsize=9.5,
+                zorder=8,
+                arrowprops={"arrowstyle": "-|>", "color": BEST, "lw": 1.5},
+                bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": BEST, "alpha": 0.95},
+            )
+
+
+def _lesion(done: Planned, ax: Axes, chosen: list[int], *, close: bool) -> None:
+    lesion, found = done.lesion, done.plan
+    mean, radius = 1e3 * lesion.mean[:2], 1e3 * lesion.radius_m
+    label = "lesion when the needle is there" if close else "lesion and its 95 % region"
+    if not chosen:
+        alone = "lesion" if close else label
+        ax.add_patch(Circle(_xy(mean), radius, fc=LESION, ec=LESION, alpha=0.55, zorder=6, label=alone))
+        ax.add_patch(ellipse(mean, 1e6 * lesion.cov[:2, :2], ROUND, fc="none", ec=LESION, lw=1.4, zorder=6))
+    else:
+        k = chosen[0]
+        there = 1e3 * found.means[k, :2]
+        region = 1e6 * (lesion.cov + done.task.needle.force_sd**2 * np.outer(found.pushed[k], found.pushed[k]))[:2, :2]
+        centre = "95 % region of its centre" if close else None
+        before = "lesion before the needle" if close else None
+        ax.add_patch(Circle(_xy(mean), radius, fc="none", ec=LESION, ls=(0, (2, 2)), lw=1.2, zorder=6, label=before))
+        ax.add_patch(Circle(_xy(there), radius, fc=LESION, ec=LESION, alpha=0.5, zorder=6, label=label))
+        ax.add_patch(ellipse(there, region, ROUND, fc="none", ec=LESION, lw=1.4, zorder=6, label=centre))
+        if close:
+            _aimed(done, ax, k)
+    if close:
+        _close_up(done, ax, chosen)
+
+
+def _aimed(done: Planned, ax: Axes, k: int) -> None:
+    found = done.plan
+    mean, there = 1e3 * done.lesion.mean[:2], 1e3 * found.means[k, :2]
+    ends = 1e3 * np.array([found.entries[k, :2], found.tips[k, :2]])
+    ax.plot(*ends.T, color=BEST, lw=2.8, zorder=5)
+    ax.plot(*ends[1], marker="o", ms=5, mfc="white", mec=BEST, mew=1.8, zorder=8)
+    ax.annotate(
+        "",
+        _xy(there),
+        _xy(mean),
+        zorder=9,
+        arrowprops={"arrowstyle": "-|>", "color": "black", "lw": 1.6, "shrinkA": 0, "shrinkB": 0},
+    )
+
+
+def _close_up(done: Planned, ax: Axes, chosen: list[int]) -> None:
+    lesion, found = done.lesion, done.plan
+    places = [1e3 * lesion.mean[:2]]
+    reach = 1e3 * lesion.radius_m
+    widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(lesion.cov)[-1]))
+    if chosen:
+        k = chosen[0]
+        places.append(1e3 * found.means[k, :2])
+        widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(found.covs[k])[-1]))
+        moved = 1e3 * float(np.linalg.norm(found.pushed[k]))
+        title = f"at the lesion: the needle pushes it {moved:.1f} mm (arrow)"
+    else:
+        title = "at the lesion: no path is allowed"
+    middle = np.mean(places, axis=0)
+    reach = 1.15 * (max(reach, widest) + 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))))
+    ax.set(xlim=(middle[0] - 1.9 * reach, middle[0] + 1.9 * reach), ylim=(middle[1] - 1.5 * reach, middle[1] + reach))
+    ax.legend(loc="lower left", fontsize=8, framealpha=0.9)
+    ax.set_title(title, loc="left", fontsize=10)
+
+
+def _frame(done: Planned, ax: Axes) -> None:
+    """Show the entries, the lesion and what is in the way, and in a corner where in the tissue that is."""
+    found, network = done.plan, done.scene.network
+    ends = [place for one in done.task.obstacles for place in (one.start[:2], one.end[:2])]
+    x = 1e3 * np.vstack([found.entries[:, :2], found.tips[:, :2], *(end[None] for end in ends)])
+    room = 0.25 * float(np.ptp(x, axis=0).max())
+    low = x.min(axis=0) - np.array([0.6, 1.5]) * room
+    high = x.max(axis=0) + np.array([0.6, 1.1]) * room
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    corner = ax.inset_axes((0.77, 0.01, 0.22, 0.22), zorder=9)
+    nodes = 1e3 * rest_shape(network)[:, :2]
+    if np.linalg.matrix_rank(nodes - nodes.mean(axis=0)) == 2:
+        corner.add_patch(Polygon(nodes[ConvexHull(nodes).vertices], fc=TISSUE, ec=SKIN, lw=1.0))
+    corner.plot(*nodes.T, ".", color="0.55", ms=3)
+    corner.add_patch(Rectangle(_xy(low), *(high - low), fc="none", ec="0.2", lw=0.9))
+    corner.set(xticks=[], yticks=[], aspect="equal", xmargin=0.12, ymargin=0.12)
+    corner.set_title("in the tissue", fontsize=8, pad=2)
+    corner.autoscale_view()
+
+
+def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
+    found = done.plan
+    ax.axis("off")
+    n, allowed = len(found.hits), int(found.allowed.sum())
+    if not chosen:
+        head, color = "No path is allowed", FORBIDDEN
+    else:
+        head, color = f"Best path: hit probability {found.hits[chosen[0]]:.0%}", BEST
+    ax.text(0.0, 1.0, head, fontsize=12, fontweight="bold", color=color, va="top", transform=ax.transAxes)
+    lines = [f"{allowed} of {n} paths allowed; belief about the target: {done.belief}"]
+    for one, count in _rejections(done):
+        lines.append(f"    {count} against {one}")
+    ax.text(0.0, 0.88, "\n".join(lines[:6]), va="top", transform=ax.transAxes, color="0.25", linespacing=1.3)
+    if chosen:
+        rows = [
+            [
+                "best" if rank == 0 else f"{rank + 1}",
+                f"{1e3 * found.entries[k, 0]:.0f}, {1e3 * found.entries[k, 1]:.0f}",
+                f"{1e3 * found.lengths[k]:.0f}",
+                f"{np.degrees(found.angles[k]):.0f}°",
+                f"{found.hits[k]:.0%}",
+                "–" if not np.isfinite(found.clearance[k]) else f"{1e3 * found.clearance[k]:.1f}",
+            ]
+            for rank, k in enumerate(chosen)
+        ]
+        heads = ["mm", "entry x, y", "depth", "angle", "hit", "room"]
+        shown = ax.table(
+            rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.48), cellLoc="center", edges="horizontal"
+        )
+        shown.auto_set_font_size(False)
+        shown.set_fontsize(9)
+        for column in range(len(heads)):
+            shown[1, column].get_text().set_color(BEST)
+            shown[1, column].get_text().set_fontweight("bold")
+
+
+def _rejections(done: Planned) -> list[tuple[str, int]]:
+    counts: dict[str, int] = {}
+    for reasons in done.plan.reasons:
+        for reason in reasons:
+            counts[reason] = counts.get(reason, 0) + 1
+    words = {"too long": "the longest depth", "too steep": "the angle to the skin", "outside the entry": "the entry"}
+    return [(words.get(name, name), n) for name, n in sorted(counts.items(), key=lambda item: -item[1])]

@@ -1,0 +1,93 @@
+"""A camera before the simulated phantom, in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from dynamics import adaptive, pack, unpack
+from experiments.formats.scenario import Scenario
+from experiments.simulation.simulate import draw, poke_force, scene_of, tremor_force
+
+
+class PhantomCamera:
+    """A camera before the poked phantom, moved by SciPy's DOP853 in real time and drawn as asked for.
+
+    State: the phantom's state (n_state,) at time_s since the camera was opened.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        hours: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.scenario = scenario
+        self.scene = scene_of(scenario)
+        self._rng = np.random.default_rng(scenario.seed)
+        network, duration_s = self.scene.network, 3600.0 * hours
+        self._forces = [tremor_force(network, scenario.tremor, duration_s, self._rng)] if scenario.tremor else []
+        if scenario.pokes:
+            self._forces.append(poke_force(network, scenario.pokes, duration_s, self._rng))
+        rest = network.positions[network.free]
+        self._state = pack(rest, np.zeros_like(rest))
+        self._strays = vision.distractors(
+            scenario.camera.distractors, self.scene.cameras[0].size_px, self._rng, [scenario.marks.hue_deg]
+        )
+        self._lighting = vision.Lighting()
+        self._end_s = duration_s
+        self._clock, self._sleep = clock, sleep
+        self._opened = clock()
+        self.time_s = 0.0
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        """It always is."""
+        return True
+
+    def grab(self) -> bool:
+        """Wait for the frame due next, or take the one due now if drawing fell behind."""
+        interval = self.scenario.frame_interval_s
+        due = self.time_s + interval
+        late = self._clock() - self._opened - due
+        if late < 0:
+            self._sleep(-late)
+        else:
+            due += interval * np.floor(late / interval)
+        if due >= self._end_s:
+            return False
+        self._move(due)
+        return True
+
+    def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
+        """The phantom drawn as it stands."""
+        network = self.scene.network
+        positions = network.positions.copy()
+        positions[network.free] = unpack(self._state, network.dim)[0]
+        return True, draw(self.scene, positions, self._lighting, self._rng, strays=self._strays)
+
+    def get(self, prop: int) -> float:
+        """CAP_PROP_POS_MSEC: when the phantom stood as it does, on the clock [ms]; 0 for all else."""
+        return 1e3 * (self._opened + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
+
+    def _move(self, due: float) -> None:
+        nothing = np.zeros((len(self.scene.network.free), self.scene.network.dim))
+        self._state = adaptive(
+            self.scene.network,
+            self._state,
+            [self.time_s, due],
+            force=lambda t: sum((force(t) for force in self._forces), nothing),
+            rtol=1e-5,
+            atol=1e-8,
+            max_step_s=1.0 / 60.0,
+        )[-1]
+        self.time_s = due
+
+    def release(self) -> None:
+        """Nothing to let go of."""

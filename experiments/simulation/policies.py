@@ -1,0 +1,288 @@
+"""Five ways to say where a needle should go, from nothing at all to a filter that looks ahead and waits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import HIDDEN, OUTER, Drive, four_mass_phantom, sliding_forces
+from estimators import (
+    AdviceSettings,
+    Belief,
+    Breathing,
+    FilterSettings,
+    MarkMeasurement,
+    OpenLoop,
+    QuickPath,
+    TargetEstimate,
+    TargetPath,
+    TissueFilter,
+    compliance,
+    health_fault,
+    quick_path,
+    quick_tables,
+)
+from estimators.tissue.filter import Snapshot
+from experiments.formats.scenario import Scenario
+from experiments.simulation.world import BELIEVED, ENTRY_M, FORCES_OFF, World, needle_with
+
+Floats = NDArray[np.float64]
+
+POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
+SETTLED_S = 0.5
+"""The breath is learnt from then on [s]: the first estimates are far off."""
+
+WAYS, MARGIN_S = 1.5, 0.75
+"""So many ways of the needle, and so long, ahead the target is told: later starts, a target that moves away; chosen."""
+
+ONE_AT_A_TIME = FilterSettings(
+    quiet=replace(FilterSettings().quiet, lasting_s=0.01),
+    poked=replace(FilterSettings().poked, poke=3.4),
+    one_of=len(OUTER),
+)
+"""One outer mass at a time is poked, and when a poke ends its force is gone. 3.4 m/s² is the root mean square on a
+coordinate of a half sine in any direction whose peak is 3 to 10 m/s², as `poked` has them."""
+
+TOGETHER = FilterSettings()
+"""All outer masses may be pushed at once."""
+
+
+class Policy(Protocol):
+    """What steers a needle; `waits`: whether it starts only on GO, and retracts where a hit becomes improbable."""
+
+    name: str
+    waits: bool
+
+    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
+        """Take in a frame; push: the needle's since the last one, as believed [N], (n_free, dim)."""
+
+    def path(self, pushes: Floats) -> TargetPath:
+        """Where the target is to be looked for from now on; pushes: the needle's in the frames ahead, as believed."""
+
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+        """What is believed of the target then, None where nothing is.
+
+        parts: of the needle's force from now until then, as believed [N], (2, n_free, dim), see `believed_parts`
+        """
+
+    def fault(self, now_s: float) -> str | None:
+        """Why it gives no guidance now, None where it does."""
+
+
+def covariance(estimate: TargetEstimate) -> Floats:
+    """That of an estimate of a filter [m²], (dim, dim)."""
+    if estimate.cov is None:
+        raise ValueError("estimate: expected a covariance, found none")
+    return estimate.cov
+
+
+def horizon_s(world: World) -> float:
+    """How far ahead the target is told [s], whole frames."""
+    way_s = float(np.linalg.norm(ENTRY_M)) / world.case.speed_m_s
+    return float(np.ceil((WAYS * way_s + MARGIN_S) * world.case.frames_per_s) / world.case.frames_per_s)
+
+
+def believed_push(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+    """Forces on the free nodes [N] that the needle is believed to make in coming frames, (n, n_free, dim).
+
+    steps: how many frames; 0: as many as a path is told for. Full cutting and friction forward, friction back.
+    """
+    return believed_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
+
+
+def believed_parts(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+    """As `believed_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
+    n = steps or round(horizon_s(world) * world.case.frames_per_s)
+    ahead = (np.arange(n) + 0.5) / world.case.frames_per_s
+    depths = depth + speed * ahead
+    across = np.array([-axis[1], axis[0]])
+    tips = world.entry + depths[:, None] * axis + beside * across
+    cutting, friction = (
+        sliding_forces(world.network, needle_with(world.entry, BELIEVED | {without: 0.0}), tips, axis, depths)
+        for without in ("friction_N_m", "cutting_N")
+    )
+    return np.array([cutting, friction] if speed >= 0.0 else [np.zeros_like(cutting), -friction])
+
+
+def off_by_forces(gives: Floats, parts: Floats) -> Floats:
+    """Covariance of a node [m²] by parts of the needle's force, each off by its own factor, uniform in FORCES_OFF.
+
+    gives: the node's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim)
+    """
+    shifts = parts.reshape(len(parts), -1) @ gives.T
+    return FORCES_OFF**2 / 3.0 * shifts.T @ shifts
+
+
+def _standing(time_s: float, place: Floats) -> TargetPath:
+    dim = len(place)
+    return TargetPath(time_s + np.array([0.0, 60.0]), np.array([place, place]), np.zeros((2, dim, dim)))
+
+
+class Rest:
+    """Aim once, at where the target rests. State: time_s, of the last frame."""
+
+    name, waits = "rest", False
+
+    def __init__(self, world: World) -> None:
+        self.time_s = 0.0
+        self._place = world.network.positions[world.network.index(HIDDEN)]
+
+    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
+        """Nothing is taken in."""
+        self.time_s = time_s
+
+    def path(self, pushes: Floats) -> TargetPath:
+        """Where it rests, for ever."""
+        return _standing(self.time_s, self._place)
+
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+        """None."""
+        return None
+
+    def fault(self, now_s: float) -> str | None:
+        """None."""
+        return None
+
+
+class Paper(Rest):
+    """Follow the paper's open loop, where it says that the target is now. State: that simulation, place now."""
+
+    name = "open-loop"
+
+    def __init__(self, world: World) -> None:
+        super().__init__(world)
+        self._loop = OpenLoop(world.network, HIDDEN)
+
+    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
+        """The simulation goes on to the frame."""
+        self.time_s = time_s
+        self._place = self._loop.update(time_s, marks).mean
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Warm:
+    """A filter after the warm-up: what it knew, its last estimate, its tables, and the breath."""
+
+    tissue: TissueFilter
+    then: Snapshot
+    estimate: TargetEstimate
+    tables: QuickPath
+    breathing: Breathing
+
+
+class Filtered:
+    """Follow the filter, where it believes that the target is now. State: the filter, its last estimate."""
+
+    name, waits = "filter", False
+
+    def __init__(self, world: World, warm: Warm) -> None:
+        self.tissue, self.estimate, self._tables = warm.tissue, warm.estimate, warm.tables
+        self.tissue.restore(warm.then)
+        self._compliance = compliance(world.network, HIDDEN)
+
+    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
+        """Predict under the believed push, take in the marks."""
+        self.tissue.predict(time_s, push)
+        self.estimate = self.tissue.update(marks)
+
+    def path(self, pushes: Floats) -> TargetPath:
+        """Where it is now, for ever."""
+        return _standing(self.estimate.time_s, self.estimate.mean)
+
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+        """The filter's own prediction, and what wrong forces of the needle make of it."""
+        said = self.tissue.predict_modes(time_s, parts.sum(axis=0))
+        return Belief(said.weights, said.means, said.covs + off_by_forces(self._compliance, parts))
+
+    def fault(self, now_s: float) -> str | None:
+        """Of the filter's health."""
+        return health_fault(self.estimate, now_s, self.tissue.seen_s, AdviceSettings())
+
+
+class Ahead(Filtered):
+    """Follow where the target will be: by its breath where it breathes, by the filter's equations where it does not.
+
+    State: as `Filtered`, and the breath, of the target less the shift that the needle is believed to make.
+    """
+
+    name = "filter-ahead"
+
+    def __init__(self, world: World, warm: Warm) -> None:
+        super().__init__(world, warm)
+        self._breathing = deepcopy(warm.breathing)
+
+    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
+        """The filter, then the breath."""
+        super().see(time_s, marks, push)
+        shift = 0.0 if push is None else self._compliance @ push.ravel()
+        self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
+
+    def path(self, pushes: Floats) -> TargetPath:
+        """By the breath, or by the filter's tables."""
+        if self._breathing.breath() is None:
+            return TargetPath(*quick_path(self._tables, self.tissue, pushes))
+        n = self._tables.n_times
+        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n, dtype=np.float64)
+        means, covs = self._breathing.predict(times)
+        return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
+
+    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+        """By the breath, or by the filter, and what wrong forces of the needle make of it."""
+        if self._breathing.breath() is None:
+            return super().belief_at(time_s, parts)
+        mean, cov = self._breathing.predict(np.array([time_s]))
+        return Belief.gaussian(
+            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + off_by_forces(self._compliance, parts)
+        )
+
+    def _shifts(self, pushes: Floats) -> Floats:
+        """Where the target rests under pushes, from where it rests under none [m], (n, dim), to first order."""
+        return pushes.reshape(len(pushes), -1) @ self._compliance.T
+
+
+class Waiting(Ahead):
+    """As `Ahead`, started on GO, drawn back where a hit becomes improbable. State: as `Filtered`."""
+
+    name, waits = "wait-for-go", True
+
+
+def settings_for(scenario: Scenario) -> FilterSettings:
+    """What the filter is told of the scenario: whether outer masses are pushed one at a time or together."""
+    together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
+    return TOGETHER if together else ONE_AT_A_TIME
+
+
+@cache
+def _tables(settings: FilterSettings, ahead_s: float) -> QuickPath:
+    """Of the filter of every world with these settings: network and marks are the same in all."""
+    return quick_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, settings), ahead_s)
+
+
+def warmed(world: World) -> tuple[Floats, Paper, Warm]:
+    """The tissue's state, the paper's simulation and the filter at the first frame at which a needle may start.
+
+    That frame itself has not been seen yet.
+    """
+    case = world.case
+    settings = settings_for(case.scenario)
+    tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, settings), Paper(world)
+    tables = _tables(settings, horizon_s(world))
+    state, outside = world.start, Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+    estimate, breathing = None, Breathing(world.network.dim)
+    for k in range(round(case.warm_s * case.frames_per_s)):
+        marks = world.marks(k, state)
+        paper.see(world.frame_s(k), marks, None)
+        tissue.predict(world.frame_s(k))
+        estimate = tissue.update(marks)
+        if world.frame_s(k) >= SETTLED_S:
+            breathing.update(world.frame_s(k), estimate.mean, covariance(estimate))
+        state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
+    if estimate is None:
+        raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")
+    return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables, breathing)

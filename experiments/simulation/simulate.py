@@ -1,0 +1,218 @@
+"""Truth and film of a scenario: the recording that `softaim simulate` writes.
+
+Truth comes from SciPy's DOP853, not from the steps that the filter takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from dynamics import MassSpringNetwork, NetworkError, adaptive, four_mass_phantom, pack, rest_shape, unpack
+from dynamics.phantoms.four_mass import HIDDEN
+from experiments.errors import InputError
+from experiments.formats.outputs import output_folder
+from experiments.formats.recording import write_frames_csv, write_truth_csv
+from experiments.formats.scenario import Breathing, Pokes, Scenario, Tremor
+from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+
+Floats = NDArray[np.float64]
+Force = Callable[[float], Floats]
+TARGET_RADIUS_M = 0.005
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """Where the free nodes were: times_s (n,), positions of the network's free nodes [m], (n, n_free, dim)."""
+
+    times_s: Floats
+    positions: Floats
+
+
+def scene_of(scenario: Scenario) -> Scene:
+    """What a camera of the scenario looks at."""
+    network = four_mass_phantom()
+    names = [network.names[i] for i in network.free]
+    marks = tuple(
+        Mark(name, scenario.marks.hue_deg, scenario.marks.diameter_mm * 1e-3, measured=name != HIDDEN) for name in names
+    )
+    seen = scenario.camera
+    camera = vision.squarely(
+        "front",
+        (seen.size_px[0], seen.size_px[1]),
+        (seen.mm_per_px[0], seen.mm_per_px[1]),
+        (seen.centre_mm[0] * 1e-3, seen.centre_mm[1] * 1e-3),
+        calibration_sd_px=seen.calibration_sd_px,
+    )
+    return Scene(network=network, marks=marks, target=Target(HIDDEN, TARGET_RADIUS_M), cameras=(camera,))
+
+
+def exposures(scenario: Scenario) -> Floats:
+    """Exposure times of the scenario's frames [s], (n_frames,)."""
+    return np.arange(0.0, scenario.duration_s, scenario.frame_interval_s)
+
+
+def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
+    """White acceleration of the given density, straight between knots, on every free node [N], (n_free, dim)."""
+    n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
+    sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
+    knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
+    knots *= network.masses[network.free][:, None]
+
+    def force(t: float) -> Floats:
+        place, share = divmod(t / tremor.interval_s, 1.0)
+        k = int(place)
+        return (1.0 - share) * knots[k] + share * knots[min(k + 1, n_knots - 1)]
+
+    return force
+
+
+def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
+    """Half-sine pushes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
+    rows = [_row(network, node) for node in pokes.nodes]
+    starts, ends, peaks = [], [], []
+    t = rng.exponential(pokes.pause_s)
+    while t < duration_s:
+        lasting = rng.uniform(pokes.shortest_s, pokes.longest_s)
+        pushed = rows if pokes.together else [int(rng.choice(rows))]
+        direction = rng.normal(size=network.dim)
+        direction /= np.linalg.norm(direction)
+        strength = rng.uniform(pokes.weakest, 1.0) * pokes.acceleration_m_s2
+        peak = np.zeros((len(network.free), network.dim))
+        peak[pushed] = strength * network.masses[network.free[pushed]][:, None] * direction
+        starts.append(t)
+        ends.append(t + lasting)
+        peaks.append(peak)
+        t += lasting + rng.exponential(pokes.pause_s)
+    begun, nothing = np.array(starts), np.zeros((len(network.free), network.dim))
+
+    def force(t: float) -> Floats:
+        k = int(np.searchsorted(begun, t, side="right")) - 1
+        if k >= 0 and t < ends[k]:
+            return peaks[k] * np.sin(np.pi * (t - starts[k]) / (ends[k] - starts[k]))
+        return nothing
+
+    return force
+
+
+def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
+    """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim)."""
+    rows = [_row(network, node) for node in breathing.nodes]
+    direction = np.array(breathing.direction) / np.linalg.norm(breathing.direction)
+    peak = np.zeros((len(network.free), network.dim))
+    peak[rows] = breathing.acceleration_m_s2 * network.masses[network.free[rows]][:, None] * direction
+    rate = 2.0 * np.pi / rng.uniform(breathing.shortest_s, breathing.longest_s)
+    phase, second = rng.uniform(0.0, 2.0 * np.pi, 2)
+
+    def force(t: float) -> Floats:
+        return (np.cos(rate * t + phase) + 0.5 * np.cos(2.0 * rate * t + second)) * peak
+
+    return force
+
+
+def _row(network: MassSpringNetwork, node: str) -> int:
+    try:
+        return network.coordinates(node).start // network.dim
+    except NetworkError as fault:
+        raise InputError(f"scenario: {fault}") from None
+
+
+def start_and_forces(
+    network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator
+) -> tuple[Floats, list[Force]]:
+    """Where the free nodes start from [m], (n_free, dim), and what acts on them. Raises InputError."""
+    rest = network.positions[network.free]
+    held = np.zeros_like(rest)
+    if scenario.release is not None:
+        held[_row(network, scenario.release.node)] = scenario.release.force_n
+    try:
+        start = rest_shape(network, held)[network.free]
+    except NetworkError as fault:
+        raise InputError(f"scenario: release: {fault}") from None
+    forces: list[Force] = []
+    if scenario.tremor is not None:
+        forces.append(tremor_force(network, scenario.tremor, scenario.duration_s, rng))
+    if scenario.pokes is not None:
+        forces.append(poke_force(network, scenario.pokes, scenario.duration_s, rng))
+    if scenario.breathing is not None:
+        forces.append(breathing_force(network, scenario.breathing, rng))
+    return start, forces
+
+
+def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
+    """Where the scenario's nodes are at its exposure times."""
+    times = exposures(scenario)
+    start, forces = start_and_forces(network, scenario, rng)
+    nothing = np.zeros_like(start)
+    try:
+        states = adaptive(
+            network,
+            pack(start, nothing),
+            times,
+            force=lambda t: sum((force(t) for force in forces), nothing),
+            rtol=1e-6,
+            atol=1e-8,
+            max_step_s=scenario.tremor.interval_s if scenario.tremor else 1.0 / 60.0,
+        )
+    except RuntimeError as fault:
+        raise InputError(f"scenario: expected forces that the motion can follow, found {fault}") from None
+    return Truth(times, unpack(states, network.dim)[0])
+
+
+def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generator) -> Iterator[NDArray[np.uint8]]:
+    """Frames of the motion as the scenario's camera gives them, (height, width, 3) BGR."""
+    camera = scene.cameras[0]
+    network = scene.network
+    lighting = vision.paper_camera() if scenario.camera.light == "paper" else vision.Lighting()
+    strays = vision.distractors(scenario.camera.distractors, camera.size_px, rng, [scenario.marks.hue_deg])
+    everywhere = network.positions.copy()
+    for positions in truth.positions:
+        everywhere[network.free] = positions
+        yield draw(scene, everywhere, lighting, rng, strays=strays)
+
+
+def draw(
+    scene: Scene, positions: Floats, lighting: vision.Lighting, rng: np.random.Generator, *, strays: list[vision.Disc]
+) -> NDArray[np.uint8]:
+    """One frame of all nodes at these positions [m], (n_nodes, dim)."""
+    camera, network = scene.cameras[0], scene.network
+    places = camera.project(positions)
+    lines = [(tuple(places[i]), tuple(places[j])) for i, j in network.springs]
+    discs = []
+    for mark in scene.marks:
+        i = network.index(mark.node)
+        across, down = 0.5e3 * mark.diameter_m / camera.mm_per_px(positions[i])
+        discs.append(vision.Disc(places[i], (across, down), mark.hue_deg))
+    return vision.draw_frame(camera.size_px, [*strays, *discs], lighting, rng, lines=lines)
+
+
+def simulate(
+    scenario: Scenario, out: Path, *, force: bool = False, advance: Callable[[float], None] = lambda _share: None
+) -> None:
+    """Write the recording of a scenario to the folder `out`; `advance` is told the share done. Raises InputError."""
+    with output_folder(out, force=force) as folder:
+        rng = np.random.default_rng(scenario.seed)
+        scene = scene_of(scenario)
+        truth = true_motion(scene.network, scenario, rng)
+        write_scene(scene, folder / "scene.toml")
+        write_frames_csv(folder / "frames.csv", truth.times_s)
+        names = [scene.network.names[i] for i in scene.network.free]
+        write_truth_csv(
+            folder / "truth.csv", truth.times_s, {name: truth.positions[:, k] for k, name in enumerate(names)}
+        )
+        rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container knows no less; frames.csv has the times
+        with vision.VideoWriter(
+            folder / "video.avi",
+            scene.cameras[0].size_px,
+            rate,
+            codec=scenario.video.codec,
+            quality=scenario.video.quality,
+        ) as video:
+            for k, image in enumerate(film(scenario, scene, truth, rng)):
+                video.write(image)
+                advance((k + 1) / len(truth.times_s))

@@ -1,0 +1,260 @@
+"""How fast it is, against what: everything timed in one run on the same work.
+
+filter_step: one predict of 1/30 s in ten Runge-Kutta steps for 33 sigma points of 16 states, one update with three
+marks; ours, and stock filterpy with the same model in plain NumPy, one sigma point after the other.
+full_step: predict of 1/30 s and update with three marks of the filter that is used: three modes, gates, health, what
+the marks carry, names of marks alike looked after; 16 states of the network and six pokes. considered: the same with
+ten unknown constants beside.
+advice: what `guide` does in two parts: one second of the target's path, told 30 times; advice from a path, 21 starts
+over 2 s, in the plane and in space; one probability of a hit in space. live_frame: all that a live loop adds to a frame
+for it: the breath's fit, 1.5 s of path by tables, advice from it on 4 starts; and the path by tables alone.
+detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
+SimpleBlobDetector with its own settings on the same pictures.
+loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import cv2
+import filterpy.kalman as filterpy
+import numpy as np
+
+import vision
+from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent, pack, parameters, plain_step
+from estimators import (
+    AdviceSettings,
+    Belief,
+    Breathing,
+    Guidance,
+    Identity,
+    Insertion,
+    Lesion,
+    MarkMeasurement,
+    TargetPath,
+    TissueFilter,
+    UnscentedKalmanFilter,
+    advise,
+    hit_probability,
+    positive_points,
+    quick_path,
+    quick_tables,
+)
+from experiments.formats.scenario import read_scenario
+from experiments.pipeline.line import FILTER, Line
+from experiments.simulation.simulate import film, scene_of, true_motion
+
+Report = dict[str, dict[str, float]]
+FRAME_S = 1.0 / 30.0
+SUB_STEPS = 10
+
+
+def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
+    """All benchmarks, by name; medians, in ms."""
+    report = {"filter_step": filter_step()}
+    advance(0.4)
+    report["full_step"] = full_step()
+    advance(0.5)
+    report["advice"] = advice()
+    advance(0.6)
+    report["detect"] = detect()
+    advance(0.7)
+    report["loop_640x480"] = loop_640x480()
+    advance(1.0)
+    return report
+
+
+def median_ms(work: Callable[[], object], repeats: int) -> float:
+    """Median duration of a piece of work [ms], after one run that is not counted."""
+    work()
+    seconds = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - began)
+    return 1e3 * float(np.median(seconds))
+
+
+def filter_pair() -> tuple[Callable[[], UnscentedKalmanFilter], Callable[[], filterpy.UnscentedKalmanFilter]]:
+    """One step of ours and one of stock filterpy from the same belief on the same measurement, as two functions."""
+    network = four_mass_phantom()
+    rest = pack(network.positions[network.free], np.zeros((len(network.free), network.dim)))
+    n, half = network.n_state, network.n_state // 2
+    rows = [i for node in OUTER for i in range(network.n_state)[network.coordinates(node)]]
+    H = np.eye(n)[rows]
+    P = np.diag([1e-4] * half + [1e-2] * half)
+    Q, R = 1e-6 * np.eye(n), 0.00414**2 * np.eye(len(rows))
+    z = H @ rest + 0.005
+    stepper = Stepper(network, FRAME_S / SUB_STEPS)
+
+    def ours() -> UnscentedKalmanFilter:
+        ukf.x, ukf.P = rest, P
+        ukf.predict(FRAME_S)
+        ukf.update_linear(z, H, R)
+        return ukf
+
+    def stock() -> filterpy.UnscentedKalmanFilter:
+        theirs.x, theirs.P = rest.copy(), P.copy()
+        theirs.predict()
+        theirs.update(z)
+        return theirs
+
+    ukf = UnscentedKalmanFilter(n, stepper.advance)
+    ukf.Q = Q
+    theirs = filterpy.UnscentedKalmanFilter(
+        n,
+        len(rows),
+        FRAME_S,
+        hx=lambda x: x[rows],
+        fx=lambda x, dt: plain_step(network, x, dt, SUB_STEPS),
+        points=positive_points(n),
+    )
+    theirs.Q, theirs.R = Q, R
+    return ours, stock
+
+
+def filter_step() -> dict[str, float]:
+    """Our filter step against stock filterpy with a plain NumPy process model."""
+    ours, stock = filter_pair()
+    apart = np.abs(ours().x - stock().x).max()
+    if not apart < 1e-9:
+        raise RuntimeError(f"filter_step: expected the same work of both, found estimates {apart:.3g} m apart")
+    ours_ms, filterpy_ms = median_ms(ours, 300), median_ms(stock, 10)
+    return {"ours_ms": ours_ms, "filterpy_ms": filterpy_ms, "ratio": filterpy_ms / ours_ms}
+
+
+def full_step(n_frames: int = 300) -> dict[str, float]:
+    """The whole filter, frame after frame, with exact constants and with uncertain ones."""
+    network = four_mass_phantom()
+    ten = independent(parameters(network, ("stiffness",)), 0.1)
+    return {
+        "ours_ms": _step_ms(TissueFilter(network, HIDDEN, OUTER), n_frames),
+        "considered_ms": _step_ms(TissueFilter(network, HIDDEN, OUTER, uncertainty=ten), n_frames),
+    }
+
+
+def _step_ms(tissue: TissueFilter, n_frames: int) -> float:
+    rng = np.random.default_rng(0)
+    network = tissue.model.network
+    identity = Identity(tissue, [OUTER])
+    noise = 0.00414
+    seconds = []
+    for k in range(n_frames):
+        marks = [
+            MarkMeasurement(
+                node, network.positions[network.index(node)] + rng.normal(0.0, noise, 2), noise**2 * np.eye(2)
+            )
+            for node in OUTER
+        ]
+        began = time.perf_counter()
+        tissue.predict(k * FRAME_S)
+        identity.update(marks)
+        seconds.append(time.perf_counter() - began)
+    return 1e3 * float(np.median(seconds[n_frames // 10 :]))
+
+
+def advice() -> dict[str, float]:
+    """The path of the phantom's target for a second [ms], advice on a needle from a path, a hit's probability."""
+    network = four_mass_phantom()
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    at = {node: network.positions[network.index(node)] for node in OUTER}
+    for k in range(10):
+        tissue.predict(k * FRAME_S)
+        tissue.update([MarkMeasurement(node, at[node], 1e-6 * np.eye(2)) for node in OUTER])
+    times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
+    report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
+    t = FRAME_S * np.arange(121, dtype=np.float64)
+    tables, breathing, first = quick_tables(tissue, 1.5), Breathing(2), 9 * FRAME_S
+    for k in range(400):
+        angle = 2.0 * np.pi * k * FRAME_S / 4.0
+        breathing.update(k * FRAME_S, 0.01 * np.array([np.cos(angle), np.sin(angle)]), 1e-6 * np.eye(2))
+    report["quick_path_ms"] = median_ms(lambda: quick_path(tables, tissue), 200)
+    clock = iter(400 * FRAME_S + FRAME_S * np.arange(1000, dtype=np.float64))
+    place = network.positions[network.index(HIDDEN)]
+    ahead, disc = AdviceSettings(horizon_s=0.3), Lesion.ball(5e-3, 2)
+    towards = Insertion(place + np.array([0.0, 0.025]), np.array([0.0, -1.0]), 0.05)
+
+    def live_frame() -> Guidance:
+        breathing.update(next(clock), place, 1e-6 * np.eye(2))
+        breathing.breath()
+        return advise(TargetPath(*quick_path(tables, tissue)), towards, disc, settings=ahead, now_s=first)
+
+    report["live_frame_ms"] = median_ms(live_frame, 200)
+    for dim, name in ((2, "plane"), (3, "space")):
+        means = np.zeros((121, dim))
+        means[:, 0] = 5e-3 * np.cos(3.0 * t)
+        path = TargetPath(t, means, np.tile(1e-6 * np.eye(dim), (121, 1, 1)))
+        insertion = Insertion(0.06 * np.eye(dim)[1], -np.eye(dim)[1], 0.1)
+        lesion = Lesion.ball(5e-3, dim)
+        report[f"advise_{name}_ms"] = median_ms(_asked(path, insertion, lesion), 200)
+    belief, lesion = Belief.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
+    axis = np.eye(3)[1]
+    report["hit_probability_ms"] = median_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
+    return report
+
+
+def _asked(path: TargetPath, insertion: Insertion, lesion: Lesion) -> Callable[[], Guidance]:
+    return lambda: advise(path, insertion, lesion)
+
+
+def detect(n_frames: int = 60) -> dict[str, float]:
+    """Marks found in whole pictures and where they are expected, against OpenCV's detector of blobs."""
+    rng = np.random.default_rng(0)
+    radius, names = 12.0, ("M1", "M2", "M3", "M4")
+    homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])
+    outline, hue = vision.Outline(radius * np.eye(2), 0.05), vision.MarkHue(0.0)
+    finder, blobs = vision.MarkFinder([hue]), cv2.SimpleBlobDetector.create()
+    frames, where = [], []
+    for k in range(n_frames):
+        places = homes + 40.0 * np.array([np.cos(0.1 * k), np.sin(0.13 * k)])
+        discs = [vision.Disc(place, (radius, radius), 0.0) for place in places]
+        strays = vision.distractors(6, (1280, 720), rng, [0.0])
+        frames.append(vision.draw_frame((1280, 720), [*strays, *discs], vision.Lighting(), rng))
+        where.append(
+            [vision.Expected(n, at, 4.0 * np.eye(2), 0.0, outline) for n, at in zip(names, places, strict=True)]
+        )
+
+    def full(k: int) -> None:
+        places = [one.center_px for one in where[k]]
+        vision.detect_marks(frames[k], [hue], min_area_px=60.0, outlines=[outline], expected_px=places)
+
+    def tracked(k: int) -> None:
+        if len(finder.find(frames[k], where[k])) < len(names):
+            raise RuntimeError(f"detect: expected four marks found, missed {sorted(finder.missed or ())}")
+
+    work: dict[str, Callable[[int], object]] = {
+        "full_1280x720_ms": full,
+        "tracked_ms": tracked,
+        "blob_detector_ms": lambda k: blobs.detect(frames[k]),
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in work}
+    for name, one in work.items():
+        for k in range(n_frames):
+            began = time.perf_counter()
+            one(k)
+            seconds[name].append(time.perf_counter() - began)
+    told = {name: 1e3 * float(np.median(each[n_frames // 10 :])) for name, each in seconds.items()}
+    return told | {"ratio": told["blob_detector_ms"] / told["full_1280x720_ms"]}
+
+
+def loop_640x480(n_frames: int = 120) -> dict[str, float]:
+    """The loop of the paper at 640x480: the frame is in memory, the estimate is out."""
+    scenario = read_scenario("webcam").model_copy(update={"duration_s": n_frames * FRAME_S})
+    rng = np.random.default_rng(scenario.seed)
+    scene = scene_of(scenario)
+    truth = true_motion(scene.network, scenario, rng)
+    images = list(film(scenario, scene, truth, rng))
+    line = Line(scene, baseline=False)
+    detect, filtered, total = [], [], []
+    for exposure_s, image in zip(truth.times_s, images, strict=True):
+        began = time.perf_counter()
+        step = line.see(float(exposure_s), image)
+        total.append(time.perf_counter() - began)
+        detect.append(step.detect_s)
+        filtered.append(step.method_s[FILTER])
+    warm = slice(n_frames // 10, None)
+    rest = [all_of_it - d - f for all_of_it, d, f in zip(total, detect, filtered, strict=True)]
+    parts = {"detect_ms": detect, "filter_ms": filtered, "rest_ms": rest, "total_ms": total}
+    return {key: 1e3 * float(np.median(seconds[warm])) for key, seconds in parts.items()}

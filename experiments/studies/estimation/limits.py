@@ -1,0 +1,189 @@
+"""How near the filter comes to the best there can be, and what becomes of it in hard runs: parts of the study."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
+from estimators import ForceMode, ParticleFilter, TargetEstimate, TissueFilter, coverage, posterior_bound
+from experiments.studies.estimation.runs import Row, Study, figures
+from experiments.studies.estimation.trials import KNOTS_PER_S, Model, Outcome, Trial, run, seen, truth
+
+Floats = NDArray[np.float64]
+
+TREMOR = 0.05
+"""Of the shipped scenarios, white acceleration on each free node [m/s²/sqrt(Hz)]."""
+
+MANY = 30
+"""Histories that the particle filter keeps."""
+
+FAR_M = 0.04
+"""Error of the hidden mass that counts as far off."""
+
+UNSAID_S = 0.5
+"""Time [s] within which a filter that is far off must say so."""
+
+
+def hard_trial(k: int) -> Trial:
+    """One of the thousand: frame rate, noise and strength of the pokes at random, three marks in ten lost."""
+    rng = np.random.default_rng([k, 3])
+    return Trial(
+        "poked" if k % 2 else "shoved",
+        5000 + k,
+        duration_s=6.0,
+        frames_per_s=int(rng.choice([5, 10, 15, 30, 60, 120])),
+        mark_sd_m=float(np.exp(rng.uniform(np.log(0.0005), np.log(0.008)))),
+        strength=float(rng.choice([1.0, 1.25, 1.5])),
+        lost=0.3,
+    )
+
+
+def hard(study: Study) -> dict[str, Row]:
+    """1,000 runs of 6 s over frame rates 5 to 120, 0.5 to 8 mm, 30 % of the marks lost, pokes up to 1.5 times."""
+    outcomes = study.all(run, [(hard_trial(k), Model()) for k in range(10 * study.n_runs)])
+    upright = [one for one in outcomes if not one.turned]
+    rows = {"upright": figures(upright) | _far(upright)}
+    if over := [one for one in outcomes if one.turned]:
+        rows["turned over"] = figures(over) | _far(over)
+    return rows
+
+
+def overturned(study: Study) -> dict[str, Row]:
+    """Pokes so strong that the truth turns over: whether the filter follows, or says so."""
+    rows: dict[str, Row] = {}
+    for strength in (1.5, 2.0, 3.0):
+        outcomes = study.all(run, [(Trial("shoved", 3000 + seed, strength=strength), Model()) for seed in study.seeds])
+        over = [one for one in outcomes if one.turned]
+        if over:
+            rows[f"{10 * strength:g} m/s²"] = figures(over) | _far(over)
+    return rows
+
+
+def bound_run(seed: int, cache: Path) -> dict[str, Any]:
+    """Squared error of the filter in a quiet run, and what the posterior Cramér-Rao bound leaves, each (n_frames,)."""
+    network, trial = four_mass_phantom(), Trial("quiet", seed)
+    positions = truth(trial, cache)
+    dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
+    states = pack(positions, np.gradient(positions, dt, axis=0))
+    mark = trial.mark_sd_m**2 * np.eye(2)
+    seen_marks = [dict.fromkeys(OUTER, mark) if k % every == 0 else {} for k in range(len(states))]
+    start = TissueFilter(network, HIDDEN, OUTER).mixture.P[: network.n_state, : network.n_state]
+    tremor = ForceMode(white=TREMOR, poke=1e-9, lasting_s=1.0)
+    times = dt * np.arange(len(states))
+    place = network.coordinates(HIDDEN)
+    covs = posterior_bound(network, states, times, seen_marks, tremor, start)[::every, place, place]
+    filtered = run(trial, Model(), cache).filtered
+    return {"squared": filtered**2, "bound": np.trace(covs, axis1=1, axis2=2)}
+
+
+def bound(study: Study) -> dict[str, Row]:
+    """Nobody pokes, constants known: RMSE by the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
+    runs = study.all(bound_run, [(seed,) for seed in study.seeds])
+    rows: dict[str, Row] = {}
+    for label, first in (("from the first frame", 0), ("after 2 s", 60)):
+        squared, least = (float(np.mean([one[key][first:] for one in runs])) for key in ("squared", "bound"))
+        rows[label] = {
+            "runs": len(runs),
+            "rmse_mm": 1e3 * float(np.sqrt(squared)),
+            "bound_mm": 1e3 * float(np.sqrt(least)),
+            "ratio": float(np.sqrt(squared / least)),
+        }
+    return rows
+
+
+def optimum_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
+    """Squared errors of the filter and of a particle filter of mode histories on the same marks, each (n_frames,)."""
+    network, trial = four_mass_phantom(), Trial(scenario, seed)
+    frames, hidden = seen(trial, cache, np.random.default_rng([seed, 4]))
+    frames, hidden = frames[: 5 * trial.frames_per_s], hidden[: 5 * trial.frames_per_s]
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    particles = ParticleFilter(network, HIDDEN, OUTER, rng=np.random.default_rng([seed, 5]), n_particles=MANY)
+    squared: dict[str, list[float]] = {"filter": [], "particles": []}
+    for (time_s, marks), place in zip(frames, hidden, strict=True):
+        for name, method in (("filter", tissue), ("particles", particles)):
+            method.predict(time_s)
+            off = method.update(marks).mean - place
+            squared[name].append(float(off @ off))
+    return {name: np.array(values) for name, values in squared.items()}
+
+
+def optimum(study: Study) -> dict[str, Row]:
+    """Poked, constants known: RMSE by that of a particle filter of mode histories; 5 s at 4.14 mm, 30 frames/s."""
+    rows: dict[str, Row] = {}
+    for name in ("poked", "shoved"):
+        runs = study.all(optimum_run, [(name, seed) for seed in study.seeds])
+        ours, best = (float(np.mean([one[key] for one in runs])) for key in ("filter", "particles"))
+        rows[name] = {
+            "runs": len(runs),
+            "rmse_mm": 1e3 * float(np.sqrt(ours)),
+            "particles_mm": 1e3 * float(np.sqrt(best)),
+            "ratio": float(np.sqrt(ours / best)),
+        }
+    return rows
+
+
+def lost_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
+    """All marks lost from 3 to 5 s: statuses meanwhile, growth of sigma, and error and NEES half a second after."""
+    network, trial = four_mass_phantom(), Trial(scenario, seed)
+    frames, hidden = seen(trial, cache, np.random.default_rng([seed, 6]))
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    estimates: list[TargetEstimate] = []
+    for time_s, marks in frames[:166]:
+        tissue.predict(time_s)
+        estimates.append(tissue.update([] if 90 <= len(estimates) < 150 else marks))
+    off = estimates[165].mean - hidden[165]
+    before, late, after = (np.array(estimates[k].cov, dtype=float) for k in (89, 149, 165))
+    return {
+        "coasted_then_lost": [e.status.value for e in estimates[91:149]] == ["COASTING"] * 28 + ["LOST"] * 30
+        or [e.status.value for e in estimates[91:149]] == ["COASTING"] * 29 + ["LOST"] * 29,
+        "grew": bool(np.trace(late) > np.trace(before)),
+        "tracking": estimates[165].status.value == "TRACKING",
+        "nees": float(off @ np.linalg.solve(after, off)),
+        "off_mm": 1e3 * float(np.linalg.norm(off)),
+    }
+
+
+def lost(study: Study) -> dict[str, Row]:
+    """All marks lost for 2 s, pokes going on, and half a second of them after; 4.14 mm, 30 frames/s."""
+    rows: dict[str, Row] = {}
+    for name in ("quiet", "poked", "shoved"):
+        runs = study.all(lost_run, [(name, seed) for seed in study.seeds])
+        rows[name] = {
+            "runs": len(runs),
+            "coasted_then_lost": sum(one["coasted_then_lost"] for one in runs),
+            "grew": sum(one["grew"] for one in runs),
+            "tracking": sum(one["tracking"] for one in runs),
+            "coverage95": coverage([one["nees"] for one in runs], 2),
+            "mean_mm": float(np.mean([one["off_mm"] for one in runs])),
+            "worst_mm": float(np.max([one["off_mm"] for one in runs])),
+        }
+    return rows
+
+
+def _far(outcomes: Sequence[Outcome]) -> Row:
+    """Runs that diverged, and the longest time [s] for which one was surely wrong and TRACKING.
+
+    Diverged: more than FAR_M off while TRACKING, for UNSAID_S or longer or in the last frame. Surely wrong: more than
+    FAR_M off with a NEES above 30, which one frame in three million has.
+    """
+    diverged, longest = 0, 0.0
+    for one in outcomes:
+        off = (one.filtered > FAR_M) & (np.array(one.status) == "TRACKING")
+        diverged += bool(_longest(one.times_s, off) >= UNSAID_S or off[-1])
+        longest = max(longest, _longest(one.times_s, off & (one.nees > 30.0)))
+    ever = sum(bool((one.filtered > FAR_M).any()) for one in outcomes)
+    return {"runs_diverged": diverged, "runs_ever_far": ever, "longest_unsaid_s": longest}
+
+
+def _longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
+    """The longest time [s] from the first to the last frame of an unbroken row of these."""
+    longest, since = 0.0, None
+    for time_s, now in zip(times_s, wrong, strict=True):
+        since = (time_s if since is None else since) if now else None
+        longest = max(longest, 0.0 if since is None else float(time_s - since))
+    return longest

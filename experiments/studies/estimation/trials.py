@@ -1,0 +1,156 @@
+"""Seeded runs without pictures: a scenario's truth, its marks with noise, methods on them, their errors.
+
+Truth is DOP853's (`experiments.simulation.simulate`), kept in a folder so that many runs share it.
+"""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, Uncertainty, four_mass_phantom
+from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_squared
+from experiments.formats.outputs import write_whole
+from experiments.formats.scenario import read_scenario
+from experiments.simulation.simulate import true_motion
+
+Floats = NDArray[np.float64]
+Frames = list[tuple[float, list[MarkMeasurement]]]
+
+KNOTS_PER_S = 120
+"""Truth is kept this often [1/s]; frame rates must divide it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One run: a shipped scenario with another seed, strength of pokes, camera, and share of marks lost at random."""
+
+    scenario: str
+    seed: int
+    duration_s: float = 20.0
+    frames_per_s: int = 30
+    mark_sd_m: float = 0.00414
+    strength: float = 1.0
+    lost: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """What the methods are told of the tissue."""
+
+    network: MassSpringNetwork = field(default_factory=four_mass_phantom)
+    uncertainty: Uncertainty | None = None
+    settings: FilterSettings = field(default_factory=FilterSettings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What came of a run.
+
+    open_loop, filtered: error of the hidden mass [m], (n_frames,); nees, sigma [m]: by and of the filter's covariance
+    statuses, refused, repairs: counts; turned: whether a spring of the truth ever turned by more than a right angle
+    """
+
+    times_s: Floats
+    open_loop: Floats
+    filtered: Floats
+    nees: Floats
+    sigma: Floats
+    status: tuple[str, ...]
+    refused: Counter[str]
+    repairs: Counter[str]
+    turned: bool
+
+
+def truth(trial: Trial, cache: Path) -> Floats:
+    """Positions of the free nodes at KNOTS_PER_S [m], (n, n_free, dim), computed once and kept in the cache."""
+    path = cache / f"{trial.scenario}_{trial.seed}_{trial.duration_s:g}_{trial.strength:g}.npy"
+    if path.exists():
+        return np.asarray(np.load(path))
+    change: dict[str, object] = {
+        "seed": trial.seed,
+        "duration_s": trial.duration_s,
+        "frame_interval_s": 1.0 / KNOTS_PER_S,
+    }
+    scenario = read_scenario(trial.scenario)
+    if scenario.pokes is not None:
+        pokes = {"acceleration_m_s2": trial.strength * scenario.pokes.acceleration_m_s2}
+        change["pokes"] = scenario.pokes.model_copy(update=pokes)
+    scenario = scenario.model_copy(update=change)
+    positions = true_motion(four_mass_phantom(), scenario, np.random.default_rng(trial.seed)).positions
+    buffer = io.BytesIO()
+    np.save(buffer, positions)
+    write_whole(path, buffer.getvalue())
+    return positions
+
+
+def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[str] = OUTER) -> tuple[Frames, Floats]:
+    """Frames with the marks of these nodes, and where the hidden mass was at each [m], (n_frames, dim)."""
+    positions = truth(trial, cache)
+    step = KNOTS_PER_S // trial.frames_per_s
+    network = four_mass_phantom()
+    places = {node: network.coordinates(node).start // network.dim for node in (*nodes, HIDDEN)}
+    cov = trial.mark_sd_m**2 * np.eye(network.dim)
+    frames: Frames = []
+    for k, now in enumerate(positions[::step]):
+        noisy = now + rng.normal(0.0, trial.mark_sd_m, now.shape)
+        kept = rng.random(len(nodes)) >= trial.lost
+        marks = [
+            MarkMeasurement(node, noisy[places[node]], cov) for node, there in zip(nodes, kept, strict=True) if there
+        ]
+        frames.append((k * step / KNOTS_PER_S, marks))
+    return frames, positions[::step, places[HIDDEN]]
+
+
+def run(trial: Trial, model: Model, cache: Path) -> Outcome:
+    """The paper's method and ours on the same marks."""
+    rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
+    frames, hidden = seen(trial, cache, rng)
+    tissue = TissueFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
+    open_loop = OpenLoop(model.network, HIDDEN)
+    paper, ours = [], []
+    for time_s, marks in frames:
+        paper.append(open_loop.update(time_s, marks).mean)
+        tissue.predict(time_s)
+        ours.append(tissue.update(marks))
+    return outcome(np.array([t for t, _ in frames]), hidden, np.array(paper), ours, tissue, turned(truth(trial, cache)))
+
+
+def outcome(
+    times_s: Floats,
+    hidden: Floats,
+    paper: Floats,
+    ours: Sequence[TargetEstimate],
+    tissue: TissueFilter,
+    over: bool,
+) -> Outcome:
+    """Errors and counts of one run."""
+    errors = np.array([estimate.mean for estimate in ours]) - hidden
+    covs = np.array([estimate.cov for estimate in ours])
+    return Outcome(
+        times_s,
+        np.linalg.norm(paper - hidden, axis=1),
+        np.linalg.norm(errors, axis=1),
+        normalised_squared(errors, covs),
+        np.sqrt(np.trace(covs, axis1=1, axis2=2)),
+        tuple(estimate.status.value for estimate in ours),
+        tissue.refused,
+        tissue.repairs,
+        over,
+    )
+
+
+def turned(positions: Floats) -> bool:
+    """Whether a spring between these free nodes, (n, n_free, dim), ever points against where it does at rest."""
+    network = four_mass_phantom()
+    everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
+    everywhere[:, network.free] = positions
+    i, j = network.springs.T
+    along = (everywhere[:, j] - everywhere[:, i]) * (network.positions[j] - network.positions[i])
+    return bool((along.sum(axis=2) < 0.0).any())

@@ -1,0 +1,253 @@
+"""Marks of one hue whose names were exchanged: how soon that is noticed, how often mended, how often seen in error.
+
+    python -m experiments.studies.identity --out study         # 108 runs of each kind, some 10 minutes on two cores
+    python -m experiments.studies.identity --runs 4 --out study
+
+Truth is DOP853's, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's, marks 280 mm apart and more, 4.14 mm of
+noise. `close`: the same masses and springs with three tenths of the distances, 1 mm of noise; when shoved it turns over
+and its marks pass each other. Kinds of run:
+
+never: names as they are. wrong springs: the same, and the filter believes them to be 1.4 times as
+stiff. for good: two names exchanged from 1.5 s on. a while: for ten frames. from the start: names
+permuted in all frames. slipped by: the same, and nobody doubts them in the first 1.5 s. hidden: nobody gives names;
+all marks are hidden for half a second in each 1.3 s, and those that come back are named by where the filter expects
+them (`vision.tracking.association`). seldom: the same with 5 frames/s and nothing hidden.
+
+study/identity.json has the figures of docs/marks-study.md, study/identity.csv a row a run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
+from estimators import Identity, MarkMeasurement, Named, TissueFilter
+from experiments.formats.outputs import output_folder, write_whole
+from experiments.formats.scenario import read_scenario
+from experiments.simulation.simulate import true_motion
+from vision import Detection, Expected, identify
+
+Floats = NDArray[np.float64]
+
+DURATION_S, FRAMES_PER_S = 4.0, 30
+FROM, FOR = 45, 10
+"""Frame of the exchange, and how many frames it lasts where it ends."""
+SETTINGS = tuple((where, how) for where in ("phantom", "close") for how in ("quiet", "poked", "shoved"))
+TOLD = ("never", "wrong springs", "for good", "a while", "from the start", "slipped by")
+BLIND = ("for good", "from the start")
+"""Kinds of run that are done without doubts, too."""
+WRONG = 1.4
+"""Stiffness that the filter believes in, by the true one, where its springs are wrong."""
+NAMELESS = {"hidden": 1, "seldom": 6}
+"""Kinds of run in which nobody gives names: every how manieth frame is taken."""
+NOISE_M = {"phantom": 0.00414, "close": 0.001}
+CLOSE = 0.3
+END_S = 1.5
+"""Errors of the target are those of the last seconds [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """One truth: times [s] (n,), marks and the target as they were and as they are seen [m], (n, ., dim)."""
+
+    network: MassSpringNetwork
+    times_s: Floats
+    marks: Floats
+    target: Floats
+    noise_m: float
+
+
+def tissue_of(where: str) -> MassSpringNetwork:
+    """The paper's phantom, or the same with its masses close together, at rest."""
+    network = four_mass_phantom()
+    if where == "phantom":
+        return network
+    close = replace(network, positions=CLOSE * network.positions, rest_lengths=CLOSE * network.rest_lengths)
+    return replace(close, positions=rest_shape(close))
+
+
+def world(where: str, how: str, seed: int) -> World:
+    """What happens in a run, and where the marks are seen."""
+    network = tissue_of(where)
+    change = {"duration_s": DURATION_S, "seed": seed, "frame_interval_s": 1.0 / FRAMES_PER_S}
+    truth = true_motion(network, read_scenario(how).model_copy(update=change), np.random.default_rng([seed, 1]))
+    places = [network.coordinates(node).start // network.dim for node in (*OUTER, HIDDEN)]
+    positions = truth.positions[:, places]
+    rng = np.random.default_rng([seed, 2])
+    seen = positions[:, :-1] + rng.normal(0.0, NOISE_M[where], positions[:, :-1].shape)
+    return World(network, truth.times_s, seen, positions[:, -1], NOISE_M[where])
+
+
+def names_told(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
+    """By frame, what mark is told by each name, (n_frames, 3)."""
+    told = np.tile(np.arange(len(OUTER)), (round(DURATION_S * FRAMES_PER_S), 1))
+    i, j = rng.permutation(len(OUTER))[:2]
+    if kind in ("from the start", "slipped by"):
+        others = [(1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1)]
+        told[:] = others[rng.integers(len(others))]
+    elif kind not in ("never", "wrong springs"):
+        until = FROM + FOR if kind == "a while" else None
+        told[FROM:until, [i, j]] = told[FROM:until, [j, i]]
+    return told
+
+
+def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[str, ...]]) -> dict[str, object]:
+    """A run with names that another gave; alike empty: nobody doubts them."""
+    network = one.network
+    if kind == "wrong springs":
+        network = replace(network, stiffness=WRONG * network.stiffness)
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    identity = Identity(tissue, alike)
+    cov = one.noise_m**2 * np.eye(one.network.dim)
+    errors, right, seconds, swaps, doubts = [], [], [], [], 0
+    for k, time_s in enumerate(one.times_s):
+        marks = [MarkMeasurement(n, one.marks[k, m], cov) for n, m in zip(OUTER, told[k], strict=True)]
+        began = time.perf_counter()
+        tissue.predict(float(time_s))
+        if kind == "slipped by" and k < FROM:
+            named = Named(tissue.update(marks), tuple(marks))
+        else:
+            named = identity.update(identity.named(marks))
+        seconds.append(time.perf_counter() - began)
+        doubts += bool(identity.rivals)
+        if named.swap is not None:
+            swaps.append(k)
+        errors.append(np.linalg.norm(named.estimate.mean - one.target[k]))
+        right.append(all(OUTER[m] == mark.node for mark, m in zip(named.marks, told[k], strict=True)))
+    end = one.times_s > one.times_s[-1] - END_S
+    return {
+        "end_mm": 1e3 * float(np.sqrt(np.mean(np.square(errors)[end]))),
+        "wrong_frames": len(right) - sum(right),
+        "wrong_end": not right[-1],
+        "swaps": len(swaps),
+        "first_swap": swaps[0] if swaps else -1,
+        "doubts": doubts,
+        "ms": 1e3 * float(np.median(seconds)),
+        "worst_ms": 1e3 * float(np.max(seconds[5:])),
+    }
+
+
+def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
+    """A run in which each frame's marks are named by where the filter expects them."""
+    tissue = TissueFilter(one.network, HIDDEN, OUTER)
+    identity = Identity(tissue, alike)
+    cov = one.noise_m**2 * np.eye(one.network.dim)
+    errors, wrong, at_end = [], 0, False
+    for k in range(0, len(one.times_s), NAMELESS[kind]):
+        tissue.predict(float(one.times_s[k]))
+        hidden = kind == "hidden" and k % 40 >= 25
+        seen = [] if hidden else [Detection(1e3 * z, 1e6 * cov, 10.0, 0.0, False) for z in one.marks[k]]
+        expected = []
+        for node in OUTER:
+            mean, spread = tissue.expected(node)
+            expected.append(Expected(node, 1e3 * mean, 1e6 * spread, 0.0))
+        found = identify(seen, expected, gate=1e4)
+        which = [next(m for m, d in enumerate(seen) if d is f.detection) for f in found]
+        named = identity.update(
+            [MarkMeasurement(f.name, one.marks[k, m], cov) for f, m in zip(found, which, strict=True)]
+        )
+        if found:
+            at_end = any(mark.node != OUTER[m] for mark, m in zip(named.marks, which, strict=True))
+            wrong += at_end
+        errors.append((one.times_s[k], np.linalg.norm(named.estimate.mean - one.target[k])))
+    late = [e for t, e in errors if t > one.times_s[-1] - END_S]
+    return {
+        "end_mm": 1e3 * float(np.sqrt(np.mean(np.square(late)))),
+        "wrong_frames": wrong,
+        "wrong_end": at_end,
+        "swaps": len(identity.swaps),
+    }
+
+
+def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
+    """All kinds of run on one truth, with the names in doubt and without."""
+    one = world(where, how, seed)
+    rows = []
+    for kind in TOLD:
+        told = names_told(kind, np.random.default_rng([seed, 3]))
+        for doubted in (True, False)[: 2 if kind in BLIND else 1]:
+            row = told_run(one, kind, told, [tuple(OUTER)] if doubted else [])
+            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": doubted} | row)
+    for kind in NAMELESS:
+        for doubted in (True, False):
+            row = nameless_run(one, kind, [tuple(OUTER)] if doubted else [])
+            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": doubted} | row)
+    return rows
+
+
+def figures(rows: pd.DataFrame) -> dict[str, dict[str, float]]:
+    """By place, motion and kind of run, and by place and kind, what the rows come to."""
+    told = {
+        " ".join(which): _of_kind(part, rows[(rows["where"] == which[0]) & (rows.how == which[1])])
+        for which, part in rows.groupby(["where", "how", "kind"], sort=False)
+    }
+    for (where, kind), part in rows.groupby(["where", "kind"], sort=False):
+        told[f"{where} all {kind}"] = _of_kind(part, rows[rows["where"] == where])
+    return told
+
+
+def _of_kind(part: pd.DataFrame, rows: pd.DataFrame) -> dict[str, float]:
+    """Of runs of one kind, beside all rows: with names in doubt; `else` with nobody who doubts them."""
+    ours, blind = part[part.doubted], part[~part.doubted]
+    known = {
+        "runs": len(ours),
+        "swaps": int(ours.swaps.sum()),
+        "runs_with_swaps": int((ours.swaps > 0).sum()),
+        "runs_wrong_in_the_end": int(ours.wrong_end.astype(bool).sum()),
+        "wrong_frames": int(ours.wrong_frames.sum()),
+        "end_mm": float(ours.end_mm.median()),
+        "end_mm_unswapped": float(rows[(rows.kind == "never") & rows.doubted].end_mm.median()),
+    }
+    if len(blind):
+        known["runs_wrong_in_the_end_else"] = int(blind.wrong_end.astype(bool).sum())
+        known["wrong_frames_else"] = int(blind.wrong_frames.sum())
+        known["end_mm_else"] = float(blind.end_mm.median())
+    if part.kind.iloc[0] in ("for good", "a while", "from the start", "slipped by"):
+        late = ours.wrong_frames - (FROM if part.kind.iloc[0] == "slipped by" else 0)
+        known["late_median"], known["late_most"] = float(late.median()), float(late.max())
+    if part.kind.iloc[0] in TOLD:
+        known["frames_in_doubt"] = int(ours.doubts.sum())
+    return known
+
+
+def study(n_runs: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, float]]:
+    """All settings; identity.csv and identity.json in the folder."""
+    rows: list[dict[str, object]] = []
+    with ProcessPoolExecutor(n_processes) as pool:
+        for where, how in SETTINGS:
+            for k, part in enumerate(pool.map(partial(run, where=where, how=how), range(n_runs))):
+                rows += part
+                sys.stderr.write(f"\r{where} {how}: {k + 1} of {n_runs} runs ")
+            sys.stderr.write("\n")
+    table = pd.DataFrame(rows)
+    told = figures(table)
+    write_whole(out / "identity.csv", table.to_csv(index=False, float_format="%.4f"))
+    write_whole(out / "identity.json", json.dumps(told, indent=1) + "\n")
+    return told
+
+
+def main() -> None:
+    """Run the study and print its figures."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--runs", type=int, default=18)
+    parser.add_argument("--out", type=Path, required=True)
+    chosen = parser.parse_args()
+    with output_folder(chosen.out, force=True) as folder:
+        told = study(chosen.runs, folder)
+    for name, row in told.items():
+        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
+
+
+if __name__ == "__main__":
+    main()

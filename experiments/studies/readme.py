@@ -1,0 +1,78 @@
+"""Rewrites the README's pictures and figures: `python -m experiments.studies.readme` in the checkout.
+
+It takes some three minutes. They stand between comments;
+`tests/experiments/studies/test_readme.py` holds them against a new demo and a few runs.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from experiments.pipeline.line import FILTER, OPEN_LOOP
+from experiments.studies.demo import PAPER_MM, SCENARIOS, Figures, demo
+from experiments.studies.hidden_error import N_RUNS, SEEDS, study
+
+ROOT = Path(__file__).parents[2]
+PICTURES = ("path.png", "error.png", "sigma.png")
+
+
+def markdown_table(figures: Figures) -> str:
+    """The demo's table as the README shows it."""
+    heads = " | ".join(figures)
+    published = " | ".join(f"{PAPER_MM[s][0]:.2f} ± {PAPER_MM[s][1]:.2f}" for s in figures)
+    rows = [
+        f"| mean absolute error ± SD of the hidden mass [mm] | {heads} |",
+        "| --- |" + " ---: |" * len(figures),
+        f"| as published, a frame each 1.09 s | {published} |",
+    ]
+    for method, label in (
+        (OPEN_LOOP, "the paper's method on our frames"),
+        (FILTER, "Softaim's filter on the same frames"),
+    ):
+        cells = " | ".join(f"{figures[s][method]['mae_mm']:.2f} ± {figures[s][method]['sd_mm']:.2f}" for s in figures)
+        rows.append(f"| {label} | {cells} |")
+    cells = " | ".join(f"{100 * (figures[s][FILTER]['coverage95'] or 0.0):.1f} %" for s in figures)
+    rows.append(f"| truth inside the filter's 95 % region | {cells} |")
+    return "\n".join(rows)
+
+
+def figure_rows(studies: dict[str, dict[str, float]]) -> str:
+    """What the filter has been measured to do over seeded runs, as rows of the README's table."""
+    ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
+    covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
+    command = "`python -m experiments.studies.hidden_error`"
+    what = f"error of the hidden mass by the open loop's, 4.14 mm of mark noise an axis, 30 frames/s, {N_RUNS} runs"
+    rows = [
+        "| figure | value | command |",
+        "| --- | --- | --- |",
+        f"| {what} | {ratios} | {command} |",
+        f"| truth inside the 95 % region there | {covered} | the same |",
+    ]
+    return "\n".join(rows)
+
+
+def rewritten(text: str, name: str, made: str) -> str:
+    """The README with what stands between the comments of that name made anew."""
+    start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    return re.sub(f"{start}.*{end}", lambda _: f"{start}\n{made}\n{end}", text, flags=re.DOTALL)
+
+
+def main() -> None:
+    """Run demo and study, copy the demo's pictures to docs/images, rewrite the figures."""
+    with tempfile.TemporaryDirectory() as folder:
+        figures = demo(Path(folder) / "demo", stage=lambda _name: lambda _share: None)
+        images = ROOT / "docs" / "images"
+        images.mkdir(exist_ok=True)
+        for name in PICTURES:
+            shutil.copyfile(Path(folder) / "demo" / "poked" / name, images / f"poked-{name}")
+    readme = ROOT / "README.md"
+    text = rewritten(readme.read_text(encoding="utf-8"), "demo table", markdown_table(figures))
+    studies = {name: study(name, SEEDS) for name in SCENARIOS}
+    readme.write_text(rewritten(text, "figures", figure_rows(studies)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

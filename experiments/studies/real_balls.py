@@ -1,0 +1,151 @@
+"""Balls really filmed, followed by their colour and outline, and compared with centres that people labelled by eye.
+
+    python -m experiments.studies.real_balls ../shared/data --out DIR
+
+The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
+trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
+and one carried by a hand that half covers it. Hues are learned from one place in one frame. DIR gets a table for each
+film, a row a frame, and real-balls.json. Last figures: docs/real-film.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.errors import InputError
+from experiments.formats.outputs import output_folder, write_whole
+from experiments.studies.px_follower import PxFollower
+from vision import Outline, VideoFileFrames, learn_hue
+
+Floats = NDArray[np.float64]
+
+LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
+"""film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by: balls labelled by eye, some twice (by 1 and 2).
+
+u_seen, v_seen: both sides that tell the coordinate were in view.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A film and one place in it that shows the ball.
+
+    path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
+    jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
+    focal_px: of the camera, by what is usual in telephones
+    size_sd, follow_size: how far its size may be off, as a share of it; how much of that a new sight corrects
+    """
+
+    path: str
+    click: tuple[int, float, float]
+    radius_px: float
+    jolt_px: float
+    focal_px: float
+    size_sd: float
+    follow_size: float
+
+
+FILMS = {
+    "red-pendulum": Film("red-pendulum/ball.mp4", (150, 229.0, 536.0), 19.5, 3000.0, np.inf, 0.01, 0.01),
+    "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0, 950.0, 0.1, 0.1),
+    "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0, 950.0, 0.05, 0.1),
+}
+
+
+def stretched(off_px: Floats, focal_px: float) -> Floats:
+    """By what a ball off the middle of a picture, (2,), is drawn wider from there on, (2, 2): 1 / cos of the angle."""
+    return np.eye(2) + (np.hypot(1.0, np.hypot(*off_px) / focal_px) - 1.0) * _projector(off_px)
+
+
+def _projector(along: Floats) -> Floats:
+    length = float(np.hypot(*along))
+    return np.zeros((2, 2)) if length == 0.0 else np.outer(along, along) / length**2
+
+
+def followed(path: Path, film: Film) -> pd.DataFrame:
+    """A row a frame: time, whether and where the ball is seen, the covariance of that, what hides it, its radius."""
+    with VideoFileFrames(path) as frames:
+        clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
+    if clicked is None:
+        raise InputError(f"{path}: expected a frame {film.click[0]}, found fewer")
+    follower = PxFollower({"ball": learn_hue(clicked.image, film.click[1:])}, film.jolt_px)
+    radius_px = film.radius_px
+    rows = []
+    with VideoFileFrames(path) as frames:
+        for frame in frames:
+            if not follower.filters:
+                radius_px = film.radius_px
+            known = follower.filters.get("ball")
+            middle = (np.array(frame.image.shape[1::-1]) - 1.0) / 2.0
+            off = np.zeros(2) if known is None else known.x[:2] - middle
+            outline = Outline(radius_px * stretched(off, film.focal_px), film.size_sd, even=False)
+            seen = follower.see(frame, {"ball": outline}).get("ball")
+            row: dict[str, float | int | bool] = {"frame": frame.index, "time_s": frame.exposure_s}
+            row["seen"] = seen is not None
+            if seen is not None:
+                (uu, uv), (_, vv) = seen.cov_px2
+                row |= {"u_px": seen.center_px[0], "v_px": seen.center_px[1], "uu_px2": uu, "uv_px2": uv, "vv_px2": vv}
+                row |= {"covered": seen.covered, "clipped": seen.clipped, "radius_px": radius_px * seen.size}
+                if not seen.clipped:
+                    radius_px *= seen.size**film.follow_size
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
+    """How far the ball is found from where it was labelled [px], along u and v, where both its sides are seen there."""
+    first = labels[labels.by == 1]
+    both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
+    told = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
+    off = (both[["u_px", "v_px"]].to_numpy() - both[["u_px_label", "v_px_label"]].to_numpy())[told]
+    variance = both[["uu_px2", "vv_px2"]].to_numpy(dtype=float)[told]
+    twice = first.merge(labels[labels.by == 2], on="frame", suffixes=("", "_again"))
+    again = (twice[["u_px", "v_px"]].to_numpy() - twice[["u_px_again", "v_px_again"]].to_numpy()).ravel()
+    return {
+        "labels": len(first),
+        "found": len(both),
+        "coordinates": int(told.sum()),
+        "rms_px": float(np.sqrt((off**2).mean())),
+        "median_px": float(np.median(np.abs(off))),
+        "sigma_px": float(np.sqrt(variance.mean())),
+        "label_scatter_px": float(np.sqrt((again**2).mean() / 2.0)) if len(again) else np.nan,
+    }
+
+
+def report(data: Path, out: Path) -> dict[str, dict[str, float]]:
+    """Follow the ball of every film, write the tables, and say how near the labels it was found, where it has any."""
+    labels = pd.read_csv(LABELS)
+    figures = {}
+    for name, film in FILMS.items():
+        sys.stderr.write(f"{name}\n")
+        rows = followed(data / film.path, film)
+        write_whole(out / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
+        own = labels[labels.film == name]
+        if len(own):
+            figures[name] = against_labels(rows, own)
+    return figures
+
+
+def main() -> None:
+    """Follow the balls and print how near the labels they were found."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("data", type=Path, help="folder of the real pictures")
+    parser.add_argument("--out", type=Path, required=True)
+    chosen = parser.parse_args()
+    with output_folder(chosen.out, force=True, inputs=[chosen.data]) as folder:
+        figures = report(chosen.data, folder)
+        write_whole(folder / "real-balls.json", json.dumps(figures, indent=1) + "\n")
+    for name, row in figures.items():
+        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.3g}' for key, value in row.items())}\n")
+
+
+if __name__ == "__main__":
+    main()

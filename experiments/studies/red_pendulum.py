@@ -1,0 +1,344 @@
+"""A red ball on a cord, really filmed: the first time that a covariance of ours meets the real world.
+
+The film is `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f (MIT): 334 frames, 360x640, 29.9 frames/s. A
+hand lets a ball go, it swings, strikes a wall just before its lowest point, and comes to lean on it. One anchor, one
+mass, one stiff spring; the wall is not in the model and acts as an unknown force.
+
+    python -m experiments.studies.red_pendulum ball.mp4 --out DIR
+
+makes DIR/recording for `softaim track`, tracks it, then withholds the mark for 0.3 s at a time and compares where
+the filter says it is with where it was seen: DIR/report.json, DIR/withheld.png. Last figures: docs/real-film.md.
+
+The ball swings in a plane turned about the vertical from the picture's, so that its circle is seen as an oval: the
+homography of that plane has one free number, the turn. The scale follows from gravity and the period: between two
+strikes the ball swings freely, theta'' = -w² sin(theta - theta_0) - 2 g theta', and the w that explains all flights
+gives the cord's length 9.81 / w².
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
+
+import vision
+from dynamics import MassSpringNetwork
+from estimators import coverage, normalised_squared
+from experiments.errors import InputError
+from experiments.formats.outputs import output_folder
+from experiments.formats.recording import MarkRow, Recording, open_recording, write_frames_csv, write_marks_csv
+from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from experiments.pipeline.line import FILTER
+from experiments.pipeline.track import Track, track, write_tables
+from experiments.plots.track import OURS, TRUE, ellipse, write_plots
+from experiments.studies.real_balls import FILMS, followed
+
+Floats = NDArray[np.float64]
+
+GRAVITY = 9.81
+HOOK_PX = (306.0, 102.0)  # read off the film: where the cord leaves the hook
+FOCAL_PX = 500.0  # chosen: of a telephone's camera held upright, 360 px wide
+BALL_PX = 38.6  # diameter of the ball, mean of its rim in all frames (experiments.studies.real_balls)
+FIRST_FREE = 9  # the frame after which the hand has let go, read off the film
+HUE_DEG = 15.7  # learned by `vision.learn_hue` from its middle in frame 150
+MASS_KG = 0.05  # chosen: positions do not depend on it, forces are told by mass
+STIFFNESS_N_M = 60.0  # chosen: the swing leaves the plane, and the cord's length in the picture varies by 5 mm
+DAMPING_N_S_M = 0.5  # chosen
+CALIBRATION_SD_PX = 1.0  # chosen: striped ball, knot and shadow move the centre of its colour by about this
+WITHHELD_S, EVERY_S, OFFSETS_S = 0.3, 1.0, (0.25, 0.5, 0.75, 1.0)
+SHORTEST_FLIGHT = 8  # frames
+BALL, HOOK = "ball", "hook"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """The plane of the swing as the camera sees it, its unit the pixel at the hook's distance, the hook its origin.
+
+    narrowing: cosine of the angle by which it is turned from the picture; nearing: share by which one unit to the
+    right lies further away; center_px: where the camera looks, (2,)
+    radius_px: length of the cord [units]
+    """
+
+    narrowing: float
+    nearing: float
+    center_px: Floats
+    radius_px: float
+
+    def to_px(self, units_per_m: float = 1.0) -> Floats:
+        """Homography from the plane to the picture, (3, 3), for coordinates of which one metre is so many units."""
+        (u0, v0), (u, v), q = HOOK_PX, self.center_px, self.nearing
+        unit = np.array([[u * q + self.narrowing, 0.0, u0], [v * q, -1.0, v0], [q, 0.0, 1.0]])
+        return unit @ np.diag([units_per_m, units_per_m, 1.0])
+
+    def seen(self, angles: Floats) -> Floats:
+        """Where the ball is seen [px], (n, 2), when the cord stands at these angles from straight down [rad], (n,)."""
+        places = self.radius_px * np.stack(
+            [np.sin(angles), -np.cos(angles), np.full(len(angles), 1.0 / self.radius_px)]
+        )
+        mapped = self.to_px() @ places
+        return (mapped[:2] / mapped[2]).T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swing:
+    """What the free flights say: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
+
+    rms_px: what the fit of the flights leaves; strikes: frames in which the ball meets the wall
+    """
+
+    frequency: float
+    rest_angle: float
+    damping: float
+    plane: Plane
+    rms_px: float
+    strikes: tuple[int, ...]
+
+    @property
+    def length_m(self) -> float:
+        """Length of the cord: g / w²."""
+        return GRAVITY / self.frequency**2
+
+    @property
+    def mm_per_px(self) -> float:
+        """Height of a pixel at the hook's distance [mm]."""
+        return 1e3 * self.length_m / self.plane.radius_px
+
+
+def seen_centers(film: Path) -> tuple[Floats, Floats]:
+    """Exposure times [s], (n,), and centres of the ball [px], (n, 2); InputError where a frame shows none."""
+    rows = followed(film, FILMS["red-pendulum"])
+    if not rows.seen.all():
+        raise InputError(f"{film}: frame {rows.frame[~rows.seen].iloc[0]}: expected a red ball, found none")
+    return rows.time_s.to_numpy(), rows[["u_px", "v_px"]].to_numpy()
+
+
+def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], n_flights: int = 10) -> Swing:
+    """The pendulum, and the turn of its plane, that explain where the ball is seen in the first flights."""
+    center_px = (np.array(size_px) - 1.0) / 2.0
+    strikes = _strikes(centers_px[:, 0])
+    ends = pairwise([FIRST_FREE, *strikes])
+    flights = [np.arange(a + 2, b - 1) for a, b in ends if b - a > SHORTEST_FLIGHT][:n_flights]
+    if len(flights) < 2:
+        raise InputError(f"film: expected a ball that swings freely at least twice, found {len(flights)} swings")
+
+    def parts(p: Floats) -> tuple[Plane, Floats]:
+        plane = Plane(float(np.cos(p[0])), float(np.sin(p[0]) / FOCAL_PX), center_px, float(p[1]))
+        angles = [_swung(times_s[f], p[5 + 2 * k : 7 + 2 * k], *p[2:5]) for k, f in enumerate(flights)]
+        return plane, np.concatenate(angles)
+
+    def left_over(p: Floats) -> Floats:
+        plane, angles = parts(p)
+        return (plane.seen(angles) - centers_px[np.concatenate(flights)]).ravel()
+
+    away = centers_px - HOOK_PX
+    angles = np.arctan2(away[:, 0], away[:, 1])
+    starts = [(angles[f[0]], (angles[f[1]] - angles[f[0]]) / (times_s[f[1]] - times_s[f[0]])) for f in flights]
+    first = np.concatenate([[0.2, float(np.median(np.linalg.norm(away, axis=1))), 4.5, 0.0, 0.1], np.ravel(starts)])
+    fit = least_squares(left_over, first, x_scale="jac", loss="soft_l1")
+    plane, _ = parts(fit.x)
+    rms_px = float(np.sqrt((left_over(fit.x) ** 2).mean()))
+    return Swing(float(fit.x[2]), float(fit.x[3]), float(fit.x[4]), plane, rms_px, tuple(strikes))
+
+
+def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float) -> Floats:
+    solved = solve_ivp(
+        lambda _t, y: [y[1], -w * w * np.sin(y[0] - rest) - 2.0 * damping * y[1]],
+        (times_s[0], times_s[-1]),
+        start,
+        t_eval=times_s,
+        rtol=1e-6,
+    )
+    return np.asarray(solved.y[0])
+
+
+def _strikes(u: Floats) -> list[int]:
+    """Frames in which the ball, moving right, is thrown back within a frame."""
+    return [
+        k
+        for k in range(FIRST_FREE, len(u) - 4)
+        if u[k] >= u[k - 1] and u[k] >= u[k + 1] and min(u[k] - u[k - 4], u[k] - u[k + 4]) > 12.0
+    ]
+
+
+def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
+    """One anchor at the origin, one mass, one stiff spring; the rest angle is a tilt of gravity in the picture."""
+    down = np.array([np.sin(swing.rest_angle), -np.cos(swing.rest_angle)])
+    network = MassSpringNetwork(
+        names=(HOOK, BALL),
+        positions=np.array([[0.0, 0.0], swing.length_m * down]),
+        masses=np.array([MASS_KG, MASS_KG]),
+        fixed=np.array([True, False]),
+        drag=np.array([0.0, 2.0 * swing.damping * MASS_KG]),
+        friction=np.zeros(2),
+        springs=np.array([[0, 1]]),
+        stiffness=np.array([STIFFNESS_N_M]),
+        rest_lengths=np.array([swing.length_m - MASS_KG * GRAVITY / STIFFNESS_N_M]),
+        damping=np.array([DAMPING_N_S_M]),
+        gravity=GRAVITY * down,
+    )
+    camera = vision.PlaneCamera("film", size_px, swing.plane.to_px(1e3 / swing.mm_per_px), CALIBRATION_SD_PX)
+    ball_m = BALL_PX * swing.mm_per_px * 1e-3
+    ball = Mark(BALL, HUE_DEG, ball_m, half_width_deg=8.0, min_saturation=0.3, even=False)
+    return Scene(network, (ball,), Target(BALL, ball_m / 2), (camera,))
+
+
+def write_recording(film: Path, folder: Path) -> Swing:
+    """Make the film a recording in a folder that exists; the swing that gave its scale."""
+    with vision.VideoFileFrames(film) as frames:
+        height, width = next(iter(frames)).image.shape[:2]
+    times, centers = seen_centers(film)
+    swing = fitted_swing(times, centers, (width, height))
+    write_scene(pendulum_scene(swing, (width, height)), folder / "scene.toml")
+    write_frames_csv(folder / "frames.csv", times)
+    shutil.copyfile(film, folder / f"video{film.suffix}")
+    return swing
+
+
+def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
+    """Frames in which the mark is kept from the filter: 0.3 s in each second, from offset_s on."""
+    since = times_s - offset_s
+    return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
+
+
+def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.bool_]:
+    """Write a recording of the marks that were found, without those withheld; which frames these are."""
+    times = seen.times_s
+    hidden = withheld_frames(times, offset_s)
+    rows = [
+        []
+        if kept_back
+        else [MarkRow(m.node, m.position, float(np.sqrt(np.trace(m.cov) / len(m.position)))) for m in step.marks]
+        for step, kept_back in zip(seen.steps, hidden, strict=True)
+    ]
+    write_scene(seen.recording.scene, folder / "scene.toml")
+    write_frames_csv(folder / "frames.csv", times)
+    write_marks_csv(folder / "marks.csv", times, rows, dim=2)
+    return hidden
+
+
+def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[str, dict[str, float]], list[Track]]:
+    """Withhold the mark at each offset; figures of all withheld frames by kind, and the tracks."""
+    places = np.array([step.marks[0].position for step in seen.steps])
+    mark_covs = np.array([step.marks[0].cov for step in seen.steps])
+    errors, covs, kinds, runs = [], [], [], []
+    for k, offset_s in enumerate(OFFSETS_S):
+        part = folder / f"withheld-{k}"
+        part.mkdir()
+        hidden = write_withheld(seen, offset_s, part)
+        done = track(open_recording(part))
+        runs.append(done)
+        estimates = done.estimates(FILTER)
+        for i in np.flatnonzero(hidden):
+            errors.append(estimates[i].mean - places[i])
+            # where it was seen is itself not exact
+            covs.append(np.asarray(estimates[i].cov) + mark_covs[i])
+            kinds.append(_kind(int(i), hidden, strikes))
+    return _figures(np.array(errors), np.array(covs), np.array(kinds)), runs
+
+
+def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
+    """Whether the ball was in the hand, flew freely since it was last seen, had struck the wall, or leaned on it."""
+    first = frame - int(np.argmin(hidden[frame::-1]))
+    if frame <= FIRST_FREE:
+        return "held"
+    if first > strikes[-1]:
+        return "leaning"
+    return "struck" if any(first <= s <= frame + 1 for s in strikes) else "flying"
+
+
+def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str, dict[str, float]]:
+    nees = normalised_squared(errors, covs)
+    figures = {}
+    for kind in ("all", "flying", "struck", "leaning"):
+        of = np.ones(len(kinds), dtype=bool) if kind == "all" else kinds == kind
+        if of.any():
+            figures[kind] = {
+                "frames": int(of.sum()),
+                "mae_mm": 1e3 * float(np.linalg.norm(errors[of], axis=1).mean()),
+                "coverage95": coverage(nees[of], 2),
+                "mean_nees": float(nees[of].mean()),
+            }
+    return figures
+
+
+def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
+    """Where the filter says the withheld ball is, with 2-sigma ellipses, against where it was seen, over the film."""
+    camera = seen.recording.scene.cameras[0]
+    with seen.recording.open_frames() as frames:
+        image = next(iter(frames)).image[..., ::-1]
+    figure = Figure(figsize=(12, 9), layout="constrained")
+    for ax, run, offset_s in zip(figure.subplots(2, 2).ravel(), runs, OFFSETS_S, strict=True):
+        ax.imshow(image)
+        hidden = withheld_frames(run.times_s, offset_s)
+        places = camera.project(np.array([step.marks[0].position for step in seen.steps]))
+        means = camera.project(np.array([e.mean for e in run.estimates(FILTER)]))
+        covs = camera.cov_to_px(
+            np.array([e.mean for e in run.estimates(FILTER)]), np.array([e.cov for e in run.estimates(FILTER)])
+        )
+        for k in np.flatnonzero(hidden)[2::4]:
+            ax.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=1.0))
+            ax.plot(*np.stack([means[k], places[k]]).T, color=OURS, lw=0.6)
+        ax.plot(*means[hidden].T, ".", color=OURS, ms=4, label="filter, mark withheld")
+        ax.plot(*places[hidden].T, ".", color=TRUE, ms=3, label="seen")
+        ax.set(xlim=(-0.5, image.shape[1] - 0.5), ylim=(620, 430), title=f"withheld 0.3 s from {offset_s:g} s on")
+    figure.axes[0].legend(loc="lower left")
+    return figure
+
+
+def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
+    """Everything this script makes, in the folder `out`; the figures of report.json. Raises InputError."""
+    with output_folder(out, force=force, inputs=[film]) as folder:
+        (folder / "recording").mkdir()
+        swing = write_recording(film, folder / "recording")
+        recording: Recording = open_recording(folder / "recording")
+        seen = track(recording)
+        (folder / "track").mkdir()
+        write_tables(seen, folder / "track")
+        write_plots(seen, folder / "track")
+        found = sum(bool(step.marks) for step in seen.steps)
+        if found < len(seen.steps):
+            raise InputError(f"{film}: expected the ball found in all {len(seen.steps)} frames, found it in {found}")
+        figures, runs = compared(seen, folder, swing.strikes)
+        told: dict[str, object] = {
+            "frames": len(seen.steps),
+            "frames_found": found,
+            "mm_per_px": swing.mm_per_px,
+            "cord_m": swing.length_m,
+            "turn_deg": float(np.degrees(np.arccos(swing.plane.narrowing))),
+            "flights_rms_px": swing.rms_px,
+            "damping_per_s": swing.damping,
+            "rest_angle_deg": float(np.degrees(swing.rest_angle)),
+            "withheld": figures,
+        }
+        (folder / "report.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        withheld_figure(seen, runs).savefig(folder / "withheld.png", dpi=90)
+    return told
+
+
+def main() -> None:
+    """Read the command line, make the report, print its figures."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("film", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--force", action="store_true")
+    given = parser.parse_args()
+    try:
+        print(json.dumps(report(given.film, given.out, force=given.force), indent=2))
+    except (InputError, vision.SourceError) as fault:
+        print(f"softaim: {fault}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

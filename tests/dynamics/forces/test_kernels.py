@@ -1,0 +1,87 @@
+"""The compiled loops against plain NumPy versions of the same equations."""
+
+import numpy as np
+import pytest
+
+from dynamics import all_positions, derivative, pack, plain_derivative, plain_step, unpack
+from dynamics.forces.kernels import packed, runge_kutta, spring_forces
+
+
+def random_states(network, n_points, seed=5):
+    """States away from the drawn shape [m, m/s], (n_points, n_state)."""
+    rng = np.random.default_rng(seed)
+    shape = (n_points, len(network.free), network.dim)
+    x = network.positions[network.free] + 0.05 * rng.normal(size=shape)
+    return pack(x, 0.5 * rng.normal(size=shape))
+
+
+def run(network, states, outside, dt, n_steps):
+    inverse_mass = np.zeros(network.n_nodes)
+    inverse_mass[network.free] = 1.0 / network.masses[network.free]
+    return runge_kutta(states, outside, dt, n_steps, network.positions, network.free, inverse_mass, packed(network))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("n_points", [1, 2, 7, 33])
+def test_forces_of_a_batch_are_the_textbook_ones_point_by_point(tangled, textbook_force, dim, n_points):
+    """Equation in `textbook_force`. 1e-12 of tens of N: rounding, whose order the compiler may change."""
+    network = tangled(dim)
+    free_x, free_v = unpack(random_states(network, n_points), dim)
+    x = np.stack([all_positions(network, one) for one in free_x], axis=-1)
+    v = np.zeros_like(x)
+    v[network.free] = np.moveaxis(free_v, 0, -1)
+    force, pull, square = np.full_like(x, np.nan), np.empty(n_points), np.empty(n_points)
+    spring_forces(x, v, packed(network), pull, square, force)
+    for q in range(n_points):
+        np.testing.assert_allclose(force[..., q], textbook_force(network, x[..., q], v[..., q]), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("n_steps", [1, 3])
+def test_runge_kutta_is_the_classical_tableau(tangled, textbook_force, dim, n_steps):
+    """Butcher's tableau 1/2, 1/2, 1; 1/6, 1/3, 1/3, 1/6 over `textbook_force` and held outside forces. Rounding."""
+    network, h = tangled(dim), 0.01
+    states = random_states(network, 4)
+    outside = np.random.default_rng(6).normal(size=(4, network.n_state // 2))
+
+    def slope_of(state, force):
+        free_x, free_v = unpack(state, dim)
+        x = all_positions(network, free_x)
+        v = np.zeros_like(x)
+        v[network.free] = free_v
+        total = textbook_force(network, x, v)[network.free] + force.reshape(-1, dim)
+        return pack(free_v, total / network.masses[network.free, None])
+
+    nodes, weights = [0.0, 0.5, 0.5, 1.0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]
+    found = run(network, states, outside, h, n_steps)
+    for state, force, end in zip(states, outside, found, strict=True):
+        expected = state
+        for _ in range(n_steps):
+            slopes = [np.zeros_like(state)]
+            for c in nodes:
+                slopes.append(slope_of(expected + c * h * slopes[-1], force))
+            expected = expected + h * np.array(weights) @ np.array(slopes[1:])
+        np.testing.assert_allclose(end, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_plain_version_is_the_same_equation(tangled, dim):
+    """`plain_derivative` and `plain_step` against the compiled ones: accelerations of some 100 m/s², rounding."""
+    network = tangled(dim)
+    states = random_states(network, 3)
+    ends = run(network, states, np.zeros((3, network.n_state // 2)), 0.005, 4)
+    for state, end in zip(states, ends, strict=True):
+        np.testing.assert_allclose(plain_derivative(network, state), derivative(network, state), rtol=0, atol=1e-11)
+        np.testing.assert_allclose(plain_step(network, state, 0.02, 4), end, rtol=0, atol=1e-13)
+
+
+def test_runge_kutta_leaves_its_input_alone(phantom):
+    states = random_states(phantom, 2)
+    before = states.copy()
+    run(phantom, states, np.zeros((2, 8)), 0.004, 2)
+    np.testing.assert_array_equal(states, before)
+
+
+def test_anchors_have_no_weight(phantom):
+    """Weight is m g on free nodes, 0.2 kg 9.81 m/s² = 1.962 N, and nothing on anchors."""
+    np.testing.assert_allclose(packed(phantom).weight, np.where(phantom.fixed[:, None], 0.0, [0.0, -1.962]), atol=1e-15)

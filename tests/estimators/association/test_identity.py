@@ -1,0 +1,237 @@
+"""Marks alike whose names are exchanged: noticed and undone, and nothing undone that was right."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER
+from estimators import Identity, TissueFilter
+from estimators.association.exchanges import seen_from
+from estimators.association.identity import DOUBT, RARE
+from estimators.filters.kernels import names_in_doubt, naming_costs
+
+EVERY = 4
+"""Steps of the truth, of 1/120 s, to a frame."""
+NOISE_M = 0.004
+
+
+@pytest.fixture(scope="module")
+def frames(phantom, rest_state, marks_of, driven, poke_forces):
+    """Two seconds at 30 frames/s of the phantom, poked, by DOP853; marks with 4 mm of noise."""
+    rng = np.random.default_rng(3)
+    states = driven(phantom, rest_state, poke_forces(phantom, 2.0, rng))[::EVERY]
+    return [(k / 30.0, marks_of(phantom, state, NOISE_M, rng)) for k, state in enumerate(states)]
+
+
+def called(marks, names):
+    return [replace(mark, node=names.get(mark.node, mark.node)) for mark in marks]
+
+
+def means(phantom, frames):
+    """Of a filter that nobody tells a wrong name, (n_frames, 2)."""
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    found = []
+    for time_s, marks in frames:
+        tissue.predict(time_s)
+        found.append(tissue.update(marks).mean)
+    return np.array(found)
+
+
+def followed(phantom, frames, names_at, alike=(OUTER,)):
+    """Identity after these frames with names_at(frame) exchanged, and what it made of each."""
+    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), alike)
+    made = []
+    for k, (time_s, marks) in enumerate(frames):
+        identity.tissue.predict(time_s)
+        made.append(identity.update(identity.named(called(marks, names_at(k)))))
+    return identity, made
+
+
+PAIRS = [("M1", "M3"), ("M1", "M4"), ("M3", "M4")]
+
+
+@pytest.mark.parametrize(("a", "b"), PAIRS)
+def test_an_exchange_for_good_is_undone_at_once(phantom, frames, a, b):
+    """Marks 280 mm apart seen to 4 mm tell it in the same frame: the filter is that of no exchange to the last bit."""
+    identity, made = followed(phantom, frames, lambda k: {a: b, b: a} if k >= 20 else {})
+    swap = made[20].swap
+    assert swap is not None
+    assert (swap.time_s, swap.since_s, set(swap.nodes)) == (frames[20][0], frames[20][0], {a, b})
+    assert identity.swaps == [swap]
+    np.testing.assert_array_equal([one.estimate.mean for one in made], means(phantom, frames))
+    for (_, marks), one in zip(frames, made, strict=True):
+        place = {mark.node: mark.position for mark in one.marks}
+        assert all(np.array_equal(place[mark.node], mark.position) for mark in marks)
+
+
+def test_an_exchange_for_ten_frames_is_undone_twice(phantom, frames):
+    identity, made = followed(phantom, frames, lambda k: {"M1": "M4", "M4": "M1"} if 20 <= k < 30 else {})
+    assert [k for k, one in enumerate(made) if one.swap is not None] == [20, 30]
+    assert {node: other for node, other in identity.called.items() if node != other} == {}
+    np.testing.assert_array_equal([one.estimate.mean for one in made], means(phantom, frames))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_right_names_stay(phantom, frames, seed):
+    """Half of the marks lost at random, too: no rival outlives the start, and the filter is left as it is."""
+    rng = np.random.default_rng(seed)
+    lossy = [(t, [mark for mark in marks if k == 0 or rng.random() < 0.5]) for k, (t, marks) in enumerate(frames)]
+    for seen in (frames, lossy):
+        identity, made = followed(phantom, seen, lambda _k: {})
+        assert identity.swaps == []
+        assert identity.rivals == []
+        np.testing.assert_array_equal([one.estimate.mean for one in made], means(phantom, seen))
+
+
+@pytest.mark.parametrize("order", [p for p in permutations(OUTER) if p != OUTER])
+def test_names_wrong_from_the_start_are_mended(phantom, frames, order):
+    """As soon as the filter tracks, 0.1 s after the start; three names permuted, too. Then it is as if never wrong."""
+    wrong = dict(zip(OUTER, order, strict=True))
+    identity, made = followed(phantom, frames, lambda _k: wrong)
+    assert {wrong[node] for node in OUTER} == set(OUTER)
+    assert {told: identity.called[told] for told in OUTER} == {wrong[node]: node for node in OUTER}
+    assert len(identity.swaps) == 1
+    assert identity.swaps[0].time_s == pytest.approx(0.1)
+    np.testing.assert_array_equal([one.estimate.mean for one in made[5:]], means(phantom, frames)[5:])
+
+
+def test_a_start_alone_tells_no_names(phantom, frames):
+    """The tissue may be turned: the shape in the first frame makes no names more probable than DOUBT, by 1,000 to 1."""
+    identity, made = followed(phantom, frames[:1], lambda _k: {"M1": "M4", "M4": "M1"})
+    assert made[0].swap is None
+    assert sorted(one.names for one in identity.rivals) == sorted(p for p in permutations(range(3)) if p != (0, 1, 2))
+    best = max(identity.rivals, key=lambda one: one.ahead)
+    assert best.names == (2, 1, 0)
+    assert best.ahead == pytest.approx(DOUBT - RARE)
+
+
+def test_marks_of_different_hues_are_never_tried(phantom, frames):
+    """M1 and M3 exchanged, though only M1 and M4 look alike: whatever is made of that, M3 stays M3."""
+    identity, made = followed(
+        phantom, frames, lambda k: {"M1": "M3", "M3": "M1"} if k >= 20 else {}, alike=[("M1", "M4"), ("M3",)]
+    )
+    assert identity.namesakes.nodes == ("M1", "M4")
+    assert "M3" not in identity.called
+    assert all("M3" not in swap.nodes for swap in identity.swaps)
+    for k, ((_, marks), one) in enumerate(zip(frames, made, strict=True)):
+        told = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))
+        assert np.array_equal(next(mark for mark in one.marks if mark.node == "M3").position, told.position)
+
+
+@pytest.mark.parametrize("alike", [[], [("M1",), ("M3",), ("M4",)]])
+def test_marks_of_which_none_are_alike_go_through(phantom, frames, alike):
+    identity, made = followed(phantom, frames[:10], lambda k: {"M1": "M3", "M3": "M1"} if k >= 5 else {}, alike)
+    assert identity.swaps == []
+    assert identity.rivals == []
+    assert [mark.node for mark in made[-1].marks] == ["M3", "M1", "M4"]
+
+
+def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames):
+    """M1 and M4 are hidden for half a second; M1 comes back as M4, alone."""
+    unseen = [
+        (t, marks if k < 20 or k >= 45 else [m for m in marks if m.node == "M3" or (m.node == "M1" and k >= 35)])
+        for k, (t, marks) in enumerate(frames)
+    ]
+    _identity, made = followed(phantom, unseen, lambda k: {"M1": "M4", "M4": "M1"} if k >= 35 else {})
+    assert made[35].swap is not None
+    assert set(made[35].swap.nodes) == {"M1", "M4"}
+    np.testing.assert_array_equal(made[-1].estimate.mean, means(phantom, unseen)[-1])
+
+
+def test_a_fix_reaches_the_rivals(phantom, frames):
+    """Wrong from the start, and the target sighted in the second frame: as if the names had been right all the time."""
+    plain = TissueFilter(phantom, HIDDEN, OUTER)
+    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
+    place, cov = phantom.positions[phantom.index(HIDDEN)] + 0.003, 1e-6 * np.eye(2)
+    for k, (time_s, marks) in enumerate(frames[:8]):
+        plain.predict(time_s)
+        identity.tissue.predict(time_s)
+        told = identity.update(identity.named(called(marks, {"M1": "M4", "M4": "M1"})))
+        right = plain.update(marks)
+        if k == 0:
+            plain.fix(place, cov)
+            identity.fix(place, cov)
+    assert len(identity.swaps) == 1
+    np.testing.assert_array_equal(told.estimate.mean, right.mean)
+
+
+def test_costs_of_names_are_gaussian():
+    """-log N(z_j; mean_i, cov_i + R_j), less its constant, by NumPy's determinant and solve. Rounding."""
+    rng = np.random.default_rng(0)
+    n, m, dim = 4, 3, 3
+    roots = rng.normal(size=(n + m, dim, dim))
+    covs = roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(dim)
+    means_m, z = rng.normal(size=(n, dim)), rng.normal(size=(m, dim))
+    S = covs[:n, None] + covs[None, n:]
+    off = z[None] - means_m[:, None]
+    squared = np.einsum("ijk,ijk->ij", off, np.linalg.solve(S, off[..., None])[..., 0])
+    expected = 0.5 * (squared + np.linalg.slogdet(S)[1])
+    np.testing.assert_allclose(naming_costs(means_m, covs[:n], z, covs[n:]), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [("M4", "M3", "M1"), ("M3", "M4", "M1"), ("M4", "M1", "M3")])
+def test_a_swap_that_slipped_by_is_mended(phantom, frames, order):
+    """Wrong names fed past the identity for a second: innovations tell, and right names start anew, within 0.2 s."""
+    wrong = dict(zip(OUTER, order, strict=True))
+    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
+    for k, (time_s, marks) in enumerate(frames):
+        identity.tissue.predict(time_s)
+        if k < 30:
+            identity.tissue.update(called(marks, wrong))
+        else:
+            told = identity.update(identity.named(called(marks, wrong)))
+    assert len(identity.swaps) == 1
+    assert frames[30][0] < identity.swaps[0].time_s <= frames[30][0] + 0.2
+    place = {mark.node: mark.position for mark in told.marks}
+    assert all(np.array_equal(place[mark.node], mark.position) for mark in frames[-1][1])
+    assert np.linalg.norm(told.estimate.mean - means(phantom, frames)[-1]) < 1e-3
+
+
+def test_names_that_do_not_beat_the_same_ones_begun_anew_are_not_believed(phantom, frames):
+    """Wrong from the start; but what stands beside the rivals explains as much as the best of them: it does itself."""
+    wrong = {"M1": "M4", "M4": "M1"}
+    for beaten, undone in ((True, 1), (False, 0)):
+        identity, _ = followed(phantom, frames[:1], lambda _k: wrong)
+        best = max(identity.rivals, key=lambda one: one.ahead)
+        identity.same_names = replace(best, ahead=-1e6) if beaten else best
+        for time_s, marks in frames[1:5]:
+            identity.tissue.predict(time_s)
+            identity.update(identity.named(called(marks, wrong)))
+        assert len(identity.swaps) == undone
+        assert bool(identity.rivals) != beaten
+
+
+def test_rivals_do_not_outlive_a_loss(phantom, frames):
+    """Nothing for longer than a second: the next marks start all names anew."""
+    identity, _ = followed(phantom, frames[:1], lambda _k: {})
+    assert {one.since_s for one in identity.rivals} == {0.0}
+    for time_s, marks in ((0.9, []), (1.1, []), (1.2, frames[1][1])):
+        identity.tissue.predict(time_s)
+        identity.update(marks)
+    assert {one.since_s for one in identity.rivals} == {1.2}
+
+
+def test_names_as_seen_from_others():
+    """Mark 0 is called 1 from now on and is on node 2 by these names; 1, now called 0, on 0; 2, still 2, on 1."""
+    assert seen_from((2, 0, 1), (1, 0, 2)) == (0, 2, 1)
+    assert seen_from((0, 1, 2), (1, 2, 0)) == (2, 0, 1)
+
+
+def test_doubt_is_an_exchange_that_costs_little():
+    """Against the sum of costs before and after each exchange of two, of random costs; unseen marks tell nothing."""
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(200):
+        costs = rng.normal(0.0, 3.0, (4, 4))
+        costs[:, rng.random(4) < 0.4] = 0.0
+        pairs = np.triu(rng.random((4, 4)) < 0.5, 1)
+        rises = [
+            costs[i, j] + costs[j, i] - costs[i, i] - costs[j, j]
+            for i, j in np.argwhere(pairs)
+            if costs[:, i].any() or costs[:, j].any()
+        ]
+        found.append(min(rises, default=np.inf) < -4.0)
+        assert names_in_doubt(costs, pairs, -4.0) == found[-1]
+    assert 20 < sum(found) < 180

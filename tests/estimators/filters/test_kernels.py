@@ -1,0 +1,114 @@
+"""The compiled sums against NumPy, SciPy and filterpy."""
+
+import filterpy.kalman
+import numpy as np
+import pytest
+
+from estimators.filters.kernels import chol_lower, joseph_update, moments, symmetric_points
+
+
+def definite(n, rng):
+    """A random positive definite (n, n) with eigenvalues of 0.1 and more."""
+    root = rng.normal(size=(n, n))
+    return root @ root.T + 0.1 * np.eye(n)
+
+
+@pytest.mark.parametrize("n", [1, 2, 6, 22])
+def test_factor_is_numpys(n):
+    """Lower L with L L' = P, unique for positive diagonal. Rounding times a condition number of 1e4 at most."""
+    P = definite(n, np.random.default_rng(n))
+    L, ok = chol_lower(P)
+    assert ok
+    np.testing.assert_allclose(L, np.linalg.cholesky(P), rtol=0, atol=1e-12 * P.max())
+    np.testing.assert_array_equal(np.triu(L, 1), np.zeros((n, n)))
+
+
+@pytest.mark.parametrize(
+    "P", [-np.eye(1), np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 1.0]]), np.diag([1.0, np.nan])]
+)
+def test_a_matrix_that_is_not_positive_definite_is_told(P):
+    _, ok = chol_lower(P)
+    assert not ok
+    _, ok = symmetric_points(np.zeros(len(P)), P, 1.0)
+    assert not ok
+
+
+@pytest.mark.parametrize(("alpha", "kappa"), [(1.0, 0.0), (0.5, 1.0), (1.0, -3.0)])
+def test_sigma_points_are_filterpys(alpha, kappa):
+    """Merwe's points x, x + columns, x - columns of chol(alpha² (n + kappa) P) in that order. Rounding."""
+    n, rng = 6, np.random.default_rng(0)
+    x, P = rng.normal(size=n), definite(n, rng)
+    expected = filterpy.kalman.MerweScaledSigmaPoints(n, alpha, 2.0, kappa).sigma_points(x, P)
+    points, ok = symmetric_points(x, P, alpha**2 * (n + kappa))
+    assert ok
+    np.testing.assert_allclose(points, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("n", [1, 2, 22])
+def test_moments_are_the_weighted_sums(n):
+    """Equations x = sum W X and P = sum Wc (X - x)(X - x)' + Q, Q taken symmetric. Rounding of sums of 2n + 1 terms."""
+    rng = np.random.default_rng(n)
+    points, Wm, Wc = rng.normal(size=(2 * n + 1, n)), rng.normal(size=2 * n + 1), rng.normal(size=2 * n + 1)
+    Wm /= Wm.sum()
+    Q = rng.normal(size=(n, n))
+    x, P = moments(points, Wm, Wc, Q)
+    mean = Wm @ points
+    expected = (points - mean).T @ np.diag(Wc) @ (points - mean) + (Q + Q.T) / 2
+    np.testing.assert_allclose(x, mean, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(P, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_array_equal(P, P.T)
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (4, 1), (4, 4), (22, 6), (3, 5)])
+def test_update_is_the_textbook_one(n, m):
+    """K = P H' S⁻¹, x + K y, (1 - K H) P, y' S⁻¹ y, log det S. Rounding times a condition number of some hundreds."""
+    rng = np.random.default_rng(10 * n + m)
+    x, P, H, R, z = rng.normal(size=n), definite(n, rng), rng.normal(size=(m, n)), definite(m, rng), rng.normal(size=m)
+    mean, cov, y, S, K, nis, log_det, ok = joseph_update(x, P, z, H, R, P)
+    assert ok
+    innovation, innovation_cov = z - H @ x, H @ P @ H.T + R
+    gain = P @ H.T @ np.linalg.inv(innovation_cov)
+    np.testing.assert_allclose(y, innovation, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(S, innovation_cov, rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(K, gain, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(mean, x + gain @ innovation, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(cov, (np.eye(n) - gain @ H) @ P, rtol=0, atol=1e-10 * P.max())
+    np.testing.assert_array_equal(cov, cov.T)
+    assert nis == pytest.approx(innovation @ np.linalg.solve(innovation_cov, innovation), rel=1e-10)
+    assert log_det == pytest.approx(np.linalg.slogdet(innovation_cov)[1], rel=0, abs=1e-10)
+
+
+def test_update_with_no_measurement_at_all_changes_nothing():
+    """Of a measurement of length 0: K is (n, 0), the posterior is the prior, exactly."""
+    rng = np.random.default_rng(1)
+    x, P = rng.normal(size=4), definite(4, rng)
+    P = (P + P.T) / 2
+    mean, cov, y, _, K, nis, log_det, ok = joseph_update(x, P, np.empty(0), np.empty((0, 4)), np.empty((0, 0)), P)
+    assert ok
+    np.testing.assert_array_equal(mean, x)
+    np.testing.assert_array_equal(cov, P)
+    assert (y.shape, K.shape, nis, log_det) == ((0,), (4, 0), 0.0, 0.0)
+
+
+def test_update_with_an_impossible_innovation_covariance_is_told():
+    *_, ok = joseph_update(np.zeros(2), np.eye(2), np.zeros(1), np.array([[1.0, 0.0]]), np.array([[-1.5]]), np.eye(2))
+    assert not ok
+
+
+def test_josephs_form_stays_definite_where_the_short_form_does_not():
+    """30 pairs of marks of 1e-5 against a prior of 1e2: (1 - K H) P loses definiteness to rounding, Joseph's sum never.
+
+    Joseph's form is a sum of two positive terms, the short form a difference.
+    """
+    short = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        joseph, plain, lost = 1e4 * np.eye(6), 1e4 * np.eye(6), False
+        for _ in range(30):
+            H, R = rng.normal(size=(2, 6)), 1e-10 * np.eye(2)
+            joseph = joseph_update(np.zeros(6), joseph, np.zeros(2), H, R, joseph)[1]
+            assert np.linalg.eigvalsh(joseph)[0] > 0
+            plain = (np.eye(6) - plain @ H.T @ np.linalg.inv(H @ plain @ H.T + R) @ H) @ plain
+            lost = lost or np.linalg.eigvalsh((plain + plain.T) / 2)[0] <= 0
+        short += lost
+    assert short >= 1

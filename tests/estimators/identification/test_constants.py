@@ -1,0 +1,180 @@
+"""Constants from a calibration recording: found to their standard errors, and what cannot be told is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import MassSpringNetwork, Parameter, independent, pack, parameters, rest_shape, scaled
+from estimators import (
+    FilterSettings,
+    ForceMode,
+    IdentificationError,
+    MarkMeasurement,
+    TissueFilter,
+    identify,
+    principal,
+)
+from estimators.identification.constants import KEPT
+from estimators.identification.noise_levels import log_likelihood
+
+SD = 5e-4
+PRIOR = {"stiffness": 0.3, "rest_length": 0.03}
+SETTINGS = FilterSettings(
+    quiet=ForceMode(0.1, 0.1, 0.05), poked=ForceMode(0.1, 2.0, 0.2), calm_s=3.0, between_s=1.0, poked_s=0.3
+)
+
+
+def chain(double=False):
+    """Two masses in a row between two anchors, hung aslant; `double`: two equal springs side by side in the middle."""
+    springs = [[0, 1], [1, 2], [2, 3]] + ([[1, 2]] if double else [])
+    n = len(springs)
+    network = MassSpringNetwork(
+        names=("A", "near", "far", "B"),
+        positions=np.array([[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]]),
+        masses=np.full(4, 0.2),
+        fixed=np.array([True, False, False, True]),
+        drag=np.array([0.0, 0.3, 0.3, 0.0]),
+        friction=np.zeros(4),
+        springs=np.array(springs),
+        stiffness=np.full(n, 60.0) / np.array([1, 2, 1, 2][:n] if double else [1, 1, 1]),
+        rest_lengths=np.full(n, 0.09),
+        damping=np.full(n, 0.3),
+        gravity=np.array([0.0, -9.81]),
+    )
+    return replace(network, positions=rest_shape(network))
+
+
+@pytest.fixture(scope="module")
+def recorded(driven):
+    """Frames of 8 s at 20 frames/s of the chain, the near mass pushed now and then, both seen; truth by DOP853."""
+    network, rng = chain(), np.random.default_rng(0)
+    forces = 0.2 * 0.1 * np.sqrt(120.0) * rng.normal(size=(8 * 120, 2, 2))
+    for start in (1.0, 3.1, 5.0, 6.2):
+        now = slice(int(120 * start), int(120 * (start + 0.25)))
+        forces[now, 0] += 0.5 * np.sin(np.linspace(0.0, np.pi, 30))[:, None] * rng.choice([-1.0, 1.0], 2)
+    start = pack(network.positions[1:3], np.zeros((2, 2)))
+    states = driven(network, start, forces)[::6]
+    cov = SD**2 * np.eye(2)
+    frames = []
+    for k, state in enumerate(states):
+        places = state[:4].reshape(2, 2) + rng.normal(0.0, SD, (2, 2))
+        frames.append((k / 20.0, [MarkMeasurement(n, p, cov) for n, p in zip(("near", "far"), places, strict=True)]))
+    return frames, states[:, 2:4]
+
+
+def wrong(network, seed=3):
+    """The chain with stiffness off by 20 % and rest lengths by 2 %, and by how much, in logarithms."""
+    which = parameters(network, tuple(PRIOR))
+    sd = np.array([0.2 if one.kind == "stiffness" else 0.02 for one in which])
+    change = sd * np.random.default_rng(seed).normal(size=len(which))
+    return scaled(network, which, change), change
+
+
+@pytest.fixture(scope="module")
+def found(recorded):
+    told, change = wrong(chain())
+    return identify(told, recorded[0], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS), change
+
+
+def test_constants_are_found_to_their_standard_errors(found):
+    """Chi-square of the error, six constants, below its 99.9 % point; most of the wrong is gone."""
+    identified, change = found
+    error = identified.change + change
+    assert error @ np.linalg.solve(identified.cov, error) < 22.5
+    assert identified.converged
+    assert 2 <= identified.passes <= 12
+    assert np.abs(error[:3]).max() < 0.1 < np.abs(change[:3]).max()
+    assert identified.sd[3:].max() < 0.02
+    names = [(one.kind, one.index) for one in identified.parameters]
+    assert names == [("stiffness", 0), ("stiffness", 1), ("stiffness", 2)] + [("rest_length", s) for s in range(3)]
+
+
+def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found):
+    """The far mass's mark left out: mean error below half of what the wrong constants leave."""
+    frames, truth = recorded
+    errors = []
+    for network, uncertainty in ((wrong(chain())[0], None), (found[0].network, found[0].uncertainty)):
+        tissue = TissueFilter(network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
+        off = []
+        for (time_s, marks), place in zip(frames, truth, strict=True):
+            tissue.predict(time_s)
+            off.append(np.linalg.norm(tissue.update(marks[:1]).mean - place))
+        errors.append(np.mean(off[20:]))
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_more_frames_make_it_surer(recorded, found):
+    told, _ = wrong(chain())
+    short = identify(told, recorded[0][:60], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS)
+    assert (found[0].sd < short.sd).all()
+
+
+def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
+    """Two springs between the same nodes: their difference is the worst direction, nothing of its prior gone.
+
+    Directions are by prior standard deviations, equal here: (1, -1) / sqrt 2 on the two stiffnesses.
+    """
+    identified = identify(
+        chain(double=True), recorded[0][:80], ("near",), "far", prior_sd={"stiffness": 0.3}, settings=SETTINGS
+    )
+    left, directions = identified.told_apart()
+    assert left[0] == pytest.approx(1.0, abs=1e-6)
+    assert left[1] < 0.5
+    expected = np.array([0.0, 1.0, 0.0, -1.0]) / np.sqrt(2.0)
+    assert abs(directions[0] @ expected) == pytest.approx(1.0, abs=1e-4)
+    sd = np.sqrt(np.diag(identified.cov))
+    assert sd[0] < 0.15 < sd[1]
+
+
+def test_the_directions_kept_carry_the_targets_variance(recorded, found):
+    """What is left out of the covariance is nothing to the target: its columns' variance falls by 1 - KEPT at most."""
+    frames, _ = recorded
+    wide = independent(found[0].parameters, found[0].prior_sd)
+    few = principal(found[0].network, wide, frames[:40], ("near",), "far", SETTINGS)
+    assert len(few.directions) < len(wide.directions)
+    lost = wide.cov - few.cov
+    assert np.linalg.eigvalsh(lost)[0] > -1e-12
+    variances = []
+    for uncertainty in (wide, few):
+        tissue = TissueFilter(found[0].network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
+        total = 0.0
+        for time_s, marks in frames[:40]:
+            tissue.predict(time_s)
+            tissue.update(marks[:1])
+            total += float((tissue.mixture.columns[0, tissue.target] ** 2).sum())
+        variances.append(total)
+    assert variances[1] == pytest.approx(variances[0], rel=3.0 * (1.0 - KEPT))
+
+
+def test_a_target_that_is_never_seen_is_refused(recorded):
+    frames = [(t, marks[:1]) for t, marks in recorded[0][:5]]
+    with pytest.raises(IdentificationError, match="expected the mark of far to be seen, found it in none of 5 frames"):
+        identify(chain(), frames, ("near",), "far")
+
+
+def test_constants_without_a_prior_stay_as_they_are(found):
+    """Dashpots and drag are not among the kinds asked for."""
+    network = found[0].network
+    np.testing.assert_array_equal(network.damping, chain().damping)
+    assert all(isinstance(one, Parameter) and one.kind in PRIOR for one in found[0].parameters)
+
+
+def test_what_is_found_is_most_probable_with_its_prior(recorded):
+    """Few frames and a firm prior: the log posterior falls to both sides along the change found, by a tenth and more.
+
+    Of the likelihood alone, or of the prior alone, it would not.
+    """
+    told, _ = wrong(chain())
+    prior = {"stiffness": 0.1, "rest_length": 0.003}
+    frames = recorded[0][:25]
+    identified = identify(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS)
+
+    def posterior(share):
+        change = share * identified.change
+        tissue = TissueFilter(scaled(told, identified.parameters, change), "far", ("near",), SETTINGS)
+        return log_likelihood(tissue, frames) - 0.5 * np.sum((change / identified.prior_sd) ** 2)
+
+    best = posterior(1.0)
+    assert posterior(0.7) < best - 0.1
+    assert posterior(1.3) < best - 0.1

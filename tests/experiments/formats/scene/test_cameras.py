@@ -1,0 +1,92 @@
+"""Cameras of scene files: a lens and its place, read, written and read again; or the file that names them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.errors import InputError
+from experiments.formats.scene.scene import read_scene, write_scene
+from vision import Lens, Pose, posed
+
+GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8")
+LENS = Lens(np.array([[800.0, 0, 320], [0, 790, 240], [0, 0, 1]]), np.array([-0.3, 0.1, 0.001, -0.002, 0.02]))
+POSE = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.02, -0.03, 1.8]))
+DIRECTIONS = np.random.default_rng(0).normal(0.0, 1e-3, (3, 15))
+
+TABLE = """
+[[camera]]
+name = "front"
+size_px = [640, 480]
+matrix = [[800.0, 0.0, 320.0], [0.0, 790.0, 240.0], [0.0, 0.0, 1.0]]
+distortion = [-0.3, 0.1, 0.001, -0.002, 0.02]
+rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
+translation_mm = [20.0, -30.0, 1800.0]
+"""
+
+
+def scene_with(folder: Path, camera: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(GOOD[: GOOD.index("[[camera]]")] + camera, encoding="utf-8")
+    return path
+
+
+def test_a_lens_and_its_place_are_read_and_written(tmp_path: Path) -> None:
+    rows = [[*row[:12], *(1e3 * row[12:])] for row in DIRECTIONS.tolist() for row in [np.array(row)]]
+    uncertainty = "uncertainty = " + str([[float(x) for x in row] for row in rows])
+    path = scene_with(tmp_path, TABLE + uncertainty + "\ncalibration_sd_px = 0.3\n")
+    expected = posed("front", (640, 480), LENS, POSE, calibration=DIRECTIONS)
+    write_scene(read_scene(path), tmp_path / "again.toml")
+    points = np.array([[0.1, 0.05], [-0.2, 0.1]])
+    for scene in (read_scene(path), read_scene(tmp_path / "again.toml")):
+        (camera,) = scene.cameras
+        np.testing.assert_allclose(camera.project(points), expected.project(points), atol=1e-9)
+        np.testing.assert_allclose(camera.calibration, DIRECTIONS, rtol=1e-12)
+        assert camera.calibration_sd_px == 0.3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("translation_mm = [20.0, -30.0, 1800.0]\n", "", "camera[0]: translation_mm: expected this key beside matrix"),
+        ("[0.0, -1.0, 0.0]", "[0.0, 1.0, 0.0]", "camera[0].rotation: expected a rotation matrix, found"),
+        ("[800.0, 0.0, 320.0]", "[-800.0, 0.0, 320.0]", "camera[0].matrix: expected [[fx, 0, cx], [0, fy, cy]"),
+        (TABLE, '[[camera]]\nfile = "no.toml"\n', "no.toml"),
+        ("matrix = ", "plane_to_px = ", "camera[0]: distortion: expected no such key beside plane_to_px, found one"),
+    ],
+)
+def test_faults_of_cameras_are_told(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert TABLE.count(old) == 1
+    path = scene_with(tmp_path, TABLE.replace(old, new))
+    with pytest.raises(InputError) as fault:
+        read_scene(path)
+    assert message in str(fault.value)
+    assert str(fault.value).startswith(str(tmp_path))
+
+
+def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> None:
+    import vision
+    from experiments.pipeline.line import Line
+
+    rows = "uncertainty = [[4.0, 4.0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 8.0]]\n"
+    scene = read_scene(scene_with(tmp_path, TABLE + rows))
+    camera, rng = scene.cameras[0], np.random.default_rng(0)
+    discs = []
+    for mark in scene.marks:
+        at = scene.network.positions[scene.network.index(mark.node)]
+        size = np.linalg.norm(camera.disc_shape(at, mark.diameter_m / 2.0), axis=1)
+        discs.append(vision.Disc(camera.project(at[None])[0], (size[0], size[1]), mark.hue_deg))
+    line = Line(scene, baseline=False)
+    assert line.filter.model.n_columns == scene.n_calibration == 1
+    step = line.see(0.0, vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng))
+    assert len(step.marks) == len(scene.marks)
+    for mark in step.marks:
+        assert mark.shared is not None
+        at = scene.network.positions[scene.network.index(mark.node)]
+        # a camera that stands half a percent further off, by 8 mm of 1.8 m, sees the same with a lens as much longer
+        np.testing.assert_allclose(mark.shared, camera.calibration_error(at[None])[0], rtol=0.05, atol=1e-5)
+        assert np.abs(mark.position - at).max() < 1e-3
+        mean, _ = line.filter.expected(mark.node)
+        _, cov = line.filter.expected(mark.node, camera.calibration_error(mean[None])[0])
+        found = line._looked_for(mark.node, line.filter.expected).cov_px2
+        np.testing.assert_allclose(found, camera.cov_to_px(mean[None], cov[None])[0], rtol=1e-9)

@@ -1,0 +1,120 @@
+"""What a scene says of the filter: uncertainty in both forms, noise levels, faults, and back to a file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynamics import four_mass_phantom, label, parameters
+from estimators import FilterSettings, FixBias, ForceMode
+from experiments.errors import InputError
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.simulation.simulate import scene_of
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """The file of the phantom's scene, which says nothing of the filter."""
+    path = tmp_path / "scene.toml"
+    write_scene(scene_of(read_scenario("webcam")), path)
+    return path
+
+
+def told(path: Path, text: str):
+    """The scene read from the file with this before its first mark."""
+    content = path.read_text(encoding="utf-8")
+    path.write_text(content.replace("\n[[mark]]", f"\n{text}\n[[mark]]", 1), encoding="utf-8")
+    return read_scene(path)
+
+
+def test_nothing_said_is_the_usual_filter_and_exact_constants(path):
+    scene = read_scene(path)
+    assert scene.settings == FilterSettings()
+    assert scene.uncertainty is None
+    assert "[filter]" not in path.read_text()
+
+
+def test_kinds_are_every_constant_of_the_kind_by_itself(path):
+    """Covariance of the logs: 0.1² on ten stiffnesses, 0.5² on four drags, nothing across."""
+    scene = told(path, "[uncertainty]\nstiffness = 0.1\ndrag = 0.5\n")
+    assert scene.uncertainty.parameters == parameters(scene.network, ("stiffness", "drag"))
+    np.testing.assert_allclose(scene.uncertainty.cov, np.diag([0.01] * 10 + [0.25] * 4), rtol=0, atol=1e-15)
+
+
+def test_directions_are_told_apart_by_name(path):
+    scene = told(
+        path,
+        '[uncertainty]\nparameters = ["drag M2", "stiffness M1-M2"]\n'
+        "directions = [[0.1, 0.2], [0.0, 0.3], [1.0, 0.0]]\n",
+    )
+    assert [label(scene.network, one) for one in scene.uncertainty.parameters] == ["drag M2", "stiffness M1-M2"]
+    np.testing.assert_allclose(scene.uncertainty.cov, [[1.01, 0.02], [0.02, 0.13]], rtol=0, atol=1e-15)
+
+
+def test_levels_take_the_place_of_the_usual_ones(path):
+    scene = told(
+        path,
+        "[filter]\nwhite_m_s2_sqrt_hz = 0.1\npoke_m_s2 = 2.0\npoke_lasting_s = 0.4\n"
+        "fix_bias_mm = 2.5\nadapt_marks = true\n",
+    )
+    usual = FilterSettings()
+    trace = usual.quiet.poke * 0.1 / usual.quiet.white
+    assert scene.settings == replace(
+        usual,
+        quiet=ForceMode(0.1, trace, usual.quiet.lasting_s),
+        poked=ForceMode(0.1, 2.0, 0.4),
+        fix_bias=FixBias(2.5e-3),
+        marks_bounds=(0.25, 4.0),
+    )
+
+
+def test_what_is_read_is_written_and_read_again(path):
+    scene = told(
+        path,
+        '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
+        "[filter]\npoke_m_s2 = 2.0\nfix_bias_mm = 2.5\nadapt_marks = true\n",
+    )
+    write_scene(scene, path)
+    again = read_scene(path)
+    assert again.settings == scene.settings
+    assert again.uncertainty.parameters == scene.uncertainty.parameters
+    np.testing.assert_allclose(again.uncertainty.directions, [[0.1, -0.2]], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "[uncertainty]\n",
+            ": uncertainty: expected one or more of stiffness, rest_length, damping, drag, friction, or",
+        ),
+        ("[uncertainty]\nstiffness = -0.1\n", ": uncertainty.stiffness: expected more than 0, found -0.1"),
+        ('[uncertainty]\nparameters = ["drag M2"]\n', ": uncertainty: expected parameters and directions together"),
+        (
+            '[uncertainty]\nparameters = ["drag M9"]\ndirections = [[0.1]]\n',
+            ': uncertainty.parameters[0]: no positive constant named "drag M9"',
+        ),
+        (
+            '[uncertainty]\nparameters = ["drag M2"]\ndirections = [[0.1, 0.2]]\n',
+            ": uncertainty: expected directions of 1 numbers each, found 2",
+        ),
+        (
+            '[uncertainty]\ndrag = 0.1\nparameters = ["drag M2"]\ndirections = [[0.1]]\n',
+            ": uncertainty: expected parameters and directions or kinds, found both, drag",
+        ),
+        ("[filter]\npoke_m_s2 = 0.0\n", ": filter.poke_m_s2: expected more than 0, found 0.0"),
+        ("[filter]\nnoise = 1.0\n", ": filter.noise: expected one of white_m_s2_sqrt_hz, poke_m_s2, poke_lasting_s,"),
+    ],
+)
+def test_faults_are_told_in_one_line(path, text, message):
+    with pytest.raises(InputError) as fault:
+        told(path, text)
+    assert str(fault.value).startswith(f"{path}{message}")
+    assert len(str(fault.value).splitlines()) == 1
+
+
+def test_the_phantom_of_these_tests_has_the_constants_named():
+    network = four_mass_phantom()
+    assert len(parameters(network)) == 3 * 10 + 2 * 4

@@ -1,0 +1,186 @@
+"""camera.toml and the YAML of OpenCV and ROS: what is written is read back, and every fault names file and key."""
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from experiments.errors import InputError
+from experiments.formats.camera_file import read_camera_toml, write_camera_toml
+from experiments.formats.camera_yaml import LensFile, read_opencv_yaml, read_ros_yaml, write_opencv_yaml, write_ros_yaml
+from tests.real_data import DATA
+from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, noisy_views, poses
+from vision import Calibration, calibrate
+
+PUBLISHED = DATA / "chessboard" / "left_intrinsics.yml"
+CONTENT = LensFile(LENS, (640, 480), "left eye")
+
+ROS = """# as camera_calibration writes it
+image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [535.5,   0. , 342.25,
+           0. , 536. , 235.5 ,
+           0. ,   0. ,   1.  ]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data:
+  - -0.25
+  - 0.5
+  - 1e-3
+  - -2.5e-4
+  - 0.0
+rectification_matrix: {rows: 3, cols: 3}
+"""
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    rng = np.random.default_rng(1)
+    return calibrate(
+        noisy_views(BOARD, LENS, poses(6, rng), 0.1, rng), SIZE_PX, name="front", left_out=['a"b.png: board not found']
+    )
+
+
+def test_camera_toml_is_read_back(calibration: Calibration, tmp_path: Path) -> None:
+    write_camera_toml(calibration, tmp_path / "camera.toml")
+    back = read_camera_toml(tmp_path / "camera.toml")
+    assert (back.name, back.size_px) == ("front", SIZE_PX)
+    np.testing.assert_array_equal(back.lens.matrix, calibration.matrix)
+    np.testing.assert_array_equal(back.lens.distortion, calibration.distortion)
+    np.testing.assert_array_equal(back.pose.rotation, calibration.pose.rotation)
+    np.testing.assert_allclose(back.pose.translation_m, calibration.pose.translation_m, rtol=1e-14)
+    np.testing.assert_allclose(back.uncertainty.T @ back.uncertainty, calibration.joint_cov, rtol=1e-12)
+    np.testing.assert_array_equal(back.mm_per_px, calibration.mm_per_px)
+
+
+def test_camera_toml_has_millimetres_and_sums_to_the_covariance(calibration: Calibration, tmp_path: Path) -> None:
+    write_camera_toml(calibration, tmp_path / "camera.toml")
+    data = tomllib.loads((tmp_path / "camera.toml").read_text(encoding="utf-8"))
+    rows = np.array(data["uncertainty"])
+    cov = sum(np.outer(row, row) for row in rows)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov))[:4], data["matrix_sd"], rtol=1e-12)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov))[4:9], data["distortion_sd"], rtol=1e-12)
+    np.testing.assert_allclose(np.diag(cov)[12:], 1e6 * np.diag(calibration.joint_cov)[12:], rtol=1e-12)
+    np.testing.assert_allclose(data["translation_mm"], 1e3 * calibration.pose.translation_m, rtol=1e-12)
+    assert data["images_used"] == [f"{k:02d}.png" for k in range(6)]
+    assert data["images_left_out"] == ['a"b.png: board not found']
+    assert len(data["reprojection_rms_px_each"]) == 6
+    assert data["plane_image"] == "05.png"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.replace("version = 1", "version = 2"), "version: expected 1, found 2"),
+        (lambda t: t.replace("mm_per_px", "mm_px"), "mm_px: expected one of .* found an unknown key"),
+        (lambda t: t.replace("plane_image = ", "# "), "plane_image: expected this key, found none"),
+        (lambda t: t.replace("[0.0, 0.0, 1.0]", "[0.0, 0.0, 2.0]"), r"matrix: expected \[\[fx, 0, cx\]"),
+        (lambda t: t.replace("rotation = [\n    [", "rotation = [\n    [1"), "rotation: expected a rotation matrix"),
+        (lambda t: t.replace('    "00.png",\n', ""), "reprojection_rms_px_each: expected 5 entries, .* found 6"),
+        (lambda t: t.replace("uncertainty = [\n    [", "uncertainty = [\n    [1.0, "), "uncertainty.0.: expected 15"),
+    ],
+)
+def test_faults_of_camera_toml_name_file_and_key(
+    calibration: Calibration, tmp_path: Path, change: Callable[[str], str], message: str
+) -> None:
+    path = tmp_path / "camera.toml"
+    write_camera_toml(calibration, path)
+    text = path.read_text(encoding="utf-8")
+    assert change(text) != text
+    path.write_text(change(text), encoding="utf-8")
+    with pytest.raises(InputError, match=f"camera.toml: {message}"):
+        read_camera_toml(path)
+
+
+def test_opencv_yaml_is_read_back_here_and_by_opencv(tmp_path: Path) -> None:
+    path = tmp_path / "lens.yml"
+    write_opencv_yaml(CONTENT, path)
+    back = read_opencv_yaml(path)
+    assert back.size_px == (640, 480)
+    np.testing.assert_array_equal(back.lens.matrix, LENS.matrix)
+    np.testing.assert_array_equal(back.lens.distortion, LENS.distortion)
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    np.testing.assert_array_equal(storage.getNode("camera_matrix").mat(), LENS.matrix)
+
+
+def test_ros_yaml_is_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "lens.yaml"
+    write_ros_yaml(CONTENT, path)
+    back = read_ros_yaml(path)
+    assert (back.size_px, back.name) == ((640, 480), "left eye")
+    np.testing.assert_array_equal(back.lens.matrix, LENS.matrix)
+    np.testing.assert_array_equal(back.lens.distortion, LENS.distortion)
+    text = path.read_text(encoding="utf-8")
+    assert "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1.0, 0.0, 0.0, 0.0, 1.0," in text
+    assert "projection_matrix:\n  rows: 3\n  cols: 4\n  data: [380.0, 0.0, 205.0, 0.0, 0.0, 384.0, 147.0, 0.0," in text
+
+
+def test_ros_yaml_of_other_programs_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "ros.yaml"
+    path.write_text(ROS, encoding="utf-8")
+    back = read_ros_yaml(path)
+    assert (back.size_px, back.name) == ((640, 480), "narrow_stereo")
+    np.testing.assert_array_equal(back.lens.matrix, [[535.5, 0, 342.25], [0, 536, 235.5], [0, 0, 1]])
+    np.testing.assert_array_equal(back.lens.distortion, [-0.25, 0.5, 1e-3, -2.5e-4, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("plumb_bob", "equidistant", 'distortion_model: expected plumb_bob, found "equidistant"'),
+        ("image_width: 640", "image_width: wide", 'image_width: expected a whole number of 1 or more, found "wide"'),
+        ("image_height: 480\n", "", 'image_height: expected a whole number of 1 or more, found "none"'),
+        ("  cols: 5\n", "", "distortion_coefficients.cols: expected this key, found none"),
+        ("  cols: 5\n", "  cols: 4\n", "distortion_coefficients.data: expected rows times cols numbers in brackets"),
+        ("[535.5,", "[x,", "camera_matrix.data: expected rows times cols numbers in brackets"),
+        ("[535.5,", "[-535.5,", "camera_matrix: expected 3 rows of 3 numbers, focal lengths above 0"),
+        ("[535.5,", "[nan,", "camera_matrix: expected 3 rows of 3 numbers, focal lengths above 0"),
+        ("camera_matrix:", "matrix:", "camera_matrix: expected rows, cols and data, found none"),
+        ("image_width: 640", "what is this", 'line 2: expected key: value, found "what is this"'),
+    ],
+)
+def test_faults_of_ros_yaml_name_file_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "ros.yaml"
+    assert old in ROS
+    path.write_text(ROS.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError) as fault:
+        read_ros_yaml(path)
+    assert str(fault.value).startswith(f"{path}: {message}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("%YAML", "YAML?", "expected YAML as OpenCV writes it, found a file that it cannot read"),
+        ("image_width: 640", "width: 640", "image_width: expected a whole number of 1 or more, found none"),
+        ("camera_matrix", "matrix", "camera_matrix: expected a matrix, found none"),
+        ("camera_matrix: !!", "camera_matrix: 5\nother: !!", "camera_matrix: expected a matrix, found none"),
+        ("rows: 5\n", "rows: 2\n", None),
+    ],
+)
+def test_faults_of_opencv_yaml_name_file_and_key(tmp_path: Path, old: str, new: str, message: str | None) -> None:
+    path = tmp_path / "lens.yml"
+    write_opencv_yaml(CONTENT, path)
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError) as fault:
+        read_opencv_yaml(path)
+    assert str(fault.value).startswith(f"{path}: {message or 'distortion_coefficients: expected '}")
+
+
+@pytest.mark.skipif(not PUBLISHED.is_file(), reason="no left_intrinsics.yml: set SOFTAIM_DATA to the real pictures")
+def test_the_published_calibration_reads() -> None:
+    back = read_opencv_yaml(PUBLISHED)
+    assert back.size_px == (640, 480)
+    assert back.lens.matrix[0, 0] == 535.91573396163199
+    assert back.lens.distortion[4] == 0.23839153080878486

@@ -1,0 +1,225 @@
+"""Recordings: what is read of a good one, and what is written for others to read."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dynamics import MassSpringNetwork, four_mass_phantom
+from experiments.errors import InputError
+from experiments.formats.recording import (
+    MarkRow,
+    Truth,
+    open_recording,
+    write_frames_csv,
+    write_marks_csv,
+    write_truth_csv,
+)
+from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from vision import VideoWriter, squarely
+
+SIZE_PX = (32, 24)
+MARKED = ("M1", "M2", "M3")
+
+
+def scene() -> Scene:
+    marks = tuple(Mark(name, 0.0, 0.03, measured=name != "M2") for name in MARKED)
+    return Scene(four_mass_phantom(), marks, Target("M2", 0.005), (squarely("front", SIZE_PX, (20.0, 20.0)),))
+
+
+def scene_in_space() -> Scene:
+    network = MassSpringNetwork(
+        names=("A", "B"),
+        positions=np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]),
+        masses=np.ones(2),
+        fixed=np.array([True, False]),
+        drag=np.zeros(2),
+        friction=np.zeros(2),
+        springs=np.array([[0, 1]]),
+        stiffness=np.ones(1),
+        rest_lengths=np.full(1, 0.1),
+        damping=np.zeros(1),
+        gravity=np.zeros(3),
+    )
+    return Scene(network, (Mark("B", 0.0, 0.01),), Target("B", 0.005), ())
+
+
+def picture(k: int) -> np.ndarray:
+    return np.full((SIZE_PX[1], SIZE_PX[0], 3), 20 * k, dtype=np.uint8)
+
+
+def write_video(path: Path, n_frames: int) -> None:
+    with VideoWriter(path, SIZE_PX, 30.0) as video:
+        for k in range(n_frames):
+            video.write(picture(k))
+
+
+@pytest.fixture
+def filmed(tmp_path: Path) -> Path:
+    """A recording of five frames, with a scene and nothing else."""
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    write_scene(scene(), folder / "scene.toml")
+    write_video(folder / "video.avi", 5)
+    write_frames_csv(folder / "frames.csv", np.arange(5) / 30.0)
+    return folder
+
+
+@pytest.fixture
+def tracked(tmp_path: Path) -> Path:
+    """A folder with a scene, for a marks.csv."""
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    write_scene(scene(), folder / "scene.toml")
+    return folder
+
+
+def test_a_film_is_read_with_its_times(filmed: Path):
+    recording = open_recording(filmed)
+    assert recording.folder == filmed
+    assert recording.scene.target.node == "M2"
+    assert (recording.marks, recording.truth, recording.fixes) == (None, None, ())
+    np.testing.assert_allclose(recording.exposures_s, np.arange(5) / 30.0, rtol=0, atol=1e-9)
+    with recording.open_frames() as frames:
+        seen = [(frame.index, frame.exposure_s, float(frame.image.mean())) for frame in frames]
+    assert [index for index, _, _ in seen] == [0, 1, 2, 3, 4]
+    assert [time_s for _, time_s, _ in seen] == recording.exposures_s.tolist()
+    np.testing.assert_allclose([grey for _, _, grey in seen], 20.0 * np.arange(5), atol=2.0)  # JPEG
+
+
+def test_a_folder_of_pictures_is_read(filmed: Path):
+    (filmed / "video.avi").unlink()
+    (filmed / "frames").mkdir()
+    for k in range(5):
+        cv2.imwrite(str(filmed / "frames" / f"{k:06d}.png"), picture(k))
+    with open_recording(filmed).open_frames() as frames:
+        assert [int(frame.image[0, 0, 0]) for frame in frames] == [0, 20, 40, 60, 80]
+
+
+def test_another_scene_may_take_the_place_of_the_recording_s_own(filmed: Path, tmp_path: Path):
+    (filmed / "scene.toml").rename(tmp_path / "other.toml")
+    assert open_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
+    (filmed / "scene.toml").write_text("not read", encoding="utf-8")
+    assert open_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
+
+
+def test_marks_take_the_place_of_a_film(tracked: Path):
+    (tracked / "marks.csv").write_text(
+        "time_s,node,x_mm,y_mm,sd_mm\n0.1,M1,1,2,0.5\n0.1,M2,3,4,0.5\n0.3,M1,-5,6.25,4.14\n", encoding="utf-8"
+    )
+    recording = open_recording(tracked)
+    np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.3])
+    assert recording.source is None
+    assert recording.marks is not None
+    assert [[row.node for row in rows] for rows in recording.marks] == [["M1", "M2"], ["M1"]]
+    row = recording.marks[1][0]
+    np.testing.assert_allclose(row.position_m, [-0.005, 0.00625], rtol=1e-15)
+    assert row.sd_m == pytest.approx(0.00414, rel=1e-15)
+    with pytest.raises(InputError, match=r"rec: expected a video or frames, found marks\.csv, which has no frames"):
+        recording.open_frames()
+
+
+def test_with_marks_frames_csv_says_when_an_estimate_is_due(tracked: Path):
+    (tracked / "marks.csv").write_text(
+        "time_s,node,x_mm,y_mm,sd_mm\n0.2,M1,1,2,0.5\n0.4,M1,1,2,0.5\n0.4,M3,1,2,0.5\n", encoding="utf-8"
+    )
+    write_frames_csv(tracked / "frames.csv", np.array([0.1, 0.2, 0.3, 0.4, 0.5]))
+    recording = open_recording(tracked)
+    np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.2, 0.3, 0.4, 0.5])
+    assert recording.marks is not None
+    assert [[row.node for row in rows] for rows in recording.marks] == [[], ["M1"], [], ["M1", "M3"], []]
+
+
+@pytest.mark.parametrize("n_frames", [1, 2])
+def test_marks_may_be_seen_in_no_frame(tracked: Path, n_frames: int):
+    write_marks_csv(tracked / "marks.csv", np.empty(0), [], dim=2)
+    write_frames_csv(tracked / "frames.csv", np.arange(n_frames, dtype=float))
+    assert open_recording(tracked).marks == ((),) * n_frames
+
+
+def test_truth_is_straight_between_its_times_and_unknown_outside(tracked: Path):
+    write_marks_csv(tracked / "marks.csv", np.array([0.0]), [[MarkRow("M1", np.zeros(2), 0.001)]], dim=2)
+    (tracked / "truth.csv").write_text(
+        "time_s,node,x_mm,y_mm\n0.1,M2,10,0\n0.2,In1,7,7\n0.2,M2,20,-4\n0.4,M2,0,-4\n", encoding="utf-8"
+    )
+    truth = open_recording(tracked).truth
+    assert truth is not None
+    assert set(truth.nodes) == {"M2", "In1"}
+    inside, positions = truth.at(np.array([0.0, 0.1, 0.15, 0.3, 0.4, 0.5]), "M2")
+    np.testing.assert_array_equal(inside, [False, True, True, True, True, False])
+    expected = [[0.010, 0.0], [0.015, -0.002], [0.010, -0.004], [0.0, -0.004]]
+    np.testing.assert_allclose(positions[inside], expected, rtol=0, atol=1e-12)
+    assert np.isnan(positions[~inside]).all()
+    inside, positions = truth.at(np.array([0.1, 0.2, 0.3]), "In1")
+    np.testing.assert_array_equal(inside, [False, True, False])
+    np.testing.assert_allclose(positions[1], [0.007, 0.007], rtol=1e-15)
+    with pytest.raises(KeyError):
+        truth.at(np.array([0.1]), "M9")
+
+
+def test_fixes_are_read(filmed: Path):
+    fixes = filmed / "fixes.csv"
+    fixes.write_text("time_s,x_mm,y_mm,sd_mm\n", encoding="utf-8")
+    assert open_recording(filmed).fixes == ()
+    fixes.write_text("time_s,x_mm,y_mm,sd_mm\n0.5,1,2,0.25\n0.5,3,4,1\n", encoding="utf-8")
+    first, second = open_recording(filmed).fixes
+    assert (first.time_s, first.sd_m, second.sd_m) == (0.5, 0.00025, 0.001)
+    np.testing.assert_allclose([first.position_m, second.position_m], [[0.001, 0.002], [0.003, 0.004]], rtol=1e-15)
+
+
+def test_a_recording_in_space_has_z_everywhere(tmp_path: Path):
+    write_scene(scene_in_space(), tmp_path / "scene.toml")
+    write_marks_csv(tmp_path / "marks.csv", np.array([0.5]), [[MarkRow("B", np.array([1, 2, 3.0]), 0.1)]], dim=3)
+    write_truth_csv(tmp_path / "truth.csv", np.array([0.5]), {"B": np.array([[4.0, 5.0, 6.0]])})
+    (tmp_path / "fixes.csv").write_text("time_s,x_mm,y_mm,z_mm,sd_mm\n0.5,7000,8000,9000,1\n", encoding="utf-8")
+    recording = open_recording(tmp_path)
+    assert recording.marks is not None
+    assert recording.truth is not None
+    np.testing.assert_array_equal(recording.marks[0][0].position_m, [1, 2, 3])
+    np.testing.assert_array_equal(recording.truth.positions["B"], [[4, 5, 6]])
+    np.testing.assert_array_equal(recording.fixes[0].position_m, [7, 8, 9])
+
+
+places = st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=2).map(np.array)
+seen = st.dictionaries(st.sampled_from(MARKED), st.tuples(places, st.floats(1e-6, 1.0)), max_size=3)
+
+
+@given(st.lists(st.tuples(st.integers(1, 10**12), seen), min_size=1, max_size=6))
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_what_is_written_is_read_again(tracked: Path, frames: list[tuple[int, dict[str, tuple[np.ndarray, float]]]]):
+    """Times to 1e-9 s, positions to half of 1e-4 mm, deviations to nine digits."""
+    times_s = 1e-9 * np.cumsum([step_ns for step_ns, _ in frames])
+    marks = [[MarkRow(node, place, sd) for node, (place, sd) in rows.items()] for _, rows in frames]
+    paths = {node: np.array([rows[node][0] if node in rows else [0.0, 0.0] for _, rows in frames]) for node in MARKED}
+    write_frames_csv(tracked / "frames.csv", times_s)
+    write_marks_csv(tracked / "marks.csv", times_s, marks, dim=2)
+    write_truth_csv(tracked / "truth.csv", times_s, paths)
+    again = open_recording(tracked)
+    np.testing.assert_allclose(again.exposures_s, times_s, rtol=0, atol=0.51e-9)
+    assert again.marks is not None
+    for rows, written in zip(again.marks, marks, strict=True):
+        assert [row.node for row in rows] == [row.node for row in written]
+        for row, own in zip(rows, written, strict=True):
+            np.testing.assert_allclose(row.position_m, own.position_m, rtol=0, atol=0.51e-7)
+            assert row.sd_m == pytest.approx(own.sd_m, rel=1e-8)
+    assert isinstance(again.truth, Truth)
+    assert set(again.truth.nodes) == set(MARKED)
+    for node, positions in paths.items():
+        np.testing.assert_allclose(again.truth.times_s[node], times_s, rtol=0, atol=0.51e-9)
+        np.testing.assert_allclose(again.truth.positions[node], positions, rtol=0, atol=0.51e-7)
+
+
+def test_what_could_not_be_read_again_is_not_written(tmp_path: Path):
+    for times_s in ([0.0, 0.0], [0.0, 1e-10], [1.0, 0.0], [0.0, np.nan]):
+        with pytest.raises(ValueError, match="times: expected finite ones that increase"):
+            write_frames_csv(tmp_path / "frames.csv", np.array(times_s))
+    for positions in (np.zeros((3, 2)), np.full((2, 2), np.nan)):
+        with pytest.raises(ValueError, match="truth: expected finite positions at 2 times"):
+            write_truth_csv(tmp_path / "truth.csv", np.array([0.0, 1.0]), {"M1": positions})
+    for row in (MarkRow("M1", np.array([0.0, np.inf]), 0.1), MarkRow("M1", np.zeros(2), 0.0)):
+        with pytest.raises(ValueError, match="marks: expected"):
+            write_marks_csv(tmp_path / "marks.csv", np.array([0.0]), [[row]], dim=2)
+    assert list(tmp_path.iterdir()) == []

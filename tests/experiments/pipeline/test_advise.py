@@ -1,0 +1,156 @@
+"""`softaim advise`: from a recording and a needle's file to a table and a picture; faults of the file in one line."""
+
+import sys
+from dataclasses import astuple
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from dynamics import four_mass_phantom
+from estimators import AdviceSettings, Hit, Needle
+from experiments.commands import app as cli
+from experiments.errors import InputError
+from experiments.formats.needle_file import read_needle
+from experiments.formats.recording import open_recording
+from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from experiments.pipeline.advise import advise, table
+
+GOOD = (Path(__file__).parents[1] / "needle.toml").read_text(encoding="utf-8")
+LEAST = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -2.0]\nspeed_mm_s = 200.0\n"
+COLUMNS = [
+    *("time_s", "advice", "reason", "arrival_s", "p_hit", "aim_x_mm", "aim_y_mm"),
+    *("lateral_mm", "depth_mm", "turn_deg", "p_turned", "best_in_s", "p_best"),
+]
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "needle.toml"
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Marks of the phantom at rest for a second, 30 frames/s, none from 0.5 to 0.8 s."""
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    network = four_mass_phantom()
+    marks = tuple(Mark(node, 0.0, 0.03) for node in ("M1", "M3", "M4"))
+    write_scene(Scene(network, marks, Target("M2", 0.005), ()), folder / "scene.toml")
+    times = np.arange(30) / 30
+    seen = times[(times < 0.5) | (times > 0.8)]
+    rows = [(t, m.node, *(1e3 * network.positions[network.index(m.node)]), 1.0) for t in seen for m in marks]
+    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    pd.DataFrame({"frame": range(30), "exposure_s": times}).to_csv(folder / "frames.csv", index=False)
+    return folder
+
+
+def softaim(monkeypatch, *words) -> int:
+    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
+    try:
+        cli.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+def test_everything_that_the_file_says_is_taken(path):
+    path.write_text(GOOD)
+    plan = read_needle(path, 0.005, 2)
+    assert plan.needle.hit is Hit.CORE
+    assert astuple(plan.needle)[1:] == pytest.approx((6e-3, 18e-3, 4e-3, 0.4e-3, 0.03))
+    assert plan.settings == AdviceSettings(0.8, 0.1, 0.4, 0.05, 0.15, 0.12, 2e-3)
+    assert (plan.insertion.speed_m_s, plan.insertion.depth_m) == (pytest.approx(0.2), pytest.approx(2e-3))
+    np.testing.assert_allclose(plan.insertion.entry, [0.0, 0.215])
+    np.testing.assert_allclose(plan.insertion.axis, [0.0, -1.0])
+    np.testing.assert_allclose(plan.lesion.axes, 1e-3 * np.array([[6.0, 1.0], [0.0, 8.0]]))
+
+
+def test_what_it_does_not_say_is_the_usual_and_the_scenes_radius(path):
+    path.write_text(LEAST)
+    plan = read_needle(path, 0.007, 2)
+    assert (plan.needle, plan.settings) == (Needle(), AdviceSettings())
+    np.testing.assert_allclose(plan.lesion.axes, 0.007 * np.eye(2))
+    np.testing.assert_allclose(plan.insertion.axis, [0.0, -1.0])
+
+
+def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, monkeypatch, capsys):
+    """No guidance before 0.1 s of marks and from 0.12 s after the last; else the target rests on the needle's line."""
+    path.write_text(GOOD)
+    out = tmp_path / "out"
+    assert softaim(monkeypatch, "advise", recording, "--needle", path, "--out", out) == 0
+    rows = pd.read_csv(out / "advice.csv")
+    assert list(rows.columns) == COLUMNS
+    assert len(rows) == 30
+    none = (rows["time_s"] < 0.09) | rows["time_s"].between(0.466 + 0.12, 0.8)
+    assert set(rows["advice"][none]) == {"NO_GUIDANCE"}
+    assert set(rows["advice"][~none]) <= {"GO", "WAIT"}
+    assert rows.loc[none, COLUMNS[3:]].isna().all(axis=None)
+    assert rows.loc[~none].notna().all(axis=None)
+    assert "the estimate is INITIALISING" in set(rows["reason"])
+    assert any(reason.startswith("no mark was seen for") for reason in rows["reason"])
+    sure = rows[~none].iloc[8]
+    rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
+    np.testing.assert_allclose(sure[["aim_x_mm", "aim_y_mm"]].astype(float), rest_mm, atol=12.0)
+    assert sure["depth_mm"] == pytest.approx(215.0 - sure["aim_y_mm"] + 15.0 - 2.0, abs=1e-6)
+    assert sure["lateral_mm"] == pytest.approx(abs(sure["aim_x_mm"]), abs=1e-6)
+    assert sure["arrival_s"] - sure["time_s"] == pytest.approx(sure["depth_mm"] / 200.0, abs=1e-6)
+    said = f"30 frames: GO {(rows['advice'] == 'GO').sum()}, WAIT {(rows['advice'] == 'WAIT').sum()}, REALIGN 0,"
+    assert said in capsys.readouterr().out
+    picture = cv2.imread(str(out / "advice.png"))
+    assert picture is not None
+    assert picture.std() > 10.0
+
+
+def test_a_needle_beside_the_target_is_told_to_turn(recording, path):
+    """From 100 mm beside the resting target, straight down: by the angle between that and the way to the aim."""
+    rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
+    entry = rest_mm + np.array([100.0, 40.0])
+    path.write_text(GOOD.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
+    rows = table(advise(open_recording(recording), read_needle(path, 0.005, 2)))
+    last = rows.iloc[-1]
+    way = last[["aim_x_mm", "aim_y_mm"]].to_numpy(dtype=float) - entry
+    assert last["advice"] == "REALIGN"
+    assert last["turn_deg"] == pytest.approx(np.degrees(np.arctan2(100.0, 40.0)), abs=5.0)
+    assert last["lateral_mm"] == pytest.approx(-way[0], abs=1e-6)
+    assert last["p_turned"] > 0.3 > last["p_hit"]
+    assert f"turned by {last['turn_deg']:.1f} deg" in last["reason"]
+
+
+BAD = {
+    "version": ("version = 1", "version = 2", ": version: expected 1, found 2"),
+    "unknown": ("tip_sd_mm", "tip_sd", ": tip_sd: expected one of version, entry_mm, direction, speed_mm_s,"),
+    "missing": ("speed_mm_s = 200.0\n", "", ": speed_mm_s: expected this key, found none"),
+    "still": ("speed_mm_s = 200.0", "speed_mm_s = 0.0", ": speed_mm_s: expected more than 0, found 0.0"),
+    "text": ("speed_mm_s = 200.0", 'speed_mm_s = "fast"', ': speed_mm_s: expected a number, found "fast"'),
+    "space": ("entry_mm = [0.0, 215.0]", "entry_mm = [0.0, 1.0, 2.0]", ": entry_mm: expected 2 numbers, as the scene"),
+    "nowhere": ("direction = [0.0, -1.0]", "direction = [0.0, 0.0]", ": direction: expected one other than nought,"),
+    "kind": ('hit = "CORE"', 'hit = "SIDE"', ": hit: expected 'TIP', 'NOTCH' or 'CORE', found \"SIDE\""),
+    "core": ("core_mm = 4.0", "core_mm = 19.0", ": core_mm: expected no more than notch_length_mm (18), found 19"),
+    "axes": ("[1.0, 8.0]]", "[12.0, 0.0]]", ": lesion.semi_axes_mm: expected 2 vectors of 2 numbers, none in the span"),
+    "axes in space": ("[1.0, 8.0]]", "[1.0, 8.0, 0.0]]", ": lesion.semi_axes_mm: expected 2 vectors of 2 numbers,"),
+    "both": ("[lesion]\n", "[lesion]\nradius_mm = 3.0\n", ": lesion: expected either radius_mm or semi_axes_mm, found"),
+    "sure": ("go = 0.8", "go = 1.1", ": advice.go: expected 1 or less, found 1.1"),
+    "never": ("step_s = 0.05", "step_s = 0.0", ": advice.step_s: expected 0.001 or more, found 0.0"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_faults_are_told_in_one_line(path, fault):
+    old, new, message = BAD[fault]
+    assert old in GOOD
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(InputError) as told:
+        read_needle(path, 0.005, 2)
+    assert str(told.value).startswith(f"{path}{message}")
+    assert len(str(told.value).splitlines()) == 1
+
+
+def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, path, tmp_path, monkeypatch, capsys):
+    path.write_text(GOOD.replace("go = 0.8", "go = 1.1"))
+    assert softaim(monkeypatch, "advise", recording, "--needle", path, "--out", tmp_path / "out") == 2
+    told = capsys.readouterr().err
+    assert told == f"softaim: {path}: advice.go: expected 1 or less, found 1.1\n"
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,178 @@
+"""`softaim calibrate` as a user calls it: files that come out, and every fault in one line with exit code 2."""
+
+import sys
+import tomllib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from experiments.commands import app as cli
+from experiments.formats.camera_file import read_camera_toml
+from experiments.formats.camera_yaml import read_opencv_yaml, read_ros_yaml
+from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, drawn, poses, sub_pixel_rays
+from vision import Board, Pose, VideoWriter
+
+CHESS = ("--board", "9x6", "--square-mm", "25")
+TO_RIGHT = Pose(cv2.Rodrigues(np.array([0.0, 0.15, 0.0]))[0], np.array([-0.05, 0.0, 0.0]))
+
+
+def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """The exit code of `softaim` with these words."""
+    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
+    try:
+        cli.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Drawn pictures: left/ and right/ of two cameras, charuco/, plain/ without a board, alike/ all from one place."""
+    root, rng = tmp_path_factory.mktemp("boards"), np.random.default_rng(1)
+    rays, at = sub_pixel_rays(LENS), poses(7, rng, far_m=0.38)
+    charuco = Board(8, 5, 0.025, "4X4_50", 0.018)
+    for name in ("left", "right", "charuco", "plain", "alike"):
+        (root / name).mkdir()
+    for k, pose in enumerate(at):
+        cv2.imwrite(str(root / "left" / f"{k}.png"), drawn(BOARD, pose, rays, rng=rng))
+        cv2.imwrite(str(root / "right" / f"{k}.png"), drawn(BOARD, TO_RIGHT.after(pose), rays, rng=rng))
+        cv2.imwrite(str(root / "charuco" / f"{k}.png"), drawn(charuco, pose, rays, rng=rng))
+        cv2.imwrite(str(root / "alike" / f"{k}.png"), drawn(BOARD, at[0], rays, rng=rng))
+        cv2.imwrite(str(root / "plain" / f"{k}.png"), np.full((SIZE_PX[1], SIZE_PX[0]), 120, dtype=np.uint8))
+    return root
+
+
+def test_a_folder_becomes_a_camera_a_picture_and_yaml(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, also = tmp_path / "front.toml", ("--opencv-yaml", tmp_path / "o.yml", "--ros-yaml", tmp_path / "r.yaml")
+    plane = ("--plane", pictures / "left" / "2.png")
+    assert softaim(monkeypatch, "calibrate", pictures / "left", *CHESS, *plane, "--out", out, *also) == 0
+    camera = read_camera_toml(out)
+    assert camera.name == "front"
+    # standard errors with 7 pictures are about 0.1 % of the focal length
+    np.testing.assert_allclose(camera.lens.matrix[[0, 1], [0, 1]], LENS.matrix[[0, 1], [0, 1]], rtol=0.006)
+    assert tomllib.loads(out.read_text(encoding="utf-8"))["plane_image"] == "2.png"
+    for other in (read_opencv_yaml(tmp_path / "o.yml"), read_ros_yaml(tmp_path / "r.yaml")):
+        np.testing.assert_array_equal(other.lens.matrix, camera.lens.matrix)
+        np.testing.assert_array_equal(other.lens.distortion, camera.lens.distortion)
+    drawing = cv2.imread(str(tmp_path / "front.png"))
+    assert drawing is not None
+    assert drawing.shape[1] > 1000
+    assert "7 pictures used" in capsys.readouterr().out
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["front.png", "front.toml", "o.yml", "r.yaml"]
+
+
+def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    board = ("--board", "9x6", "--square-mm", "25", "--charuco", "DICT_4X4_50", "--marker-mm", "18")
+    assert softaim(monkeypatch, "calibrate", pictures / "charuco", *board, "--out", tmp_path / "c.toml") == 0
+    camera = read_camera_toml(tmp_path / "c.toml")
+    np.testing.assert_allclose(camera.lens.matrix[[0, 1], [0, 1]], LENS.matrix[[0, 1], [0, 1]], rtol=0.02)
+
+
+def test_a_film_is_calibrated_from(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with VideoWriter(tmp_path / "film.avi", SIZE_PX, 5.0, codec="FFV1") as film:
+        for path in sorted((pictures / "left").iterdir()):
+            film.write(cv2.imread(str(path)))
+    assert softaim(monkeypatch, "calibrate", tmp_path / "film.avi", *CHESS, "--out", tmp_path / "c.toml") == 0
+    used = tomllib.loads((tmp_path / "c.toml").read_text(encoding="utf-8"))["images_used"]
+    assert used == [f"frame {k:06d}" for k in range(7)]
+
+
+def test_a_picture_of_the_plane_may_lie_elsewhere(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plane = tmp_path / "phantom.png"
+    plane.write_bytes((pictures / "left" / "1.png").read_bytes())
+    words = (pictures / "left", *CHESS, "--plane", plane, "--out", tmp_path / "c.toml")
+    assert softaim(monkeypatch, "calibrate", *words) == 0
+    written = tomllib.loads((tmp_path / "c.toml").read_text(encoding="utf-8"))
+    assert written["plane_image"] == "phantom.png"
+    assert len(written["images_used"]) == 8
+
+
+def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    both = [word for name in ("left", "right") for word in ("--camera", f"{name}={pictures / name}")]
+    assert softaim(monkeypatch, "calibrate", *both, *CHESS, "--out", tmp_path / "rig") == 0
+    assert sorted(p.name for p in (tmp_path / "rig").iterdir()) == ["left.png", "left.toml", "right.png", "right.toml"]
+    left, right = (read_camera_toml(tmp_path / "rig" / f"{name}.toml") for name in ("left", "right"))
+    between = right.pose.after(left.pose.inverse())
+    turn = cv2.Rodrigues(between.rotation @ TO_RIGHT.rotation.T)[0]
+    assert np.linalg.norm(turn) < 0.01
+    assert np.linalg.norm(between.translation_m - TO_RIGHT.translation_m) < 2e-3
+    assert left.uncertainty.shape == right.uncertainty.shape == (30, 15)
+
+
+BAD = [
+    (
+        ("{p}/left", *CHESS, "--board", "9by6"),
+        '--board: expected columns x rows, such as 9x6, found "9by6"',
+    ),
+    (
+        ("{p}/left", *CHESS, "--board", "2x6"),
+        '--board: expected 3 or more inner corners each way, found "2x6"',
+    ),
+    (("{p}/left", *CHESS, "--square-mm", "0"), "--square-mm: expected more than 0, found 0.0"),
+    (("{p}/left", *CHESS, "--marker-mm", "9"), "--marker-mm: expected --charuco with it, found none"),
+    (("{p}/left", *CHESS, "--charuco", "9X9"), "--charuco: expected one of 4X4_100, "),
+    (
+        ("{p}/left", *CHESS, "--charuco", "4X4_50"),
+        "--marker-mm: expected a length above 0 and below --square-mm,",
+    ),
+    (
+        ("{p}/left", *CHESS, "--board", "12x10", "--charuco", "4X4_50", "--marker-mm", "9"),
+        "--charuco: board dictionary",
+    ),
+    (("{p}/none.png", *CHESS), "none.png: expected a picture, found no such file"),
+    (("{p}/left/0.png", "{t}/broken.png", *CHESS), "broken.png: expected a picture, found a file that cannot be read"),
+    (("{p}/left/0.png", "{t}/small.png", *CHESS), "small.png: expected 400x300 as 0.png has, found 40x30"),
+    (
+        ("{p}/plain", *CHESS),
+        "plain: expected pictures of the board of 9x6 inner corners, found it in none of 7; check",
+    ),
+    (
+        ("{p}/left/0.png", "{p}/left/1.png", *CHESS),
+        "pictures: expected the board in 4 or more, found it in 2 of 2; show",
+    ),
+    (("{p}/alike", *CHESS), "pictures: expected boards that face 10 degrees or more apart, found"),
+    (
+        ("{p}/left", *CHESS, "--plane", "x.png"),
+        "x.png: expected a picture of the board on the plane, found no such",
+    ),
+    (CHESS, "calibrate: expected pictures of one camera or --camera NAME=FOLDER of several, found neither"),
+    (("--camera", "left", *CHESS), '--camera: expected NAME=FOLDER, found "left"'),
+    (("--camera", "left={p}/left", *CHESS), "--camera: expected two or more cameras"),
+    (
+        ("--camera", "left={p}/left", "--camera", "right={p}/no", *CHESS),
+        "--camera right: expected a folder of",
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "line"), BAD, ids=[line.split(" found")[0] for _, line in BAD])
+def test_bad_input_is_one_line_and_leaves_nothing(
+    words: tuple[str, ...],
+    line: str,
+    pictures: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "broken.png").write_bytes(b"no picture")
+    cv2.imwrite(str(tmp_path / "small.png"), np.full((30, 40), 9, dtype=np.uint8))
+    filled = [word.format(p=pictures, t=tmp_path) for word in words]
+    assert softaim(monkeypatch, "calibrate", *filled, "--out", tmp_path / "out.toml") == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert line in told
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["broken.png", "small.png"]
+
+
+def test_out_is_a_toml_file(
+    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert softaim(monkeypatch, "calibrate", pictures / "left", *CHESS, "--out", tmp_path / "camera.png") == 2
+    assert "expected a file name that ends in .toml" in capsys.readouterr().err

@@ -1,0 +1,239 @@
+"""Advice in the live loop: as `softaim advise` gives it, none where marks or frames stop, and by the breath."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import vision
+from dynamics import HIDDEN, OUTER, four_mass_phantom, independent, parameters
+from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate, TissueFilter, guide
+from experiments.commands import app as cli
+from experiments.formats.needle_file import NeedlePlan, read_needle
+from experiments.formats.recording import Recording, open_recording
+from experiments.formats.scenario import read_scenario
+from experiments.pipeline.advise import advise, header, table
+from experiments.pipeline.live import Session, follow
+from experiments.pipeline.live_advice import LiveAdvice, reach_s, words
+from experiments.simulation.simulate import draw, scene_of, simulate
+from tests.experiments.pipeline.test_live import INTERVAL, Clocked, frames_at
+from vision import Frame
+
+NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
+NEEDLE += "[lesion]\nradius_mm = 2.5\n[advice]\ngo = 0.8\nhorizon_s = 0.3\n"
+
+
+@pytest.fixture(scope="module")
+def needle_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("needle") / "needle.toml"
+    path.write_text(NEEDLE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def plan(needle_file) -> NeedlePlan:
+    return read_needle(needle_file, 0.005, 2)
+
+
+@pytest.fixture(scope="module")
+def image() -> np.ndarray:
+    """The phantom at rest."""
+    scene = scene_of(read_scenario("webcam"))
+    return draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Recording:
+    """1.5 s of the poked phantom before a webcam."""
+    folder = tmp_path_factory.mktemp("film") / "rec"
+    webcam = read_scenario("webcam")
+    pokes = webcam.pokes.model_copy(update={"pause_s": 0.2})
+    simulate(webcam.model_copy(update={"duration_s": 1.5, "pokes": pokes}), folder)
+    return open_recording(folder)
+
+
+def run(source: Clocked, folder: Path, plan: NeedlePlan) -> tuple[Session, pd.DataFrame, list[tuple[float, str]]]:
+    """The session, the rows of advice.csv, and what was shown when."""
+    shown: list[tuple[float, str]] = []
+
+    def clock() -> float:
+        return source.now
+
+    scene = scene_of(read_scenario("webcam"))
+    session = Session(
+        scene, folder / "estimates.csv", lambda text: shown.append((clock(), text)), needle=plan, clock=clock
+    )
+    follow(session, source, np.inf, clock=clock)
+    session.close()
+    return session, pd.read_csv(folder / "advice.csv"), shown
+
+
+def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
+    """Frames told at their exposure: rows as `softaim advise` writes them, but for what tables make of the path.
+
+    Pokes come every 0.2 s here and turn springs: aims are some tenths of a millimetre apart, 95 of 100 within 1.5 mm,
+    and of 45 frames 5 at most fall on the other side of a threshold.
+    """
+    with recording.open_frames() as frames:
+        source = Clocked([(frame.exposure_s, frame) for frame in frames], [], 1.5)
+    source.now = 0.0
+    _, rows, _ = run(source, tmp_path, plan)
+    told = table(advise(recording, plan))
+    assert list(rows.columns) == list(told.columns)
+    assert len(rows) == len(told) == 45
+    np.testing.assert_allclose(rows["time_s"], told["time_s"], atol=1e-9)
+    assert set(told["advice"]) == {"GO", "WAIT", "REALIGN", "NO_GUIDANCE"}
+    assert (rows["advice"] != told["advice"]).sum() <= 5
+    both = rows["p_hit"].notna() & told["p_hit"].notna()
+    assert both.sum() > 30
+    for column, usual, most in (("p_hit", 0.02, 0.2), ("aim_x_mm", 0.3, 1.5), ("arrival_s", 3e-3, 1e-2)):
+        off = (rows[column] - told[column])[both].abs()
+        assert off.median() < usual
+        assert off.quantile(0.95) < most
+    started = told["reason"] == "the estimate is INITIALISING"
+    assert started.sum() >= 3
+    assert (rows["reason"] == told["reason"])[started].all()
+
+
+def test_no_guidance_as_soon_as_frames_are_missing_and_again_some_after(tmp_path, plan, image):
+    """Half a second of frames, 1 s of none, half a second again, with 20 ms to arrive; the rule is 0.1 s (stale_s)."""
+    before, after = 100.0 + INTERVAL * np.arange(15), 101.5 + INTERVAL * np.arange(15)
+    source = Clocked(frames_at(before, image) + frames_at(after, image), [], 102.0)
+    session, rows, shown = run(source, tmp_path, plan)
+    gap = rows[(rows["time_s"] > before[-1]) & (rows["time_s"] < after[0])]
+    assert set(gap["advice"]) == {"NO_GUIDANCE"}
+    assert gap["reason"].iloc[0] == "the estimate is 0.12 s old, more than 0.1 s"
+    assert len(gap) >= 9
+    assert rows["advice"].iloc[14] in ("GO", "WAIT", "REALIGN")
+    assert rows["advice"].iloc[-1] != "NO_GUIDANCE"
+    silent = [t for t, text in shown if "NO GUIDANCE" in text and t > before[-1]]
+    assert silent[0] == pytest.approx(before[-1] + 0.12, abs=1e-6)
+    assert sum(session.advice.counts.values()) == len(rows)
+    # a needle that starts now arrives later than one that starts at the exposure
+    frame = rows.iloc[14]
+    assert frame["arrival_s"] - frame["time_s"] - 0.02 == pytest.approx(frame["depth_mm"] / 200.0, abs=1e-6)
+
+
+def test_an_impatient_needle_is_told_sooner(tmp_path, plan, image):
+    """stale_s of 50 ms: a frame is waited for no longer than that."""
+    impatient = replace(plan, settings=replace(plan.settings, stale_s=0.05))
+    source = Clocked(frames_at(100.0 + INTERVAL * np.arange(15), image), [], 101.0)
+    _, rows, _ = run(source, tmp_path, impatient)
+    assert rows["time_s"].iloc[15] == pytest.approx(100.0 + 14 * INTERVAL + 0.02 + 0.05)
+    assert rows["advice"].iloc[15] == "NO_GUIDANCE"
+
+
+def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
+    """Frames go on without marks: after 0.2 s (coasting_s) nothing is said of the needle; each row is there at once."""
+    times = 100.0 + INTERVAL * np.arange(30)
+    blank = np.full_like(image, 128)
+    frames = [(t + 0.02, Frame(k, t, image if k < 15 else blank)) for k, t in enumerate(times)]
+    source, told = Clocked(frames, [], times[-1] + 0.021), []
+    inner = source.next
+    source.next = lambda timeout_s=0.0: (
+        told.append(len((tmp_path / "advice.csv").read_text().splitlines())) or inner(timeout_s)
+    )
+    _, rows, shown = run(source, tmp_path, plan)
+    assert told == [0, *range(2, 32)]
+    unseen = rows["time_s"] + 0.02 - times[14]
+    assert set(rows["advice"][unseen > 0.2]) == {"NO_GUIDANCE"}
+    assert "NO_GUIDANCE" not in set(rows["advice"][(unseen <= 0.2) & (unseen > -0.2)])
+    assert rows["reason"][unseen > 0.2].iloc[0] == "no mark was seen for 0.22 s, more than 0.2 s"
+    assert "NO GUIDANCE: " in shown[-1][1]
+
+
+def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan):
+    """Estimates of a 4 s breath of 10 mm for 12 s: aims at its place on arrival to 1 mm; before, the filter's path."""
+    network = four_mass_phantom()
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")
+    rest = network.positions[network.index(HIDDEN)]
+
+    def at(t: float) -> np.ndarray:
+        return rest + 0.01 * np.array([np.cos(np.pi / 2 * t), 0.3 * np.sin(np.pi / 2 * t)])
+
+    off = []
+    for k in range(360):
+        t = k / 30.0
+        tissue.predict(t)
+        tissue.health = replace(tissue.health, since_s=0.0, seen_s=t)
+        estimate = TargetEstimate(t, at(t), 1e-8 * np.eye(2), Status.TRACKING, 3)
+        said = advice.seen(tissue, estimate, t)
+        off.append(np.linalg.norm(said.aim - at(said.arrival_s)))
+    advice.close()
+    assert np.max(off[-60:]) < 1e-3
+    assert np.max(off[:60]) > 5e-3
+
+
+def test_a_filter_with_unknown_constants_is_asked_itself(tmp_path, plan):
+    """No tables are made for it: its row is that of `guide`, to the last digit."""
+    network = four_mass_phantom()
+    unsure = independent(parameters(network, ("stiffness",))[:1], 0.1)
+    tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=unsure)
+    marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
+    advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")
+    for k in range(6):
+        tissue.predict(k / 30.0)
+        said = advice.seen(tissue, tissue.update(marks), k / 30.0)
+    advice.close()
+    exact = guide(
+        tissue, tissue.predict_at(5 / 30.0), plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings
+    )
+    assert said.probability == exact.probability
+    np.testing.assert_array_equal(said.aim, exact.aim)
+
+
+def test_tables_reach_as_far_as_the_needle_and_no_further_than_they_must(plan):
+    """27 mm and 15 mm of reach and 50 mm at 200 mm/s, 0.3 s of starts, 0.5 and 0.1 s; a crawling needle: 30 s."""
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
+    way_m = 0.215 - four_mass_phantom().positions[four_mass_phantom().index(HIDDEN), 1] + 0.015 + 0.05
+    assert reach_s(plan, tissue) == pytest.approx(0.3 + way_m / 0.2 + 0.5 + 0.1, abs=1e-3)
+    crawling = replace(plan, insertion=replace(plan.insertion, speed_m_s=1e-5))
+    assert reach_s(crawling, tissue) == pytest.approx(30.9)
+
+
+def test_words_say_what_where_and_why():
+    said = Guidance(
+        Advice.REALIGN, "why", 1.0, 0.6199, np.array([0.001, 0.1884]), None, 0.0021, 0.0421, np.radians(4.3)
+    )
+    assert words(said) == "REALIGN 61 %  aim (1.0, 188.4) mm, 2.1 mm beside, turn 4.3 deg, 42.1 mm to go: why"
+    assert words(Guidance(Advice.NO_GUIDANCE, "the estimate is LOST")) == "NO GUIDANCE: the estimate is LOST"
+
+
+def softaim(monkeypatch, *told: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, told)])
+    try:
+        cli.main()
+    except SystemExit as ended:
+        return int(ended.code or 0)
+    return 0
+
+
+def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(
+    recording, tmp_path, needle_file, monkeypatch, capsys
+):
+    bad = tmp_path / "bad.toml"
+    bad.write_text(NEEDLE.replace("go = 0.8", "go = 1.5"))
+    words_of = ("live", "--source", recording.folder, "--needle", bad, "--out", tmp_path / "out")
+    assert softaim(monkeypatch, *words_of) == 2
+    assert capsys.readouterr().err == f"softaim: {bad}: advice.go: expected 1 or less, found 1.5\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, needle_file, monkeypatch, capsys):
+    """A recording played live for a second and a half; without --needle there is no advice."""
+    out = tmp_path / "out"
+    assert softaim(monkeypatch, "live", "--source", recording.folder, "--needle", needle_file, "--out", out) == 0
+    rows, estimates = pd.read_csv(out / "advice.csv"), pd.read_csv(out / "estimates.csv")
+    assert list(rows.columns) == header(2)
+    assert set(estimates["time_s"]) <= set(rows["time_s"])
+    printed = capsys.readouterr().out
+    assert f"Advice in {out / 'advice.csv'}: GO {(rows['advice'] == 'GO').sum()}, WAIT" in printed
+    assert (
+        softaim(monkeypatch, "live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
+    )
+    assert {path.name for path in (tmp_path / "plain").iterdir()} == {"estimates.csv"}
+    assert "Advice" not in capsys.readouterr().out

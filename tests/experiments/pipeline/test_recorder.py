@@ -1,0 +1,266 @@
+"""Recordings that grow: whole up to the last second when their writer is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.commands import app as cli
+from experiments.errors import InputError
+from experiments.formats.recording import open_recording, read_frames
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import Scene, write_scene
+from experiments.pipeline.recorder import Recorder, join, record
+from experiments.simulation.simulate import scene_of
+from vision import EveryFrame, Frame, VideoWriter
+
+SIZE = (64, 48)
+INTERVAL = 1 / 30
+
+CAMERA = """
+import sys, time
+from pathlib import Path
+import numpy as np
+import vision
+from experiments.pipeline.recorder import record
+from experiments.formats.scene.scene import read_scene
+
+class Camera:
+    k, began = -1, time.monotonic()
+    def isOpened(self): return True
+    def release(self): pass
+    def get(self, prop): return 1e3 * (self.began + self.k / 30)
+    def retrieve(self): return True, np.random.default_rng(self.k).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+    def grab(self):
+        self.k += 1
+        time.sleep(max(0.0, self.began + self.k / 30 - time.monotonic()))
+        print(self.k, flush=True)
+        return True
+
+frames = vision.LiveFrames(Camera, keep=vision.EVERY, exposures=lambda: vision.told_times)
+scene = Path(sys.argv[2])
+record(frames, Path(sys.argv[1]), scene=read_scene(scene), scene_path=scene)
+"""
+
+
+def picture(k: int) -> np.ndarray:
+    return np.random.default_rng(k).integers(0, 256, (48, 64, 3), dtype=np.uint8)
+
+
+def small_scene() -> Scene:
+    scene = scene_of(read_scenario("webcam"))
+    return replace(scene, cameras=(replace(scene.cameras[0], size_px=SIZE),))
+
+
+def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    """Exit code of a command."""
+    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return int(end.value.code or 0)
+
+
+class Frames:
+    """Frames that the test made."""
+
+    def __init__(self, *frames: Frame) -> None:
+        self.frames = frames
+
+    def __iter__(self) -> Iterator[Frame]:
+        return iter(self.frames)
+
+    def close(self) -> None:
+        pass
+
+
+def noise(n: int, interval_s: float = INTERVAL) -> list[Frame]:
+    return [Frame(k, 5.0 + interval_s * k, picture(k)) for k in range(n)]
+
+
+def left_by_a_kill(folder: Path, n: int = 75) -> Path:
+    """What is there of n frames before the last piece is finished, with a scene."""
+    recorder = Recorder(folder, SIZE, clock=lambda: 0.0)
+    for frame in noise(n):
+        recorder.take(frame)
+    write_scene(small_scene(), folder / "scene.toml")
+    return folder
+
+
+def check_frames(folder: Path, n: int) -> None:
+    recording = open_recording(folder)
+    assert len(recording.exposures_s) == n
+    with recording.open_frames() as frames:
+        seen = list(frames)
+    assert len(seen) == n
+    for frame in seen:
+        np.testing.assert_array_equal(frame.image, picture(frame.index))
+
+
+def test_a_recorder_killed_leaves_all_up_to_the_last_second(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """SIGKILL after 2.5 s: what is lost is less than a second and the time that finishing a piece takes."""
+    folder, scene = tmp_path / "rec", tmp_path / "scene.toml"
+    write_scene(small_scene(), scene)
+    program = subprocess.Popen(
+        [sys.executable, "-c", CAMERA, str(folder), str(scene)],
+        cwd=Path(__file__).parents[3],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert program.stdout is not None
+        began = None
+        for line in program.stdout:
+            began = time.monotonic() if int(line) == 0 else began
+            if began is not None and time.monotonic() - began >= 2.5:
+                break
+    finally:
+        os.kill(program.pid, signal.SIGKILL)
+        killed = time.monotonic()
+        program.communicate()
+    times = read_frames(folder / "frames.csv", torn=True)
+    assert killed - times[-1] < 1.5
+    np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between
+    assert (folder / "scene.toml").read_bytes() == scene.read_bytes()
+    check_frames(folder, len(times))
+    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "track") == 0
+    rows = (tmp_path / "track" / "estimates.csv").read_text().splitlines()
+    assert len(rows) == len(times) + 1
+    assert softaim(monkeypatch, "record", "--recover", folder) == 0
+    assert f"{len(times)} frames in {folder}" in capfd.readouterr().out
+    assert sorted(path.name for path in folder.iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
+    check_frames(folder, len(times))
+
+
+def test_a_row_cut_short_and_a_piece_without_rows_are_left_out(tmp_path: Path) -> None:
+    folder = left_by_a_kill(tmp_path / "rec")
+    table = (folder / "frames.csv").read_bytes()
+    assert table.count(b"\n") == 61
+    (folder / "frames.csv").write_bytes(table[: table.index(b"\n40,") + 5])
+    check_frames(folder, 40)
+    assert join(folder) == 40
+    check_frames(folder, 40)
+
+
+def test_rows_without_frames_are_told(tmp_path: Path) -> None:
+    folder = left_by_a_kill(tmp_path / "rec")
+    (folder / "segments" / "000001.mkv").unlink()
+    with pytest.raises(InputError, match=r"expected a row for each of the 30 frames of segments/, found 60 rows"):
+        open_recording(folder)
+
+
+def test_a_join_killed_before_its_end_or_after_can_be_done_again(tmp_path: Path) -> None:
+    folder = left_by_a_kill(tmp_path / "rec")
+    (folder / ".video.1.partial.mkv").write_bytes(b"half a film")
+    check_frames(folder, 60)
+    with VideoWriter(folder / "video.mkv", SIZE, 30.0, codec="FFV1") as film:
+        for k in range(60):
+            film.write(picture(k))
+    (folder / "segments" / "000000.mkv").unlink()
+    check_frames(folder, 60)
+    assert join(folder) == 60
+    assert sorted(path.name for path in folder.iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
+    with pytest.raises(InputError, match=r"rec: expected segments/, as a recording that was killed leaves, found none"):
+        join(folder)
+
+
+def test_a_recording_ends_with_its_source_or_its_seconds(tmp_path: Path) -> None:
+    assert record(EveryFrame(Frames(*noise(50))), tmp_path / "all", clock=lambda: 0.0) == 50
+    assert record(EveryFrame(Frames(*noise(50))), tmp_path / "some", seconds=1.0) == 30
+    assert read_frames(tmp_path / "all" / "frames.csv") == pytest.approx([5.0 + INTERVAL * k for k in range(50)])
+    assert len(list((tmp_path / "all" / "segments").iterdir())) == 2
+
+
+def test_a_piece_is_finished_though_no_frame_comes(tmp_path: Path) -> None:
+    """Three frames, then none while the test's clock goes on by 0.1 s a wait."""
+    now, rows = [0.0], {}
+
+    class Silent(EveryFrame):
+        ended = False
+
+        def next(self, timeout_s: float = 0.0) -> Frame | None:
+            frame = next(self._coming, None)
+            if frame is None:
+                now[0] += timeout_s
+                rows[round(now[0], 1)] = len((tmp_path / "rec" / "frames.csv").read_text().splitlines()) - 1
+            return frame
+
+    assert record(Silent(Frames(*noise(3))), tmp_path / "rec", seconds=1.95, clock=lambda: now[0]) == 3
+    assert rows[1.0] == 0
+    assert rows[1.2] == 3
+    assert max(rows) == 2.0
+
+
+def test_a_piece_is_finished_by_the_clock_where_writing_is_slow(tmp_path: Path) -> None:
+    now = [0.0]
+    recorder = Recorder(tmp_path / "rec", SIZE, clock=lambda: now[0])
+    rows = []
+    for frame in noise(9):
+        recorder.take(frame)
+        rows.append(recorder.n_rows)
+        now[0] += 0.25
+    assert rows == [0, 0, 0, 0, 4, 4, 4, 4, 8]
+
+
+def test_another_size_or_a_time_that_goes_back_ends_it_and_what_came_is_kept(tmp_path: Path) -> None:
+    wide = Frame(40, 7.0, np.zeros((48, 80, 3), np.uint8))
+    with pytest.raises(InputError, match=r"size: expected frames of 64 x 48 px, found 80 x 48"):
+        record(EveryFrame(Frames(*noise(40), wide)), tmp_path / "size")
+    assert join(tmp_path / "size") == 40
+    with pytest.raises(InputError, match=r"time: expected a frame after 5.033333333 s, found 5.0"):
+        record(EveryFrame(Frames(*noise(2), noise(1)[0])), tmp_path / "time")
+    assert join(tmp_path / "time") == 2
+
+
+def test_a_film_is_recorded_and_can_be_tracked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with VideoWriter(tmp_path / "film.avi", SIZE, 30.0, codec="FFV1") as film:
+        for k in range(40):
+            film.write(picture(k))
+    write_scene(small_scene(), tmp_path / "scene.toml")
+    words = ("record", tmp_path / "film.avi", "--out", tmp_path / "rec", "--scene", tmp_path / "scene.toml")
+    assert softaim(monkeypatch, *words) == 0
+    assert f"40 frames in {tmp_path / 'rec'}; next: softaim track" in capfd.readouterr().out
+    assert sorted(path.name for path in (tmp_path / "rec").iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
+    check_frames(tmp_path / "rec", 40)
+    # again: what is there is not written over
+    assert softaim(monkeypatch, *words) == 2
+    assert "rec: expected a new or an empty folder, found a folder with files" in capfd.readouterr().err
+    check_frames(tmp_path / "rec", 40)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["record"], "record: expected SOURCE and --out REC, or --recover REC, found neither or both"),
+        (["record", "film", "--recover", "rec"], "found neither or both"),
+        (["record", "none", "--out", "rec"], "none: expected a camera index, a device"),
+        (["record", "phantom", "--out", "rec", "--codec", "H264"], "--codec: expected FFV1 or MJPG, found H264"),
+        (["record", "phantom", "--out", "rec", "--scene", "none.toml"], "none.toml: expected a file, found none"),
+        (["record", "--recover", "rec"], "rec: expected segments/"),
+        (
+            ["record", "phantom", "--out", "rec", "--scene", "small.toml"],
+            r"size_px: expected [640, 480], as the frames",
+        ),
+    ],
+)
+def test_what_cannot_be_recorded_is_one_line_and_nothing_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_scene(small_scene(), tmp_path / "small.toml")
+    assert softaim(monkeypatch, *words) == 2
+    fault = capfd.readouterr().err
+    assert told in fault
+    assert fault.startswith("softaim: ")
+    assert fault.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]

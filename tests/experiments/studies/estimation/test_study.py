@@ -1,0 +1,108 @@
+"""A quick form of the study: a few runs of some of its parts, with figures that the whole one has to keep."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from experiments.studies.estimation import page as estimation_page
+from experiments.studies.estimation.limits import bound, hard_trial
+from experiments.studies.estimation.page import PAGE, TABLES, rewritten
+from experiments.studies.estimation.runs import Study, by_scenario, figures
+from experiments.studies.estimation.study import PARTS, identified_run, perturbed, resting
+from experiments.studies.estimation.trials import Model, Trial, run
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "truth").mkdir()
+    return Study(folder, n_runs=1, n_processes=1)
+
+
+@pytest.fixture(scope="module")
+def outcomes(study):
+    return {name: [run(Trial(name, 100, duration_s=5.0), Model(), study.cache)] for name in ("quiet", "shoved")}
+
+
+def test_the_filter_is_far_below_the_open_loop(outcomes):
+    """5 s of each: below a quarter of the open loop's error (the whole study: 0.10 and 0.20), within its regions."""
+    rows = by_scenario(outcomes)
+    assert rows["quiet"]["ratio"] < 0.2
+    assert rows["shoved"]["ratio"] < 0.3
+    assert 0.85 < rows["all"]["coverage95"] <= 1.0
+    assert rows["all"]["frames"] == 300
+    assert not outcomes["quiet"][0].turned
+
+
+def test_figures_are_those_of_all_frames(outcomes):
+    runs = outcomes["quiet"] + outcomes["shoved"]
+    row = figures(runs)
+    errors = 1e3 * np.concatenate([one.filtered for one in runs])
+    assert row["filter_mm"] == pytest.approx(errors.mean(), rel=1e-12)
+    assert row["rmse_mm"] == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-12)
+    assert row["worst_mm"] == errors.max()
+    assert row["ratio"] == row["filter_mm"] / row["open_loop_mm"]
+
+
+def test_the_bound_lies_below_and_not_far(study):
+    """One quiet run: RMSE 0.8 to 1.3 of the bound (100 runs: 1.05)."""
+    rows = bound(study)
+    assert 0.8 < rows["from the first frame"]["ratio"] < 1.3
+
+
+def test_constants_that_are_off_are_off_and_rest_can_be_kept():
+    """10 % of every stiffness, one draw a seed; corrected by a still the model rests where the phantom does."""
+    off, again = perturbed(3, {"stiffness": 0.1}), perturbed(3, {"stiffness": 0.1})
+    usual = Model()
+    ratio = np.log(off.network.stiffness / usual.network.stiffness)
+    assert 0.05 < ratio.std() < 0.2
+    np.testing.assert_array_equal(off.network.stiffness, again.network.stiffness)
+    np.testing.assert_allclose(resting(off).network.positions, usual.network.positions, rtol=0, atol=1e-9)
+
+
+def test_hard_trials_are_as_hard_as_is_said():
+    trials = [hard_trial(k) for k in range(300)]
+    assert {trial.frames_per_s for trial in trials} == {5, 10, 15, 30, 60, 120}
+    assert {trial.strength for trial in trials} == {1.0, 1.25, 1.5}
+    noises = np.array([trial.mark_sd_m for trial in trials])
+    assert 0.0005 <= noises.min() < 0.001
+    assert 0.006 < noises.max() <= 0.008
+    assert len({trial.seed for trial in trials}) == 300
+
+
+def test_the_page_has_room_for_every_part_and_its_tables_are_whole():
+    page = PAGE.read_text(encoding="utf-8")
+    assert set(TABLES) == set(PARTS)
+    for name in PARTS:
+        inside = re.search(f"<!-- {name} -->\n(.*)\n<!-- end of {name} -->", page, flags=re.DOTALL)
+        assert inside, name
+        lines = [line for line in inside[1].splitlines() if line.startswith("|")]
+        assert len({line.count("|") for line in lines}) == 1
+        assert len(lines) >= 3
+
+
+def test_a_page_is_rewritten_between_its_marks_and_nowhere_else(outcomes):
+    page = "a\n<!-- choices -->\nold\n<!-- end of choices -->\nz"
+    new = rewritten(page, "choices", json.loads(json.dumps(by_scenario(outcomes))))
+    assert new.startswith("a\n<!-- choices -->\n|  | runs |")
+    assert new.endswith("\n<!-- end of choices -->\nz")
+    assert "old" not in new
+    with pytest.raises(ValueError, match="expected <!-- grid -->"):
+        rewritten(page, "grid", {})
+
+
+def test_identified_runs_hold_their_figures(study, monkeypatch):
+    """One phantom 10 % off, identified from 6 s, tracked for 5 s: quiet below 0.2, poked below 0.3."""
+    import experiments.studies.estimation.study as module
+
+    def short(name, seed, duration_s=5.0):
+        return Trial(name, seed, duration_s=min(duration_s, 6.0))
+
+    monkeypatch.setattr(module, "Trial", short)
+    found = identified_run(100, study.cache)
+    assert found["chi2"] < 80.0  # of 38 constants
+    for name, limit in (("quiet", 0.2), ("poked", 0.3), ("shoved", 0.35)):
+        assert figures([found["outcomes"][name]])["ratio"] < limit
+    assert callable(estimation_page.main)

@@ -1,0 +1,58 @@
+"""The study of exchanged names, on one truth that turns over."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.studies.identity import (
+    DURATION_S,
+    FRAMES_PER_S,
+    figures,
+    nameless_run,
+    names_told,
+    run,
+    told_run,
+    world,
+)
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """The close masses, let go from a shape that is turned over."""
+    return world("close", "quiet", 1)
+
+
+def test_marks_that_were_hidden_get_their_names_back(turned):
+    """Half a second hidden, back by wrong names: three frames are wrong, and all that come if nobody doubts them."""
+    alike = [("M1", "M3", "M4")]
+    doubted, blind = nameless_run(turned, "hidden", alike), nameless_run(turned, "hidden", [])
+    assert doubted["swaps"] >= 1
+    assert doubted["wrong_frames"] <= 4
+    assert not doubted["wrong_end"]
+    assert doubted["end_mm"] < 1.0
+    assert blind["wrong_end"]
+    assert blind["end_mm"] > 10.0
+
+
+def test_names_from_a_turned_start_are_right(turned):
+    """The rest shape says that two are exchanged, the motion that they are not: no swap; and the other way round."""
+    alike = [("M1", "M3", "M4")]
+    told = names_told("never", np.random.default_rng(0))
+    right = told_run(turned, "never", told, alike)
+    assert (right["swaps"], right["wrong_frames"]) == (0, 0)
+    exchanged = told[:, [0, 2, 1]]
+    assert told_run(turned, "from the start", exchanged, alike)["wrong_frames"] <= 4
+    assert told_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
+
+
+def test_figures_of_a_run_are_told_by_kind():
+    rows = pd.DataFrame(run(0, "phantom", "quiet"))
+    told = figures(rows)
+    assert told["phantom quiet never"]["swaps"] == 0
+    assert told["phantom quiet wrong springs"]["swaps"] == 0
+    good = told["phantom quiet for good"]
+    assert (good["swaps"], good["late_most"]) == (1, 0)
+    assert (good["runs_wrong_in_the_end"], good["runs_wrong_in_the_end_else"]) == (0, 1)
+    assert good["end_mm"] == pytest.approx(good["end_mm_unswapped"])
+    assert good["end_mm_else"] > 3 * good["end_mm"]
+    assert told["phantom quiet a while"]["swaps"] == 2

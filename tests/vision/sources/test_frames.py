@@ -1,0 +1,109 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision import FolderFrames, SourceError, VideoFileFrames, VideoWriter, count_frames
+
+N = 5
+
+
+def numbered(k: int) -> np.ndarray:
+    """A picture whose grey level tells its number."""
+    return np.full((48, 64, 3), 20 * k + 10, dtype=np.uint8)
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    with VideoWriter(tmp_path / "film.avi", (64, 48), 25.0, codec="FFV1") as video:
+        for k in range(N):
+            video.write(numbered(k))
+    return tmp_path / "film.avi"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for k in range(N):
+        cv2.imwrite(str(folder / f"{k:06d}.png"), numbered(k))
+    return folder
+
+
+def test_every_frame_comes_once_in_order_with_its_exposure(film: Path, folder: Path) -> None:
+    exposures = [0.0, 0.1, 0.15, 0.4, 0.9]
+    for frames in (VideoFileFrames(film, exposures), FolderFrames(folder, exposures)):
+        with frames:
+            seen = list(frames)
+        assert [f.index for f in seen] == list(range(N))
+        assert [f.exposure_s for f in seen] == exposures
+        assert [int(f.image[5, 5, 0]) for f in seen] == [20 * k + 10 for k in range(N)]
+
+
+def test_frames_are_counted(film: Path) -> None:
+    assert count_frames(film) == N
+
+
+@pytest.mark.parametrize(
+    ("n_exposures", "found"),
+    [(4, "expected 4 frames, found more"), (6, "expected 6 frames, found 5")],
+)
+def test_frames_and_exposures_must_agree(film: Path, n_exposures: int, found: str) -> None:
+    frames = iter(VideoFileFrames(film, [float(k) for k in range(n_exposures)]))
+    # All that have an exposure come; then the error.
+    assert [next(frames).index for _ in range(min(n_exposures, N))] == list(range(min(n_exposures, N)))
+    with pytest.raises(SourceError, match=f"film.avi: {found}"):
+        next(frames)
+
+
+def test_a_film_cut_short_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "film.avi"
+    rng = np.random.default_rng(0)
+    with VideoWriter(path, (64, 48), 25.0) as video:
+        for _ in range(N):
+            video.write(rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(SourceError, match=r"film.avi: expected 5 frames, found [1-3]$"):
+        list(VideoFileFrames(path, [0.0] * N))
+
+
+def test_a_folder_with_gaps_or_other_counts_is_told(folder: Path) -> None:
+    with pytest.raises(SourceError, match="frames: expected 3 frames, found 5"):
+        FolderFrames(folder, [0.0] * 3)
+    (folder / "000002.png").rename(folder / "000007.png")
+    with pytest.raises(SourceError, match=r"000002.png: expected frame 2, found no such file"):
+        list(FolderFrames(folder, [0.0] * N))
+    (folder / "000002.png").write_bytes(b"no picture")
+    (folder / "000007.png").unlink()
+    with pytest.raises(SourceError, match=r"000002.png: expected a PNG picture"):
+        list(FolderFrames(folder, [0.0] * N))
+    with pytest.raises(SourceError, match="expected a folder of frames, found none"):
+        FolderFrames(folder / "none", [])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "line"),
+    [
+        ("none.avi", None, "none.avi: expected a video file, found no such file"),
+        ("text.avi", b"no film at all " * 50, "text.avi: expected a video that OpenCV can decode, found none"),
+        ("text.mp4", b"\0\0\0\x18ftypmp42" * 20, "text.mp4: expected a video that OpenCV can decode, found none"),
+    ],
+)
+def test_a_bad_film_gives_one_line_and_no_noise(tmp_path: Path, name: str, content: bytes | None, line: str) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    program = (
+        "import sys, vision\n"
+        "try:\n    vision.VideoFileFrames(sys.argv[1])\n"
+        "except vision.SourceError as error:\n    print(error)\n"
+    )
+    command = [sys.executable, "-c", program, name]
+    root = Path(__file__).parents[3]
+    done = subprocess.run(
+        command, cwd=tmp_path, env={"PYTHONPATH": str(root)}, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == line + "\n"
+    assert done.stderr == ""

@@ -1,0 +1,324 @@
+"""Live frames from captures that fail as real ones do. Faults are timed by the test's own clock."""
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from vision import EventKind, LiveFrames, Playback, SourceError, told_times
+from vision.sources.frames import Frame
+
+IMAGE = np.zeros((4, 6, 3), dtype=np.uint8)
+
+
+def picture(k: int, size_px: tuple[int, int] = (6, 4)) -> np.ndarray:
+    return np.full((size_px[1], size_px[0], 3), k % 250, dtype=np.uint8)
+
+
+@pytest.fixture(autouse=True)
+def _no_wait_for_threads_that_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vision.sources.live.CLOSE_S", 0.01)
+
+
+class Clock:
+    """A clock that stands until the test moves it."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Scripted:
+    """A capture that gives the test's answers, each when it is let; None: a read that fails.
+
+    Held: a read before which there is no answer yet, for ever if none comes.
+    """
+
+    def __init__(self, *answers: np.ndarray | str | Exception | None, opens: bool = True) -> None:
+        self.answers, self.opens, self.released = list(answers), opens, threading.Event()
+        self.let = threading.Semaphore(len(self.answers))
+        self.given: object = None
+
+    def give(self, *answers: np.ndarray | str | Exception | None) -> None:
+        for answer in answers:
+            self.answers.append(answer)
+            self.let.release()
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        return self.opens
+
+    def grab(self) -> bool:
+        self.let.acquire()
+        self.given = self.answers.pop(0)
+        if isinstance(self.given, Exception):
+            raise self.given
+        return self.given is not None
+
+    def retrieve(self) -> tuple[bool, object]:
+        return True, None if isinstance(self.given, str) else self.given
+
+    def get(self, _prop: int) -> float:
+        return 0.0
+
+    def release(self) -> None:
+        self.released.set()
+
+
+def wait_until(condition: Callable[[], object], *, limit_s: float = 5.0) -> None:
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.001)
+
+
+def opened(*captures: Scripted, clock: Clock, **settings: object) -> LiveFrames:
+    """Frames of captures that are opened one after the other; pauses last a millisecond."""
+    coming = list(captures)
+
+    def open_next() -> Scripted:
+        return coming.pop(0) if coming else Scripted(opens=False)
+
+    return LiveFrames(open_next, clock=clock, nap=lambda _s: time.sleep(0.001), **settings)  # type: ignore[arg-type]
+
+
+def next_frame(live: LiveFrames) -> Frame:
+    """The next frame, by a clock that stands."""
+    found: list[Frame] = []
+
+    def came() -> bool:
+        frame = live.next(0.0)
+        found.extend([] if frame is None else [frame])
+        return frame is not None
+
+    wait_until(came)
+    return found[0]
+
+
+def kinds(live: LiveFrames) -> list[EventKind]:
+    return [event.kind for event in live.take_events()]
+
+
+def test_the_newest_frame_wins_and_the_rest_are_counted() -> None:
+    clock, camera = Clock(), Scripted(picture(0))
+    with opened(camera, clock=clock) as live:
+        assert next_frame(live).index == 0
+        for k in range(1, 5):
+            clock.now += 0.1
+            n = live.frames_dropped
+            camera.give(picture(k))
+            wait_until(lambda: live._n_frames == k + 1)  # noqa: B023 - the next line looks at what came
+            assert live.frames_dropped == n + (k > 1)
+        assert next_frame(live).index == 4
+        assert live.frames_dropped == 3
+    wait_until(lambda: camera.released.is_set() or not camera.give(None))
+
+
+def test_every_frame_waits_where_every_one_counts() -> None:
+    class Ticking(Clock):
+        def __call__(self) -> float:
+            self.now += 0.01
+            return self.now
+
+    camera = Scripted(*(picture(k) for k in range(5)), None)
+    with opened(camera, clock=Ticking(), keep=5, ends=lambda _capture: True) as live:
+        assert [frame.index for frame in live] == [0, 1, 2, 3, 4]
+        assert live.ended
+        assert kinds(live)[-1] is EventKind.ENDED
+        assert live.frames_dropped == 0
+
+
+def test_a_read_that_blocks_is_told_in_its_time_and_no_frame_is_made_up() -> None:
+    clock, camera = Clock(), Scripted(picture(0))
+    with opened(camera, clock=clock) as live:
+        next_frame(live)
+        clock.now += 0.5
+        assert live.next(0.0) is None
+        assert kinds(live) == []
+        clock.now += 0.01
+        assert live.next(0.0) is None
+        assert kinds(live) == [EventKind.BLOCKED]
+        camera.give(picture(1))
+        assert next_frame(live).exposure_s > 100.0
+        assert kinds(live) == [EventKind.RESUMED]
+
+
+def test_a_device_that_hangs_is_opened_anew_and_the_old_read_is_not_taken_when_it_comes_back() -> None:
+    clock, dead, alive = Clock(), Scripted(picture(0)), Scripted()
+    with opened(dead, alive, clock=clock) as live:
+        next_frame(live)
+        clock.now += 2.1
+        assert live.next(0.0) is None
+        alive.give(picture(1))
+        assert next_frame(live).image[0, 0, 0] == 1
+        assert kinds(live) == [EventKind.BLOCKED, EventKind.RESUMED]
+        dead.give(picture(2))  # comes back after all
+        assert dead.released.wait(5.0)
+        clock.now += 0.1
+        alive.give(picture(3))
+        assert next_frame(live).image[0, 0, 0] == 3
+
+
+def test_threads_that_hang_are_few() -> None:
+    clock = Clock()
+    dead = [Scripted(picture(0)), *(Scripted() for _ in range(9))]
+    with opened(*dead, clock=clock) as live:
+        next_frame(live)
+        before = threading.active_count()
+        for _ in range(9):
+            clock.now += 30.0
+            live.next(0.0)
+            time.sleep(0.002)
+        assert threading.active_count() <= before + 3
+
+
+def test_a_frozen_picture_is_never_handed_on_and_told_in_its_time() -> None:
+    clock, camera = Clock(), Scripted(picture(7))
+    with opened(camera, clock=clock) as live:
+        next_frame(live)
+        for _ in range(6):
+            clock.now += 0.1
+            camera.give(picture(7))
+            wait_until(lambda: not camera.answers)
+            time.sleep(0.002)
+            assert live.next(0.0) is None
+        assert kinds(live) == [EventKind.FROZEN]
+        clock.now += 0.1
+        one_pixel = picture(7)
+        one_pixel[3, 5, 2] += 1
+        camera.give(one_pixel)
+        assert next_frame(live).index == 1
+        assert kinds(live) == [EventKind.RESUMED]
+
+
+@pytest.mark.parametrize("failure", [None, "no picture", OSError("bus error"), cv2.error("bus error")])
+def test_a_read_that_fails_once_costs_no_more_than_itself(failure: object) -> None:
+    clock, camera = Clock(), Scripted(picture(0))
+    with opened(camera, clock=clock) as live:
+        next_frame(live)
+        clock.now += 0.1
+        camera.give(failure, picture(1))  # type: ignore[arg-type]
+        assert next_frame(live).index == 1
+        assert kinds(live) == [EventKind.DROPPED, EventKind.RESUMED]
+        assert not camera.released.is_set()
+
+
+def test_a_device_that_goes_is_opened_again_until_it_is_back() -> None:
+    clock, first, back = Clock(), Scripted(picture(0)), Scripted(picture(1))
+    with opened(first, Scripted(opens=False), Scripted(opens=False), back, clock=clock) as live:
+        next_frame(live)
+        clock.now += 0.1
+        first.give(None)
+        wait_until(lambda: not first.answers)
+        wait_until(lambda: kinds(live) == [EventKind.DROPPED])
+        clock.now += 0.6
+        first.give(*[None] * 3)
+        assert next_frame(live).image[0, 0, 0] == 1
+        assert first.released.is_set()
+        assert kinds(live) == [EventKind.RESUMED]
+
+
+def test_another_size_is_told_and_handed_on() -> None:
+    clock, camera = Clock(), Scripted(picture(0))
+    with opened(camera, clock=clock) as live:
+        next_frame(live)
+        clock.now += 0.1
+        camera.give(picture(0, (8, 8)))
+        assert next_frame(live).image.shape == (8, 8, 3)
+        assert kinds(live) == [EventKind.RESIZED]
+
+
+def test_it_gives_up_when_it_is_told_to_and_not_before() -> None:
+    clock, camera = Clock(), Scripted(picture(0))
+    with opened(camera, clock=clock, give_up_s=3.0) as live:
+        next_frame(live)
+        clock.now += 3.0
+        assert live.next(0.0) is None
+        clock.now += 0.01
+        with pytest.raises(SourceError, match="live frames: expected a new frame within 3 s, found none"):
+            live.next(0.0)
+        assert live.ended
+        assert live.next(0.0) is None
+
+
+def test_next_comes_back_in_its_time() -> None:
+    with LiveFrames(Scripted) as live:
+        began = time.monotonic()
+        assert live.next(0.05) is None
+        assert 0.05 <= time.monotonic() - began < 1.0
+
+
+def test_close_ends_the_loop_even_while_the_camera_blocks() -> None:
+    live = LiveFrames(Scripted)
+    threading.Timer(0.03, live.close).start()
+    began = time.monotonic()
+    assert list(live) == []
+    assert time.monotonic() - began < 5.0
+
+
+def test_what_is_wrong_with_the_program_is_raised_to_the_reader() -> None:
+    with LiveFrames(lambda: Scripted(ZeroDivisionError("a bug"))) as live, pytest.raises(ZeroDivisionError):
+        next(iter(live))
+
+
+def test_a_source_that_does_not_open_is_told() -> None:
+    with (
+        LiveFrames(lambda: Scripted(opens=False)) as live,
+        pytest.raises(SourceError, match="expected a camera, stream or film that gives frames, found none"),
+    ):
+        next(iter(live))
+
+
+def test_a_film_is_shown_at_its_own_pace() -> None:
+    class Film:
+        closed = False
+
+        def __iter__(self):
+            return iter(Frame(k, 3.0 + t, IMAGE) for k, t in enumerate([0.0, 0.04, 0.12]))
+
+        def close(self) -> None:
+            self.closed = True
+
+    clock, film, naps = Clock(), Film(), []
+
+    def sleep(seconds: float) -> None:
+        naps.append(seconds)
+        clock.now += seconds
+
+    shown = Playback(film, clock=clock, sleep=sleep)
+    settings = {"ends": lambda _capture: True, "exposures": lambda: told_times, "frozen_s": None, "keep": 3}
+    with LiveFrames(lambda: shown, clock=clock, **settings) as live:  # type: ignore[arg-type]
+        assert [frame.exposure_s for frame in live] == pytest.approx([100.0, 100.04, 100.12])
+        assert naps == pytest.approx([0.04, 0.08])
+    wait_until(lambda: film.closed)
+
+
+def test_a_blocked_camera_does_not_keep_the_program_alive() -> None:
+    program = (
+        "import time, vision\n"
+        "class Dead:\n"
+        "    def isOpened(self):\n        return True\n"
+        "    def get(self, prop):\n        return 0.0\n"
+        "    def release(self):\n        pass\n"
+        "    def grab(self):\n        time.sleep(60)\n"
+        "live = vision.LiveFrames(Dead, give_up_s=0.05)\n"
+        "try:\n    next(iter(live))\nexcept vision.SourceError as error:\n    print(error)\n"
+    )
+    root = Path(__file__).parents[3]
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={"PYTHONPATH": str(root)},
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=True,
+    )
+    assert done.stdout == "live frames: expected a new frame within 0.05 s, found none\n"
+    assert done.stderr == ""

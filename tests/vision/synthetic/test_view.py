@@ -1,0 +1,127 @@
+"""Drawn views against closed forms: rays, ellipses, areas and centres of discs on a tilted plane."""
+
+import numpy as np
+import pytest
+
+from vision import Disc, DrawnView, Lighting, draw_frame, tilted_view
+from vision.synthetic.view import _plane_samples, disc_box, disc_coverage
+
+SIZE = (640, 480)
+BENT = (-0.28, 0.09, 0.001, -0.0015, 0.01)
+
+
+def region_on_rim(view: DrawnView, center_m: np.ndarray, radius_m: float) -> tuple[float, np.ndarray]:
+    """Area and centroid of a disc's picture [px], from 20,000 points of its rim: Green's theorem."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 20_000, endpoint=False)
+    rim = view.project(center_m + radius_m * np.column_stack([np.cos(angle), np.sin(angle)]))
+    near = rim.mean(axis=0)
+    a, b = rim - near, np.roll(rim - near, -1, axis=0)
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    return abs(cross.sum() / 2.0), near + ((a + b) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+
+
+def drawn_region(view: DrawnView, center_m: np.ndarray, radius_m: float) -> tuple[float, np.ndarray]:
+    path = np.atleast_2d(center_m)
+    box = disc_box(view, path, radius_m)
+    alpha = disc_coverage(view, box, path, radius_m)
+    v, u = np.indices(alpha.shape)
+    return alpha.sum(), np.array([(u * alpha).sum(), (v * alpha).sum()]) / alpha.sum() + box[:2]
+
+
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, BENT])
+@pytest.mark.parametrize("tilt_deg", [(0.0, 0.0, 0.0), (25.0, -20.0, 10.0)])
+@pytest.mark.parametrize("center_m", [(0.0, 0.0), (0.2013, 0.1507), (-0.2302, 0.1404)])
+def test_a_disc_has_its_area_and_centroid(distortion: tuple, tilt_deg: tuple, center_m: tuple) -> None:
+    view = tilted_view(SIZE, 620.0, 1.0, tilt_deg=tilt_deg, distortion=distortion)
+    area, centroid = drawn_region(view, np.array(center_m), 0.0123)
+    true_area, true_centroid = region_on_rim(view, np.array(center_m), 0.0123)
+    assert area == pytest.approx(true_area, rel=5e-4)
+    # Whole pixels hold the centroid of this radius to 1.5e-3 px, however exact their shares are.
+    np.testing.assert_allclose(centroid, true_centroid, atol=2e-3)
+
+
+@pytest.mark.parametrize("radius_px", [2.0, 3.3, 7.9])
+def test_a_disc_before_a_square_camera_is_the_plain_cameras_disc(radius_px: float) -> None:
+    view = tilted_view((80, 60), 600.0, 1.0)
+    center = np.array([[0.0013, -0.0042]])
+    box = disc_box(view, center, radius_px * 1e-3)
+    alpha = np.zeros((60, 80))
+    alpha[box[1] : box[3], box[0] : box[2]] = disc_coverage(view, box, center, radius_px * 1e-3)
+    flat = Lighting((255.0, 255.0, 255.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+    disc = Disc(view.project(center)[0], (radius_px, radius_px), 0.0, 1.0, 1.0)
+    drawn = draw_frame((80, 60), [disc], flat, np.random.default_rng(0))[:, :, 0]
+    # Half a grey level is 0.002; a pixel's edge is a straight line to 0.01.
+    assert np.abs(alpha - (1.0 - drawn / 255.0)).max() < 0.015
+    assert np.abs(alpha - (1.0 - drawn / 255.0)).mean() < 2e-4
+
+
+def test_the_ellipses_centre_is_off_the_centres_picture_by_the_known_formula() -> None:
+    view = tilted_view(SIZE, 500.0, 1.0, tilt_deg=(35.0, 20.0, 0.0))
+    center, radius = np.array([0.05, -0.03]), 0.040
+    H = view.matrix @ np.column_stack([view.rotation[:, :2], view.translation_m])
+    # The disc's dual conic is c cᵀ - r² diag(1, 1, 0); the ellipse's centre is H C* Hᵀ (0, 0, 1)
+    c = np.append(center, 1.0)
+    pole = H @ (np.outer(c, c) - radius**2 * np.diag([1.0, 1.0, 0.0])) @ H[2]
+    known = pole[:2] / pole[2] - (H @ c)[:2] / (H @ c)[2]
+    assert np.hypot(*known) > 1.0  # px: what is tested is there
+    seen = drawn_region(view, center, radius)[1] - view.project(center)[0]
+    np.testing.assert_allclose(seen, known, atol=2e-3)
+
+
+def test_rays_between_the_nodes_are_traced_to_a_millionth_of_a_pixel() -> None:
+    view = tilted_view(SIZE, 620.0, 1.0, tilt_deg=(25.0, -20.0, 10.0), distortion=BENT)
+    box = (540, 380, 640, 480)
+    x, y = _plane_samples(view, box, np.zeros(2), 2)
+    u, v = (start - 0.5 + (np.arange(200) + 0.5) / 2.0 for start in box[:2])
+    places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    # Single precision of 0.3 m is 3e-8 m, 3e-5 px of 1 mm.
+    np.testing.assert_allclose(np.column_stack([x.ravel(), y.ravel()]), view.to_plane(places), atol=3e-8)
+
+
+def test_a_place_is_seen_where_its_ray_ends() -> None:
+    view = tilted_view(SIZE, 620.0, 1.0, tilt_deg=(25.0, -20.0, 10.0), distortion=BENT)
+    places = np.random.default_rng(0).uniform((0, 0), SIZE, (50, 2))
+    np.testing.assert_allclose(view.project(view.to_plane(places)), places, atol=1e-6)
+    # Distortion by Brown's formula at one ray.
+    x, y = view.rays([[600.0, 60.0]])[0]
+    r2, (k1, k2, p1, p2, k3) = x * x + y * y, BENT
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    u = 319.5 + 620.0 * (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x))
+    v = 239.5 + 620.0 * (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
+    np.testing.assert_allclose([u, v], [600.0, 60.0], atol=1e-6)
+
+
+def test_a_moving_disc_has_the_variance_of_its_path() -> None:
+    view = tilted_view((120, 60), 600.0, 1.0)
+    path = np.column_stack([np.linspace(-0.0097, 0.0123, 23), np.full(23, 0.0002)])
+
+    def moments(places: np.ndarray) -> tuple[float, float, float]:
+        box = disc_box(view, places, 0.008)
+        alpha = disc_coverage(view, box, places, 0.008)
+        u, v = np.arange(box[0], box[2]), np.arange(box[1], box[3])
+        along, down = alpha.sum(axis=0) / alpha.sum(), alpha.sum(axis=1) / alpha.sum()
+        mean = (u * along).sum()
+        return mean, ((u - mean) ** 2 * along).sum(), ((v - (v * down).sum()) ** 2 * down).sum()
+
+    mean, along, down = moments(path)
+    # Exactly the sum of variances: disc r² / 4, pixel 1 / 12, path.
+    assert mean == pytest.approx(view.project(path).mean(axis=0)[0], abs=2e-3)
+    assert along == pytest.approx(16.0 + 1 / 12 + np.var(view.project(path)[:, 0]), rel=2e-3)
+    assert down == pytest.approx(16.0 + 1 / 12, rel=2e-3)
+
+
+def test_bad_views_are_refused() -> None:
+    good = tilted_view(SIZE, 600.0, 1.0)
+    with pytest.raises(ValueError, match="view rotation: expected a rotation"):
+        DrawnView(SIZE, good.matrix, np.diag([1.0, 1.0, -1.0]), good.translation_m)
+    with pytest.raises(ValueError, match="view matrix: expected finite numbers of shape"):
+        DrawnView(SIZE, np.eye(2), good.rotation, good.translation_m)
+    with pytest.raises(ValueError, match="expected the lens off the plane"):
+        DrawnView(SIZE, good.matrix, good.rotation, np.zeros(3))
+    with pytest.raises(ValueError, match="view distortion: expected five finite numbers"):
+        DrawnView(SIZE, good.matrix, good.rotation, good.translation_m, (0.1,))
+    steep = tilted_view(SIZE, 600.0, 1.0, tilt_deg=(80.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="expected points before the lens"):
+        steep.project([[0.0, -50.0], [0.0, 50.0]])
+    with pytest.raises(ValueError, match="expected places before the horizon"):
+        steep.to_plane([[320.0, 0.0], [320.0, 479.0]])

@@ -1,0 +1,158 @@
+"""Marks found frame after frame: where they are expected, named, and none where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import vision.tracking.finder
+from vision import Disc, Expected, HueError, Lighting, MarkFinder, MarkHue, Outline, detect_marks, draw_frame
+from vision.detection.fast_path import mark_alone
+
+SIZE = (640, 480)
+HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
+
+
+def expected(places: dict[str, np.ndarray], sd: float = 3.0, radius: float = 10.0) -> list[Expected]:
+    outline = Outline(radius * np.eye(2), 0.05)
+    return [Expected(name, np.array(at), sd**2 * np.eye(2), 0.0, outline) for name, at in places.items()]
+
+
+def frame(places: dict[str, np.ndarray], rng: np.random.Generator, *more: Disc) -> np.ndarray:
+    return draw_frame(
+        SIZE, [*(Disc(np.array(at), (10.0, 10.0), 0.0) for at in places.values()), *more], Lighting(), rng
+    )
+
+
+def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, regions = np.random.default_rng(1), []
+    detect, alone = vision.tracking.finder.detect_marks, vision.tracking.finder.mark_alone
+
+    def watched(*given, **more):
+        regions.append(more["region"])
+        return detect(*given, **more)
+
+    def watched_alone(frame_bgr, hues, region, expected):
+        regions.append(region)
+        return alone(frame_bgr, hues, region, expected)
+
+    monkeypatch.setattr(vision.tracking.finder, "detect_marks", watched)
+    monkeypatch.setattr(vision.tracking.finder, "mark_alone", watched_alone)
+    finder = MarkFinder([MarkHue(0.0)])
+    for k in range(5):
+        places = {name: np.array([at[0] + 3.0 * k, at[1] + 0.3]) for name, at in HOMES.items()}
+        found = {f.name: f.detection.center_px for f in finder.find(frame(places, rng), expected(places))}
+        assert found.keys() == places.keys()
+        for name, at in places.items():
+            assert np.abs(found[name] - at).max() < 0.1
+    assert regions[0] is None
+    assert len(regions) == 1 + 4 * 3
+    assert all(region is not None and region[2] * region[3] < 80 * 80 for region in regions[1:])
+
+
+def test_a_mark_that_leaves_its_place_is_looked_for_everywhere() -> None:
+    rng = np.random.default_rng(2)
+    finder = MarkFinder([MarkHue(0.0)])
+    finder.find(frame(HOMES, rng), expected(HOMES))
+    struck = HOMES | {"M3": np.array([520.0, 260.0])}
+    assert {f.name for f in finder.find(frame(struck, rng), expected(HOMES))} == {"M1", "M4"}
+
+    def anywhere(name: str) -> Expected:
+        return Expected(name, np.array(HOMES[name]), 100.0**2 * np.eye(2), 0.0, Outline(10.0 * np.eye(2), 0.05))
+
+    found = {f.name: f.detection.center_px for f in finder.find(frame(struck, rng), expected(HOMES), anywhere)}
+    np.testing.assert_allclose(found["M3"], struck["M3"], atol=0.1)
+
+
+def test_of_two_strangers_none_is_taken_for_the_missing_mark_at_once() -> None:
+    rng = np.random.default_rng(3)
+    finder = MarkFinder([MarkHue(0.0)])
+    finder.find(frame(HOMES, rng), expected(HOMES))
+    left = {name: at for name, at in HOMES.items() if name != "M3"}
+    strangers = [Disc(np.array([560.0, 300.0]), (10.0, 10.0), 0.0), Disc(np.array([60.0, 300.0]), (10.0, 10.0), 0.0)]
+
+    def near(name: str) -> Expected:
+        return Expected(name, np.array([540.0, 290.0]), 30.0**2 * np.eye(2), 0.0, Outline(10.0 * np.eye(2), 0.05))
+
+    image = frame(left, rng, *strangers)
+    assert {f.name for f in finder.find(image, expected(HOMES), near)} == {"M1", "M4"}
+    # it stays away: then the one that a blow may have brought there is it
+    found = {f.name: f.detection.center_px for f in finder.find(image, expected(HOMES), near)}
+    np.testing.assert_allclose(found["M3"], (560.0, 300.0), atol=0.1)
+
+
+def test_a_hand_of_nearly_the_same_hue_is_no_mark() -> None:
+    rng = np.random.default_rng(4)
+    finder = MarkFinder([MarkHue(0.0, 25.0, saturation=0.85, value=0.75)])
+    finder.find(frame(HOMES, rng), expected(HOMES))
+    hand = Disc(np.array([450.0, 130.0]), (60.0, 40.0), 18.0, saturation=0.5, value=0.7)
+    spot = Disc(np.array([452.0, 131.0]), (9.0, 9.0), 18.0, saturation=0.5, value=0.7)
+    left = {name: at for name, at in HOMES.items() if name != "M3"}
+    for covering in (hand, spot):
+        found = finder.find(frame(left, rng, covering), expected(HOMES))
+        assert {f.name for f in found} == {"M1", "M4"}
+
+
+def test_marks_that_cross_keep_their_names() -> None:
+    rng = np.random.default_rng(5)
+    finder = MarkFinder([MarkHue(0.0)])
+    for k in range(60):
+        places = {
+            "M1": np.array([150.0 + 4.0 * k, 200.0 + 0.4 * k]),
+            "M3": np.array([390.0 - 4.0 * k, 212.0 - 0.4 * k]),
+        }
+        off = {name: at + rng.normal(0.0, 1.5, 2) for name, at in places.items()}
+        for f in finder.find(frame(places, rng), expected(off, 1.5)):
+            own, other = places[f.name], places["M3" if f.name == "M1" else "M1"]
+            assert np.hypot(*(f.detection.center_px - own)) < max(3.0, 0.6 * np.hypot(*(own - other)))
+    assert finder.missed == set()
+
+
+def test_a_hue_that_is_everywhere_is_an_error_at_first_and_a_hand_before_the_camera_later() -> None:
+    red = np.full((480, 640, 3), (30, 30, 200), np.uint8)
+    with pytest.raises(HueError, match="expected marks on up to 30%"):
+        MarkFinder([MarkHue(0.0)]).find(red, expected(HOMES))
+    finder = MarkFinder([MarkHue(0.0)])
+    finder.find(frame(HOMES, np.random.default_rng(6)), expected(HOMES))
+    assert finder.find(red, expected(HOMES)) == []
+    assert finder.missed == set(HOMES)
+
+
+def test_the_quick_way_says_what_the_long_way_says() -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(10):
+        at = rng.uniform((100.0, 100.0), (540.0, 380.0))
+        image = frame({"M1": at}, rng)
+        (one,) = expected({"M1": at + rng.normal(0.0, 2.0, 2)})
+        left, top = (int(x) - 40 for x in one.center_px)
+        quick = mark_alone(image, [MarkHue(0.0)], (left, top, 80, 80), one)
+        (slow,) = detect_marks(
+            image, [MarkHue(0.0)], min_area_px=100.0, region=(left, top, 80, 80), outlines=[one.outline]
+        )
+        assert quick is not None
+        np.testing.assert_allclose(quick.center_px, slow.center_px, atol=0.02)
+        np.testing.assert_allclose(quick.cov_px2, slow.cov_px2, rtol=0.5, atol=1e-5)
+        assert quick.area_px == pytest.approx(slow.area_px, rel=0.01)
+        np.testing.assert_allclose(quick.color_bgr, slow.color_bgr, atol=3.0)
+
+
+def test_the_quick_way_leaves_what_is_odd_to_the_long_way() -> None:
+    rng = np.random.default_rng(8)
+    at = np.array([300.0, 200.0])
+    (one,) = expected({"M1": at})
+    region, hues = (255, 155, 90, 90), [MarkHue(0.0)]
+    whole = frame({"M1": at}, rng)
+    assert mark_alone(whole, hues, region, one) is not None
+    half = whole.copy()
+    half[:, 302:] = (150, 160, 170)
+    two = frame({"M1": at, "M3": np.array([326.0, 200.0])}, rng)
+    stain = Disc(at, (3.0, 3.0), 0.0)
+    for image in (half, two, frame({}, rng), frame({}, rng, stain)):
+        assert mark_alone(image, hues, region, one) is None
+    assert mark_alone(whole, hues, (296, 155, 49, 90), one) is None  # cut by the region
+    assert mark_alone(whole, hues, region, replace(one, outline=replace_even(one.outline))) is None
+
+
+def replace_even(outline: Outline | None) -> Outline:
+    assert outline is not None
+    return Outline(outline.shape_px, outline.size_sd, even=False)

@@ -1,0 +1,31 @@
+"""Cameras: lens models, poses, a camera before a plane, calibration from boards.
+
+What may enter: another camera or lens model, another calibration target.
+"""
+
+from vision.cameras.board import DICTIONARIES, Board, Corners, find_board
+from vision.cameras.bundle import CalibrationError
+from vision.cameras.calibration import Calibration, View, board_text, calibrate, rms
+from vision.cameras.lens import Lens, Pose
+from vision.cameras.plane_camera import PlaneCamera, posed, squarely
+from vision.cameras.rig import CameraViews, calibrate_together
+
+__all__ = [
+    "DICTIONARIES",
+    "Board",
+    "Calibration",
+    "CalibrationError",
+    "CameraViews",
+    "Corners",
+    "Lens",
+    "PlaneCamera",
+    "Pose",
+    "View",
+    "board_text",
+    "calibrate",
+    "calibrate_together",
+    "find_board",
+    "posed",
+    "rms",
+    "squarely",
+]

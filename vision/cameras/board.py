@@ -1,0 +1,158 @@
+"""Calibration boards, chessboard and ChArUco, found in a picture to a fraction of a pixel.
+
+Board axes: x along a row of corners, y up the columns, z out of the print; the origin is the middle of all inner
+corners. Image axes: u right, v down, the centre of the first pixel is (0, 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.sources.frames import quiet_opencv
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+WINDOW = 0.3
+"""Half the window in which a corner is refined, as a share of the least distance between corners. A wider one scatters
+less until next corners come in, in real pictures at 0.4."""
+WINDOW_PX = (2, 15)
+"""The least and the greatest half window [px]; in drawn pictures nothing is gained from 11 px on."""
+FEWEST_CORNERS = 8
+"""Corners of a ChArUco board, partly seen, that are enough of it."""
+
+DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswith("DICT_") and name.isupper()))
+"""Names of marker dictionaries, such as 4X4_50."""
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """A flat print of squares.
+
+    columns, rows: inner corners along x and along y
+    square_m: side of a square [m]
+    dictionary, marker_m: of a ChArUco board, its markers' dictionary and side [m]; None for a chessboard
+
+    Raises ValueError that names the field.
+    """
+
+    columns: int
+    rows: int
+    square_m: float
+    dictionary: str | None = None
+    marker_m: float | None = None
+
+    def __post_init__(self) -> None:
+        least = 3 if self.dictionary is None else 2
+        if min(self.columns, self.rows) < least:
+            raise ValueError(
+                f"board: expected {least} or more inner corners each way, found {self.columns}x{self.rows}"
+            )
+        if not (np.isfinite(self.square_m) and self.square_m > 0):
+            raise ValueError(f"board square_m: expected more than 0, found {self.square_m}")
+        if (self.dictionary is None) != (self.marker_m is None):
+            raise ValueError("board marker_m: expected a dictionary and a marker size together, found one of them")
+        if self.dictionary is not None and self.dictionary not in DICTIONARIES:
+            raise ValueError(f"board dictionary: expected one of {', '.join(DICTIONARIES)}, found {self.dictionary}")
+        if self.dictionary is not None:
+            printed, known = (self.columns + 1) * (self.rows + 1) // 2, len(_dictionary(self.dictionary).bytesList)
+            if printed > known:
+                raise ValueError(f"board dictionary: expected one of {printed} markers or more, found {known}")
+        if self.marker_m is not None and not 0 < self.marker_m < self.square_m:
+            raise ValueError(f"board marker_m: expected more than 0 and less than a square, found {self.marker_m}")
+
+    @property
+    def has_one_way_up(self) -> bool:
+        """Whether a turn by 180 degrees can be told from the print."""
+        return self.dictionary is not None or (self.columns + self.rows) % 2 == 1
+
+    @property
+    def corners_m(self) -> Floats:
+        """All inner corners in board axes [m], (columns * rows, 3), row by row from the upper left."""
+        r, c = np.divmod(np.arange(self.columns * self.rows), self.columns)
+        x, y = c - (self.columns - 1) / 2, (self.rows - 1) / 2 - r
+        return self.square_m * np.stack([x, y, np.zeros(len(x))], axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corners:
+    """Corners of a board that a picture shows: in board axes [m], (n, 3), and where they are seen [px], (n, 2)."""
+
+    board_m: Floats
+    seen_px: Floats
+
+
+def _dictionary(name: str) -> cv2.aruco.Dictionary:
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+def find_board(board: Board, image: Image) -> Corners | None:
+    """The board's corners in a picture, grey or BGR; None where it is not found.
+
+    A chessboard counts only when it is seen whole, a ChArUco board from FEWEST_CORNERS corners in two rows on.
+    """
+    grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    with quiet_opencv():
+        return _chessboard(board, grey) if board.dictionary is None else _charuco(board, grey)
+
+
+def _chessboard(board: Board, grey: Image) -> Corners | None:
+    size = (board.columns, board.rows)
+    found, rough = cv2.findChessboardCorners(
+        grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    )
+    if not found:  # the sector-based search sees some blurred boards that the first misses, and the other way round
+        found, rough = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    if not found:
+        return None
+    grid = _one_way_up(np.asarray(rough, dtype=np.float64).reshape(board.rows, board.columns, 2), grey, board)
+    return Corners(board.corners_m, _refined(grey, grid.reshape(-1, 2), WINDOW * _least_distance(grid)))
+
+
+def _least_distance(grid: Floats) -> float:
+    return float(min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)))
+
+
+def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
+    """The grid as seen on the print's face, its first square dark, or where both ends are alike its x to the right."""
+    across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
+    faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
+    if not board.has_one_way_up:
+        turned = (faced[:, -1] - faced[:, 0])[:, 0].sum() < 0
+    else:
+        middles = (faced[1:, 1:] + faced[1:, :-1] + faced[:-1, 1:] + faced[:-1, :-1]) / 4
+        v, u = np.rint(middles[..., 1]).astype(int), np.rint(middles[..., 0]).astype(int)
+        levels = grey[v.clip(0, grey.shape[0] - 1), u.clip(0, grey.shape[1] - 1)].astype(np.float64)
+        like_first = np.indices(levels.shape).sum(axis=0) % 2 == 0
+        turned = levels[like_first].mean() > levels[~like_first].mean()
+    return faced[::-1, ::-1] if turned else faced
+
+
+def _charuco(board: Board, grey: Image) -> Corners | None:
+    dictionary = _dictionary(str(board.dictionary))
+    squares = (board.columns + 1, board.rows + 1)
+    printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
+    seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)
+    if ids is None or len(ids) < FEWEST_CORNERS:
+        return None
+    known = board.corners_m[np.ravel(ids)]
+    places = np.asarray(seen, dtype=np.float64).reshape(-1, 2)
+    if np.linalg.matrix_rank(known[:, :2] - known[0, :2]) < 2:
+        return None
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2) + np.where(np.eye(len(places)), np.inf, 0.0)
+    # The markers' edges are no edges of squares: the window stays within the white around them.
+    white = (1.0 - (board.marker_m or 0.0) / board.square_m) / 2
+    return Corners(known, _refined(grey, places, min(WINDOW, white) * float(apart.min())))
+
+
+def _refined(grey: Image, places: Floats, half_px: float) -> Floats:
+    half = int(np.clip(half_px, *WINDOW_PX))
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
+    refined = cv2.cornerSubPix(
+        grey, places.astype(np.float32).reshape(-1, 1, 2).copy(), (half, half), (-1, -1), criteria
+    )
+    return np.asarray(refined, dtype=np.float64).reshape(-1, 2)

@@ -1,0 +1,200 @@
+"""Cameras and boards adjusted together until the corners fit best, with the covariance of what comes out.
+
+World axes are those of one board, the plane's. Camera axes: x right, y down, z forward, as OpenCV has them. Metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from vision.cameras.lens import Lens, Pose
+
+Floats = NDArray[np.float64]
+
+N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
+"""Parameters of a lens (fx fy cx cy k1 k2 p1 p2 k3), of a camera (these, rotation, translation), of a board."""
+
+
+class CalibrationError(ValueError):
+    """Pictures that no camera can be calibrated from; one line that says what was found and what to do."""
+
+
+WORST_CONDITION = 1e13
+"""Of J'J, its columns brought to one length; beyond it the inverse has lost all digits but two or three."""
+TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """Board number `board` seen by camera number `camera`: corners in board axes (n, 3) [m], seen (n, 2) [px]."""
+
+    camera: int
+    board: int
+    board_m: Floats
+    seen_px: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setup:
+    """Lenses, poses of the cameras (world to camera) and of the boards (board to world)."""
+
+    lenses: tuple[Lens, ...]
+    cameras: tuple[Pose, ...]
+    boards: tuple[Pose, ...]
+
+    def moved(self, step: Floats, plane: int) -> Setup:
+        """By (15 n_cameras + 6 (n_boards - 1),): cameras one after the other, then all boards but `plane`."""
+        n = len(self.cameras)
+        ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
+        moved = {b: pose.moved(theirs[k]) for b, pose, k in self._free(plane)}
+        return Setup(
+            tuple(lens.moved(s[:N_LENS]) for lens, s in zip(self.lenses, ours, strict=True)),
+            tuple(pose.moved(s[N_LENS:]) for pose, s in zip(self.cameras, ours, strict=True)),
+            tuple(moved.get(b, pose) for b, pose in enumerate(self.boards)),
+        )
+
+    def _free(self, plane: int) -> list[tuple[int, Pose, int]]:
+        return [(b, pose, b - (b > plane)) for b, pose in enumerate(self.boards) if b != plane]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adjusted:
+    """The best fit.
+
+    setup: where all stands
+    residuals_px: seen minus expected of each sighting's corners, each (n, 2) [px]
+    cov: covariance of all cameras' parameters, (15 n_cameras, 15 n_cameras), boards marginalised;
+        for each camera fx fy cx cy k1 k2 p1 p2 k3, small rotation from the left [rad], translation [m]
+    """
+
+    setup: Setup
+    residuals_px: tuple[Floats, ...]
+    cov: Floats
+
+
+def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequence[float]) -> Adjusted:
+    """Least squares over lenses, cameras and boards; board `plane` is the world and stays.
+
+    sds_px: relative accuracy of each camera's corners [px]; their common scale is taken from the residuals
+
+    Raises CalibrationError where the corners do not tell the parameters.
+    """
+    weights = [1.0 / sds_px[s.camera] for s in sightings]
+
+    def residuals(step: Floats) -> Floats:
+        setup = start.moved(step, plane)
+        each = [w * _residuals(setup, s).ravel() for s, w in zip(sightings, weights, strict=True)]
+        return np.concatenate(each)
+
+    def jacobian(step: Floats) -> Floats:
+        # Steps add, rotations turn: the left Jacobian of the rotation group stands between.
+        J = _jacobian(start.moved(step, plane), sightings, weights, plane)
+        for first in _rotations(len(start.cameras), len(start.boards)):
+            J[:, first : first + 3] = J[:, first : first + 3] @ _left_jacobian(step[first : first + 3])
+        return J
+
+    n = N_CAMERA * len(start.cameras) + N_BOARD * (len(start.boards) - 1)
+    if sum(2 * len(s.seen_px) for s in sightings) <= n:
+        raise CalibrationError("pictures: expected more corners than there are unknowns, found fewer")
+    with np.errstate(all="ignore"):
+        fit = least_squares(residuals, np.zeros(n), jac=jacobian, method="lm", x_scale="jac", max_nfev=200, xtol=1e-12)
+    best = start.moved(fit.x, plane)
+    J = _jacobian(best, sightings, weights, plane)
+    variance = 2.0 * fit.cost / (len(fit.fun) - n)
+    cov = variance * _inverse_of_square(J)[: N_CAMERA * len(start.cameras), : N_CAMERA * len(start.cameras)]
+    return Adjusted(best, tuple(_residuals(best, s) for s in sightings), cov)
+
+
+def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
+    """Where points of the world, (n, 3) [m], are seen, (n, 2) [px]."""
+    return _projected(lens, camera, points_m)[0]
+
+
+def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
+    """Derivatives of where points of the world, (n, 3) [m], are seen by their places in camera axes, (n, 2, 3)."""
+    return _projected(lens, camera, points_m)[1][:, :, 3:6]
+
+
+def _projected(lens: Lens, camera: Pose, points_m: Floats) -> tuple[Floats, Floats]:
+    # In camera axes before OpenCV sees them: a rotation vector is inexact near a half turn, where ours are.
+    points = points_m @ camera.rotation.T + camera.translation_m
+    px, J = cv2.projectPoints(points, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
+    # columns of J: rotation vector, translation, fx fy, cx cy, k1 k2 p1 p2 k3
+    return np.asarray(px, dtype=np.float64).reshape(-1, 2), np.asarray(J, dtype=np.float64).reshape(
+        len(points_m), 2, -1
+    )
+
+
+def _residuals(setup: Setup, s: Sighting) -> Floats:
+    seen_from = setup.cameras[s.camera].after(setup.boards[s.board])
+    return s.seen_px - project(setup.lenses[s.camera], seen_from, s.board_m)
+
+
+def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
+    """Derivatives of the weighted residuals by a small step of `Setup.moved`."""
+    n_cameras = len(setup.cameras)
+    n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
+    blocks = []
+    for s, weight in zip(sightings, weights, strict=True):
+        camera, board = setup.cameras[s.camera], setup.boards[s.board]
+        turned = s.board_m @ board.rotation.T
+        world = turned + board.translation_m
+        J = _projected(setup.lenses[s.camera], camera, world)[1]
+        by_camera_point = J[:, :, 3:6]
+        by_world_point = by_camera_point @ camera.rotation
+        block = np.zeros((len(world), 2, n))
+        k = N_CAMERA * s.camera
+        block[:, :, k : k + N_LENS] = J[:, :, 6:15]
+        block[:, :, k + N_LENS : k + N_LENS + 3] = -by_camera_point @ _cross(world @ camera.rotation.T)
+        block[:, :, k + N_LENS + 3 : k + N_CAMERA] = by_camera_point
+        if s.board != plane:
+            k = N_CAMERA * n_cameras + N_BOARD * (s.board - (s.board > plane))
+            block[:, :, k : k + 3] = -by_world_point @ _cross(turned)
+            block[:, :, k + 3 : k + N_BOARD] = by_world_point
+        blocks.append(-weight * block.reshape(-1, n))
+    return np.concatenate(blocks)
+
+
+def _rotations(n_cameras: int, n_boards: int) -> list[int]:
+    """Where small rotations begin among the parameters."""
+    cameras = [N_CAMERA * c + N_LENS for c in range(n_cameras)]
+    return cameras + [N_CAMERA * n_cameras + N_BOARD * b for b in range(n_boards - 1)]
+
+
+def _cross(vectors: Floats) -> Floats:
+    """Matrices of the cross product from the left, (n, 3, 3)."""
+    x, y, z = vectors.T
+    o = np.zeros(len(vectors))
+    return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)
+
+
+def _left_jacobian(turn: Floats) -> Floats:
+    """How the rotation exp(turn) turns, from the left, by a small change of `turn`, (3, 3)."""
+    angle = float(np.linalg.norm(turn))
+    W = _cross(turn[None])[0]
+    if angle < 1e-6:
+        return np.eye(3) + W / 2
+    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * W + (angle - np.sin(angle)) / angle**3 * W @ W
+
+
+def _inverse_of_square(J: Floats) -> Floats:
+    """The inverse of J'J, after its columns have been brought to one length."""
+    lengths = np.linalg.norm(J, axis=0)
+    if not (np.isfinite(lengths).all() and (lengths > 0).all()):
+        raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")
+    scaled = J / lengths
+    square = scaled.T @ scaled
+    try:
+        inverse = np.linalg.inv(square)
+        condition = float(np.linalg.norm(square, 1) * np.linalg.norm(inverse, 1))
+    except np.linalg.LinAlgError:
+        condition = np.inf
+    if not condition < WORST_CONDITION:
+        raise CalibrationError(f"pictures: expected views that tell the camera, found all too much alike; {TILT}")
+    return np.asarray((inverse + inverse.T) / 2 / np.outer(lengths, lengths), dtype=np.float64)

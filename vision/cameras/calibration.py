@@ -1,0 +1,258 @@
+"""A camera calibrated from pictures of a board: lens, pose before a plane, and the joint covariance of both.
+
+World axes: x right, y up along the board that lies on the plane, z toward the camera, the origin at the board's middle.
+The lens is that of [brown1971], the way to calibrate it from planes that of [zhang2000].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.cameras.board import Board, Corners
+from vision.cameras.bundle import (
+    N_LENS,
+    TILT,
+    Adjusted,
+    CalibrationError,
+    Setup,
+    Sighting,
+    adjust,
+    by_point,
+    project,
+)
+from vision.cameras.lens import Lens, Pose
+
+Floats = NDArray[np.float64]
+
+FEWEST_VIEWS = 4
+LEAST_TILT_DEG = 10.0
+"""Between some two views; boards that face the same way, wherever they are, tell no more than one of them
+[zhang2000], section 4."""
+LARGEST_FOCAL_SD = 0.05
+"""Relative standard error of a focal length beyond which the pictures are too much alike."""
+OUTLIER_SDS, OUTLIER_PX = 3.0, 0.5
+"""A picture is left out when its rms lies so many robust sigma above the median, and above this [px]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """The corners found in one picture, and its name."""
+
+    name: str
+    corners: Corners
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """A calibrated camera.
+
+    name: what the camera is called
+    size_px: width and height of its pictures [px]
+    lens: matrix and distortion k1 k2 p1 p2 k3
+    plane_image: the picture whose board lies on the plane of the world
+    pose: world to camera
+    uncertainty: rows of independent directions, one standard deviation each, (n, 15): fx fy cx cy [px],
+        k1 k2 p1 p2 k3, small rotation from the left in camera axes [rad], translation [m]; the same row is the same
+        direction for all cameras that were calibrated together
+    images_used: names; images_left_out: "name: reason"
+    views: board to camera, for each picture used
+    seen_px, residuals_px: corners and seen minus expected, for each picture used (n, 2) [px]
+    """
+
+    name: str
+    size_px: tuple[int, int]
+    lens: Lens
+    plane_image: str
+    pose: Pose
+    uncertainty: Floats
+    images_used: tuple[str, ...]
+    images_left_out: tuple[str, ...]
+    views: tuple[Pose, ...]
+    seen_px: tuple[Floats, ...]
+    residuals_px: tuple[Floats, ...]
+
+    @property
+    def matrix(self) -> Floats:
+        """Camera matrix [px], (3, 3)."""
+        return self.lens.matrix
+
+    @property
+    def distortion(self) -> Floats:
+        """k1 k2 p1 p2 k3, (5,)."""
+        return self.lens.distortion
+
+    @property
+    def cov(self) -> Floats:
+        """Covariance of fx fy cx cy k1 k2 p1 p2 k3, (9, 9)."""
+        return self.joint_cov[:N_LENS, :N_LENS]
+
+    @property
+    def joint_cov(self) -> Floats:
+        """Covariance of lens and pose, (15, 15), in the order of `uncertainty`."""
+        return self.uncertainty.T @ self.uncertainty
+
+    @property
+    def matrix_sd(self) -> Floats:
+        """Standard errors of fx fy cx cy [px], (4,)."""
+        return np.sqrt(np.diag(self.cov))[:4]
+
+    @property
+    def distortion_sd(self) -> Floats:
+        """Standard errors of k1 k2 p1 p2 k3, (5,)."""
+        return np.sqrt(np.diag(self.cov))[4:]
+
+    @property
+    def reprojection_rms_px(self) -> float:
+        """Root mean square distance between corners seen and expected [px]."""
+        return rms(np.concatenate(self.residuals_px))
+
+    @property
+    def rms_px_each(self) -> Floats:
+        """The same picture by picture [px], (n_images,)."""
+        return np.array([rms(r) for r in self.residuals_px])
+
+    @property
+    def mm_per_px(self) -> Floats:
+        """How far a pixel at the picture's centre reaches on the plane, across and down [mm], (2,)."""
+        centre = (np.array(self.size_px, dtype=np.float64) - 1) / 2
+        ray = np.append(cv2.undistortPoints(centre.reshape(1, 1, 2), self.matrix, self.distortion).ravel(), 1.0)
+        normal = self.pose.rotation[:, 2]
+        at = ray * (normal @ self.pose.translation_m) / (normal @ ray)
+        point = self.pose.inverse().rotation @ (at - self.pose.translation_m)
+        J = np.linalg.inv(by_point(self.lens, self.pose, point[None])[0] @ self.pose.rotation[:, :2])
+        return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
+
+
+def rms(residuals_px: Floats) -> float:
+    """Root mean square length of residuals (n, 2) [px]."""
+    return float(np.sqrt((residuals_px**2).sum(axis=1).mean()))
+
+
+def calibrate(
+    views: Sequence[View],
+    size_px: tuple[int, int],
+    plane: str | None = None,
+    *,
+    name: str = "camera",
+    left_out: Sequence[str] = (),
+) -> Calibration:
+    """The camera that saw these views; `plane` names the picture of the board on the plane, default the last used.
+
+    left_out: "name: reason" of pictures without a board, to be kept in the record
+
+    Raises CalibrationError: fewer than four views, views all alike, or the plane's picture not among those used.
+    """
+    used, dropped, lens = _without_outliers(views, size_px, [*left_out])
+    names = [view.name for view in used]
+    if plane is not None and plane not in names:
+        raise CalibrationError(f"{plane}: expected a picture of the board on the plane, found {_why(plane, dropped)}")
+    fit, first = _adjusted(used, lens, len(used) - 1 if plane is None else names.index(plane))
+    check_focal(fit.setup.lenses[0], fit.cov)
+    camera = fit.setup.cameras[0]
+    return Calibration(
+        name=name,
+        size_px=size_px,
+        lens=fit.setup.lenses[0],
+        plane_image=names[first],
+        pose=camera.after(upright(camera)),
+        uncertainty=np.asarray(np.linalg.cholesky(fit.cov).T, dtype=np.float64),
+        images_used=tuple(names),
+        images_left_out=tuple(dropped),
+        views=tuple(camera.after(board) for board in fit.setup.boards),
+        seen_px=tuple(view.corners.seen_px for view in used),
+        residuals_px=fit.residuals_px,
+    )
+
+
+def upright(camera: Pose) -> Pose:
+    """The quarter turns, world to board, after which x points most nearly to the right for this camera."""
+    across, up = camera.rotation[0, :2]
+    quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
+    c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
+    return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
+
+
+def check_focal(lens: Lens, cov: Floats) -> None:
+    """Raises CalibrationError where a focal length is not known: cov (9 or more, ...) of fx fy ..."""
+    share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
+    if not share < LARGEST_FOCAL_SD:
+        raise CalibrationError(
+            f"pictures: expected the focal length to be told to {LARGEST_FOCAL_SD:.0%}, found {share:.0%};"
+            f" the views are too much alike: {TILT}"
+        )
+
+
+def board_text(board: Board) -> str:
+    """How a message calls the board."""
+    if board.dictionary is None:
+        return f"the board of {board.columns}x{board.rows} inner corners"
+    return f"the ChArUco board of {board.columns + 1}x{board.rows + 1} squares"
+
+
+def _without_outliers(
+    views: Sequence[View], size_px: tuple[int, int], dropped: list[str]
+) -> tuple[list[View], list[str], tuple[Lens, list[Pose]]]:
+    used = list(views)
+    while True:
+        if len(used) < FEWEST_VIEWS:
+            raise CalibrationError(
+                f"pictures: expected the board in {FEWEST_VIEWS} or more, found it in {len(used)}"
+                f" of {len(used) + len(dropped)}; show all of it, sharp and evenly lit, and {TILT}"
+            )
+        lens, poses = _first_guess(used, size_px)
+        each = np.array(
+            [rms(v.corners.seen_px - project(lens, p, v.corners.board_m)) for v, p in zip(used, poses, strict=True)]
+        )
+        middle = float(np.median(each))
+        spread = 1.4826 * float(np.median(np.abs(each - middle)))
+        bad = each > max(middle + OUTLIER_SDS * spread, OUTLIER_PX)
+        if not bad.any():
+            return used, dropped, (lens, poses)
+        dropped += [
+            f"{v.name}: outlier, rms {e:.2f} px, median {middle:.2f}"
+            for v, e, out in zip(used, each, bad, strict=True)
+            if out
+        ]
+        used = [v for v, out in zip(used, bad, strict=True) if not out]
+
+
+def _first_guess(views: Sequence[View], size_px: tuple[int, int]) -> tuple[Lens, list[Pose]]:
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-9)
+    known = [v.corners.board_m.astype(np.float32) for v in views]
+    seen = [v.corners.seen_px.astype(np.float32) for v in views]
+    try:
+        _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            known, seen, size_px, np.eye(3), np.zeros(5), criteria=criteria
+        )
+    except cv2.error:
+        raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}") from None
+    still = Pose(np.eye(3), np.zeros(3))
+    poses = [still.moved(np.concatenate([np.ravel(r), np.ravel(t)])) for r, t in zip(turns, shifts, strict=True)]
+    normals = np.array([pose.rotation[:, 2] for pose in poses])
+    if not (np.isfinite(normals).all() and np.isfinite(matrix).all() and np.isfinite(distortion).all()):
+        raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")
+    widest = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
+    if widest < LEAST_TILT_DEG:
+        raise CalibrationError(
+            f"pictures: expected boards that face {LEAST_TILT_DEG:.0f} degrees or more apart, found {widest:.1f};"
+            f" the views are too much alike: {TILT}"
+        )
+    return Lens(np.asarray(matrix, dtype=np.float64), np.ravel(distortion).astype(np.float64)), poses
+
+
+def _adjusted(views: Sequence[View], guess: tuple[Lens, list[Pose]], plane: int) -> tuple[Adjusted, int]:
+    lens, poses = guess
+    to_world = poses[plane].inverse()
+    start = Setup((lens,), (poses[plane],), tuple(to_world.after(pose) for pose in poses))
+    sightings = [Sighting(0, b, v.corners.board_m, v.corners.seen_px) for b, v in enumerate(views)]
+    return adjust(sightings, start, plane, [1.0]), plane
+
+
+def _why(name: str, dropped: Sequence[str]) -> str:
+    reasons = [line.removeprefix(f"{name}: ") for line in dropped if line.startswith(f"{name}: ")]
+    return reasons[0] if reasons else "no such picture"

@@ -1,0 +1,214 @@
+"""Cameras that look at a flat scene: homographies between the plane and the picture, and covariances through them.
+
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x right, y up, metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.cameras.lens import Lens, Pose
+
+Floats = NDArray[np.float64]
+
+DISC = np.array(
+    [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
+)
+DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
+"""Points of the unit disc and their weights: means of polynomials over the disc are exact to degree 5."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneCamera:
+    """A calibrated view of one plane.
+
+    name: what the camera is called
+    size_px: width and height of its picture [px]
+    plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3), up to scale
+    calibration_sd_px: what each mark's place may be off by [px], one standard deviation an axis, none like another
+    lens: what bends the picture that the homography gives, None where nothing does
+    calibration: what lens and pose are off by, (n, 15): rows are independent directions of one standard deviation
+        each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
+
+    Raises ValueError that names the field.
+    """
+
+    name: str
+    size_px: tuple[int, int]
+    plane_to_px: Floats
+    calibration_sd_px: float = 0.0
+    lens: Lens | None = None
+    calibration: Floats = field(default_factory=lambda: np.zeros((0, 15)))
+    px_to_plane: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.size_px) != 2 or min(self.size_px) < 1:
+            raise ValueError(
+                f"camera {self.name} size_px: expected width and height of at least 1, found {self.size_px}"
+            )
+        calibration = np.array(self.calibration, dtype=np.float64).reshape(-1, 15)
+        if len(calibration) and self.lens is None:
+            raise ValueError(f"camera {self.name} calibration: expected a lens that it is of, found none")
+        homography = np.array(self.plane_to_px, dtype=np.float64)
+        if homography.shape != (3, 3):
+            raise ValueError(f"camera {self.name} plane_to_px: expected shape (3, 3), found {homography.shape}")
+        if not np.isfinite(homography).all():
+            raise ValueError(f"camera {self.name} plane_to_px: expected finite numbers, found {homography.tolist()}")
+        if not (np.isfinite(self.calibration_sd_px) and self.calibration_sd_px >= 0):
+            raise ValueError(
+                f"camera {self.name} calibration_sd_px: expected 0 or more, found {self.calibration_sd_px}"
+            )
+        inverse = _inverse(self.name, homography)
+        centre = np.array([(self.size_px[0] - 1) / 2.0, (self.size_px[1] - 1) / 2.0, 1.0])
+        # The sign of a homography is free. Here the third coordinate is positive for all that lies before the camera.
+        sign = float(np.sign(inverse[2] @ centre))
+        if sign == 0:
+            raise ValueError(
+                f"camera {self.name} plane_to_px: expected the plane in view, found its horizon mid-picture"
+            )
+        for key, value in (
+            ("plane_to_px", homography * sign),
+            ("px_to_plane", inverse * sign),
+            ("calibration", calibration),
+        ):
+            value.setflags(write=False)
+            object.__setattr__(self, key, value)
+
+    def project(self, points_m: ArrayLike) -> Floats:
+        """Where points of the plane [m], (n, 2), are seen [px], (n, 2); ValueError for points beyond the horizon."""
+        return self._seen(points_m)[0]
+
+    def to_plane(self, points_px: ArrayLike) -> Floats:
+        """Points of the plane [m], (n, 2), seen at these places [px], (n, 2); ValueError beyond the horizon."""
+        return self._seen_from(points_px)[0]
+
+    def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
+        """Covariances on the plane [m²], (n, 2, 2), of places seen [px], (n, 2), with covariances [px²], (n, 2, 2)."""
+        J = self._seen_from(points_px)[1]
+        return J @ np.asarray(covs_px, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
+
+    def cov_to_px(self, points_m: ArrayLike, covs_m: ArrayLike) -> Floats:
+        """Covariances in the picture [px²], (n, 2, 2), of points [m], (n, 2), with covariances [m²], (n, 2, 2)."""
+        J = self._seen(points_m)[1]
+        return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
+
+    def mm_per_px(self, point_m: ArrayLike) -> Floats:
+        """How far one pixel reaches on the plane at that point, across and down [mm], shape (2,)."""
+        J = self._seen_from(self.project(np.reshape(point_m, (1, 2))))[1][0]
+        return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
+
+    def disc_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
+        """What a disc at that point of the plane looks like, as `Outline.shape_px`, (2, 2) [px]."""
+        return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
+
+    def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
+        """By how much the middle of a disc's picture is off the picture of its middle [px], (n, 2).
+
+        points_m: middles of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
+        Perspective draws the near half larger: of a circle it makes an ellipse with another centre. A lens bends, too.
+        """
+        p = np.asarray(points_m, dtype=float).reshape(-1, 2)
+        radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
+        seen, J = self._seen((p[:, None] + radii[:, None, None] * DISC).reshape(-1, 2))
+        # area of the picture by that of the plane
+        weights = DISC_WEIGHTS * np.abs(np.linalg.det(J)).reshape(len(p), -1)
+        places = seen.reshape(len(p), -1, 2)
+        middles = (weights[:, :, None] * places).sum(axis=1) / weights.sum(axis=1, keepdims=True)
+        return np.asarray(middles - places[:, 0], dtype=np.float64)
+
+    @property
+    def pose(self) -> Pose:
+        """Where a camera with a lens stands, from the plane's axes (z = 0) to its own; ValueError without a lens."""
+        if self.lens is None:
+            raise ValueError(f"camera {self.name}: expected a lens, found none")
+        # H = s K [r1 r2 t]: columns of a rotation have length 1
+        B = np.linalg.solve(self.lens.matrix, self.plane_to_px)
+        B = B / np.sqrt(np.linalg.norm(B[:, 0]) * np.linalg.norm(B[:, 1]))
+        return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
+
+    def calibration_error(self, points_m: ArrayLike) -> Floats:
+        """What each direction of the calibration being off moves points of the plane by [m], (n, 2, n_directions)."""
+        p = np.asarray(points_m, dtype=float).reshape(-1, 2)
+        if self.lens is None or not len(self.calibration):
+            return np.zeros((len(p), 2, 0))
+        pose = self.pose
+        turned = p @ pose.rotation[:, :2].T
+        zero = np.zeros(3)
+        _, all_of_it = cv2.projectPoints(
+            turned + pose.translation_m, zero, zero, self.lens.matrix, self.lens.distortion
+        )
+        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3
+        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, 15)
+        by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
+        by_px = np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
+        to_plane = self._seen_from(self.project(p))[1]
+        return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
+
+    def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
+        """Where points of the plane are seen, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        ideal, J = self._mapped(self.plane_to_px, points_m)
+        if self.lens is None:
+            return ideal, J
+        seen, bent = self.lens.distorted(ideal)
+        return seen, bent @ J
+
+    def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
+        """The points of the plane that places show, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        if self.lens is None:
+            return self._mapped(self.px_to_plane, points_px)
+        ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))
+        points, J = self._mapped(self.px_to_plane, ideal)
+        return points, J @ np.linalg.inv(self.lens.distorted(ideal)[1])
+
+    def _mapped(self, homography: Floats, points: ArrayLike) -> tuple[Floats, Floats]:
+        """The points mapped, (n, 2), and the Jacobian of the map at each, (n, 2, 2)."""
+        p = np.asarray(points, dtype=float).reshape(-1, 2)
+        q = p @ homography[:, :2].T + homography[:, 2]
+        w = q[:, 2:]
+        if not (w > 0).all():
+            beyond = p[~(w[:, 0] > 0)][0]
+            raise ValueError(f"camera {self.name}: expected points before the horizon, found {beyond.tolist()}")
+        mapped = q[:, :2] / w
+        # d(q_i / w) / dp_j = (H_ij - (q_i / w) H_3j) / w
+        J = (homography[:2, :2] - mapped[:, :, None] * homography[2, :2]) / w[:, :, None]
+        return mapped, J
+
+
+def _inverse(name: str, homography: Floats) -> Floats:
+    # Metres against pixels put factors of 1000 between the columns: scale them out before the rank is judged.
+    columns = np.linalg.norm(homography, axis=0)
+    rows = np.linalg.norm(homography / np.where(columns > 0, columns, 1.0), axis=1)
+    scaled = homography / np.where(columns > 0, columns, 1.0) / np.where(rows > 0, rows, 1.0)[:, None]
+    if np.linalg.cond(scaled) > 1e12:
+        raise ValueError(f"camera {name} plane_to_px: expected an invertible matrix, found {homography.tolist()}")
+    return np.asarray(np.linalg.inv(homography), dtype=np.float64)
+
+
+def squarely(
+    name: str,
+    size_px: tuple[int, int],
+    mm_per_px: tuple[float, float],
+    centre_m: tuple[float, float] = (0.0, 0.0),
+    *,
+    calibration_sd_px: float = 0.0,
+) -> PlaneCamera:
+    """A camera square to the plane: its picture's centre sees centre_m [m], one pixel is mm_per_px wide and high."""
+    if not min(mm_per_px) > 0:
+        raise ValueError(f"camera {name} mm_per_px: expected more than 0, found {mm_per_px}")
+    across, down = 1e3 / mm_per_px[0], 1e3 / mm_per_px[1]
+    u0, v0 = (size_px[0] - 1) / 2.0, (size_px[1] - 1) / 2.0
+    # u = u0 + (x - x0) across, v = v0 - (y - y0) down
+    homography = np.array(
+        [[across, 0.0, u0 - across * centre_m[0]], [0.0, -down, v0 + down * centre_m[1]], [0.0, 0.0, 1.0]]
+    )
+    return PlaneCamera(name, size_px, homography, calibration_sd_px)
+
+
+def posed(name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()) -> PlaneCamera:
+    """A camera with this lens that stands so before the plane z = 0 of the world."""
+    homography = lens.matrix @ np.column_stack([pose.rotation[:, 0], pose.rotation[:, 1], pose.translation_m])
+    return PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))

@@ -1,0 +1,121 @@
+"""Several cameras of one scene, calibrated from pictures of a board that were taken together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.cameras.board import Board
+from vision.cameras.bundle import N_CAMERA, Adjusted, CalibrationError, Setup, Sighting, adjust
+from vision.cameras.calibration import Calibration, View, calibrate, check_focal, rms, upright
+from vision.cameras.lens import Pose
+
+Floats = NDArray[np.float64]
+
+APART_PX, APART = 1.0, 3.0
+"""Pictures of one name were not taken together where a camera's rms exceeds this [px] and so many times its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraViews:
+    """What a camera saw: its name, the size of its pictures [px], views of the board, "name: reason" of others."""
+
+    name: str
+    size_px: tuple[int, int]
+    views: tuple[View, ...]
+    left_out: tuple[str, ...] = ()
+
+
+def calibrate_together(board: Board, cameras: Sequence[CameraViews], plane: str | None = None) -> list[Calibration]:
+    """Each camera by itself, then all lenses and poses together; views of one name show the board in one place.
+
+    plane: the picture whose board is the world, upright as the first camera sees it; default: the last one that
+        the first camera used
+
+    Raises CalibrationError, also where the board can be turned unnoticed or the pictures do not join the cameras.
+    """
+    if not board.has_one_way_up:
+        raise CalibrationError(
+            f"board: expected one whose columns and rows are odd and even, found {board.columns}x{board.rows};"
+            " turned around it looks the same, and two cameras could take different corners for the first"
+        )
+    alone = [_alone(camera) for camera in cameras]
+    used = [set(one.images_used) for one in alone]
+    world = plane if plane is not None else alone[0].images_used[-1]
+    if not any(world in names for names in used):
+        raise CalibrationError(f"{world}: expected a picture of the board on the plane, found none used by a camera")
+    poses, boards = _joined(alone, world)
+    names = sorted(boards)
+    start = Setup(tuple(one.lens for one in alone), tuple(poses), tuple(boards[name] for name in names))
+    sightings = [
+        Sighting(c, names.index(view.name), view.corners.board_m, view.corners.seen_px)
+        for c, camera in enumerate(cameras)
+        for view in camera.views
+        if view.name in used[c]
+    ]
+    fit = adjust(sightings, start, names.index(world), [one.reprojection_rms_px for one in alone])
+    return _records(alone, fit, sightings, names, world)
+
+
+def _alone(camera: CameraViews) -> Calibration:
+    try:
+        return calibrate(camera.views, camera.size_px, name=camera.name, left_out=camera.left_out)
+    except CalibrationError as error:
+        raise CalibrationError(f"camera {camera.name}: {error}") from None
+
+
+def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mapping[str, Pose]]:
+    """Poses of the cameras (world to camera) and of the boards (board to world), each from the first that tells it."""
+    boards: dict[str, Pose] = {world: Pose(np.eye(3), np.zeros(3))}
+    poses: dict[int, Pose] = {}
+    while len(poses) < len(alone):
+        tied = [
+            (c, name) for c in range(len(alone)) if c not in poses for name in alone[c].images_used if name in boards
+        ]
+        if not tied:
+            lonely = next(one.name for c, one in enumerate(alone) if c not in poses)
+            raise CalibrationError(
+                f"camera {lonely}: expected pictures named as those of the other cameras, in which both see the board,"
+                " found none"
+            )
+        c, name = min(tied, key=lambda tie: alone[tie[0]].rms_px_each[alone[tie[0]].images_used.index(tie[1])])
+        seen = dict(zip(alone[c].images_used, alone[c].views, strict=True))
+        poses[c] = seen[name].after(boards[name].inverse())
+        for other, pose in seen.items():
+            boards.setdefault(other, poses[c].inverse().after(pose))
+    return [poses[c] for c in range(len(alone))], boards
+
+
+def _records(
+    alone: Sequence[Calibration], fit: Adjusted, sightings: Sequence[Sighting], names: Sequence[str], world: str
+) -> list[Calibration]:
+    turn = upright(fit.setup.cameras[0])
+    factor = np.asarray(np.linalg.cholesky(fit.cov).T, dtype=np.float64)
+    records = []
+    for c, one in enumerate(alone):
+        lens, pose = fit.setup.lenses[c], fit.setup.cameras[c]
+        mine = slice(N_CAMERA * c, N_CAMERA * (c + 1))
+        residuals = tuple(r for s, r in zip(sightings, fit.residuals_px, strict=True) if s.camera == c)
+        joint, own = rms(np.concatenate(residuals)), one.reprojection_rms_px
+        if joint > max(APART_PX, APART * own):
+            raise CalibrationError(
+                f"camera {one.name}: expected pictures of the same name taken together, found {joint:.1f} px rms"
+                f" with the others and {own:.1f} px alone"
+            )
+        check_focal(lens, fit.cov[mine, mine])
+        views = tuple(pose.after(fit.setup.boards[names.index(name)]) for name in one.images_used)
+        records.append(
+            replace(
+                one,
+                lens=lens,
+                plane_image=world,
+                pose=pose.after(turn),
+                uncertainty=factor[:, mine],
+                views=views,
+                residuals_px=residuals,
+            )
+        )
+    return records

@@ -1,0 +1,22 @@
+"""Marks in one picture: hue classes, connected components, centres with covariances.
+
+What may enter: a stage that needs no earlier picture. What remembers is `vision.tracking`.
+"""
+
+from vision.detection.components import detect_marks
+from vision.detection.expected import Expected
+from vision.detection.hue import MarkHue, hue_distance
+from vision.detection.hue_learning import learn_hue
+from vision.detection.outline import Outline
+from vision.detection.records import Detection, HueError
+
+__all__ = [
+    "Detection",
+    "Expected",
+    "HueError",
+    "MarkHue",
+    "Outline",
+    "detect_marks",
+    "hue_distance",
+    "learn_hue",
+]

@@ -1,0 +1,187 @@
+"""Where the centre of a mark is: by what it covers, by its outline, by its rim, whichever is to be believed.
+
+Image axes: u right, v down, pixels from the corner of a patch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detection.coverage import Cover, Picture
+from vision.detection.outline import Fitted, Outline, fit_outline
+from vision.detection.rim import fit_rim
+
+Floats = NDArray[np.float64]
+
+APART = 13.815510557964274
+"""Squared distance beyond which two centres of one mark, by area and by outline, differ: chi-square, 0.1 %."""
+AGREE_PX2 = 0.08**2 * np.eye(2)
+"""Covariance of what two centres of one mark may differ by whatever they say of themselves: shading, print; chosen."""
+BEYOND = 0.1
+"""Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
+FAINTEST = 0.2
+"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
+marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
+GRAIN_NOISE, GRAIN_GAIN = 0.02, 3.2
+"""Noise of a pixel by a mark's contrast from which errors of an outline hang together more than it shows, and what that
+adds to their variance at most: compression, highlights, shadow; measured on drawn frames."""
+WHOLE_AT_LEAST = 0.5
+"""A mark whose outline cannot be told must show this share of its area; chosen."""
+SMEAR = 0.12
+"""Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
+UNEVEN = 0.01
+"""By what shading pulls the rim of a ball, by its size, were all of the rim seen; measured on real films."""
+BLURRED = 1.2
+"""Spread of a mark at rest by that of its outline, at most; chosen."""
+RIM_SEEN = 0.3
+"""Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
+ALL_SEEN = 0.9
+"""Of its area a mark shows this share, or something covers part of it; chosen."""
+WHOLE_AT_MOST = 1.6
+"""Nor may it show more than this: a hand, blood; chosen."""
+MERGED = 1.25
+"""From this share of a mark's area on, two of them may hang together; chosen."""
+NEXT = 1.4
+"""How far from where it is expected the edge of one of several marks is looked for, in sizes of it; chosen."""
+ONE_MARK = 0.5
+"""Fragments whose outlines' centres are nearer than this share of its size are one mark; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """Pixels that hang together and may be a mark.
+
+    corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: its pixels, and those of
+    other marks, 1 or 0, (h, w); reach_px: its longer side; clipped: it touches the border of the picture
+    """
+
+    corner_px: Floats
+    patch: Picture
+    component: Picture
+    others: Picture
+    reach_px: float
+    clipped: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Center:
+    """As in `Detection`, from the patch's corner."""
+
+    center_px: Floats
+    cov_px2: Floats
+    covered: bool = False
+    size: float = 1.0
+
+
+def centers_of(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Floats]) -> list[Center]:
+    """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none.
+
+    expected_px: where marks of its hue are expected inside it, each (2,) from its corner
+    """
+    factor = _trust(seen, outline)
+    return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px)]
+
+
+def centers_agreed(seen: Cover, outline: Outline) -> Center | None:
+    """The centre of a mark that is clear, and whose area and outline say the same; None where they do not."""
+    if seen.noise_sd > FAINTEST:
+        return None
+    center = _agreed(seen, fit_outline(seen.alpha, seen.center_px, outline), outline)
+    if center is None:
+        return None
+    return Center(center.center_px, _trust(seen, outline) * center.cov_px2, center.covered, center.size)
+
+
+def _trust(seen: Cover, outline: Outline) -> float:
+    """A factor on the covariance of an outline in noise."""
+    grain = (seen.noise_sd / GRAIN_NOISE) ** 4
+    return 1.0 + outline.even * GRAIN_GAIN * grain / (1.0 + grain)
+
+
+def _agreed(seen: Cover, fitted: Fitted | None, outline: Outline) -> Center | None:
+    if fitted is None or not WHOLE_AT_LEAST <= seen.area_px / outline.area_px <= WHOLE_AT_MOST:
+        return None
+    apart = fitted.center_px - seen.center_px
+    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + AGREE_PX2)
+    if squared > APART:
+        return None
+    return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
+
+
+def _by_outline(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Floats]) -> list[Center]:
+    whole = Center(seen.center_px, seen.cov_px2)
+    fitted = fit_outline(seen.alpha, seen.center_px, outline)
+    share = seen.area_px / outline.area_px
+    if outline.even:
+        if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
+            starts = _starts(piece, expected_px, outline)
+            several = [fit_outline(seen.alpha, start, outline, reach=NEXT) for start in starts]
+            if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
+                return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
+        agreed = _agreed(seen, fitted, outline)
+        if agreed is not None:
+            return [agreed]
+    circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in expected_px)]
+    if fitted is not None:
+        circles.append((*fitted.center_px, fitted.size))
+    rim = _by_rim(piece, outline, np.array(circles))
+    if rim is not None:
+        return [replace(rim, covered=rim.covered or share < ALL_SEEN * rim.size**2)]
+    if fitted is not None and fitted.beyond <= BEYOND:
+        return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
+    if share < WHOLE_AT_LEAST or (outline.even and share > WHOLE_AT_MOST):
+        return []
+    # of its outline nothing is to be told: somewhere within it
+    return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
+
+
+def _by_rim(piece: Piece, outline: Outline, circles: Floats) -> Center | None:
+    """The centre by the steps of colour around a piece, from these circles, (n, 3); None where they make no rim."""
+    rim = fit_rim(piece.patch, circles, outline)
+    if rim is None or (outline.even and rim.share < RIM_SEEN):
+        return None
+    cov = rim.cov_px2 + SMEAR * _smear(piece.component, outline)
+    if not outline.even:
+        cov = cov + UNEVEN**2 / rim.share * outline.shape_px @ outline.shape_px.T
+    return Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)
+
+
+def _starts(piece: Piece, expected_px: list[Floats], outline: Outline) -> Floats:
+    """Places inside a piece where marks that hang together begin to be looked for, (n, 2)."""
+    if len(expected_px) > 1:
+        return np.array(expected_px)
+    v, u = np.nonzero(piece.component)
+    places = np.column_stack([u, v]).astype(float)
+    middle = places.mean(axis=0)
+    along = np.linalg.eigh(np.cov(places.T))[1][:, 1]
+    lengths = (places - middle) @ along
+    radius = (outline.area_px / np.pi) ** 0.5
+    return middle + np.array([[lengths.min() + radius], [lengths.max() - radius]]) * along
+
+
+def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
+    """Whether centres are those of different marks, and not of one that is larger than it was thought to be."""
+    near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
+    pairs = combinations((one.center_px for one in several if one is not None), 2)
+    return all(np.hypot(*(a - b)) > near for a, b in pairs)
+
+
+def _smear(component: Picture, outline: Outline) -> Floats:
+    """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
+    m = cv2.moments(component, binaryImage=True)
+    spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
+    # of a disc: a quarter of its radius squared; a blurred edge adds some
+    values, vectors = np.linalg.eigh(spread - BLURRED * outline.shape_px @ outline.shape_px.T / 4.0)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
+
+
+def _squared(off: Floats, cov: Floats) -> float:
+    """Mahalanobis distance of off, (2,), squared, by cov, (2, 2), written out."""
+    (u, v), ((uu, uv), (_, vv)) = off.tolist(), cov.tolist()
+    return (vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv)

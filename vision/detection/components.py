@@ -1,0 +1,236 @@
+"""Marks in a frame: found by hue, placed between the pixels by how much of each pixel the mark covers.
+
+Image axes: u right, v down, the centre of the first pixel is (0, 0).
+
+A pixel at a mark's edge shows the mark over a share alpha of it and what lies behind over the rest. Where the colour of
+both is known, alpha is a linear function of the pixel; its centre of gravity has no bias from any threshold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.detection.centers import FAINTEST, ONE_MARK, Center, Piece, centers_of
+from vision.detection.coverage import PAD_PX, Picture, cover
+from vision.detection.hue import MarkHue
+from vision.detection.outline import Outline
+from vision.detection.palette import Palette, classes_of, equal, palette_of
+from vision.detection.records import Detection, HueError
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+LARGEST_SHARE = 0.3
+"""A range of hues that takes more of the picture than this shows the scene, not marks; chosen."""
+MAX_ELONGATION = 4.0
+"""Longest to shortest axis of what may be a mark: round marks smeared by up to three times their width; chosen."""
+SEARCH_SHARE = 0.4
+"""A mark may show this share of its least area in the search already; its edge counts only after that; chosen."""
+COARSE_AREA_PX = 60.0
+"""Marks of at least so many pixels are searched for in a picture of half the size; chosen."""
+SQUARE_5 = np.ones((5, 5), np.uint8)
+
+
+def detect_marks(
+    frame_bgr: Image,
+    hues: Sequence[MarkHue],
+    *,
+    min_area_px: float,
+    max_area_px: float | None = None,
+    region: tuple[int, int, int, int] | None = None,
+    outlines: Sequence[Outline] = (),
+    expected_px: ArrayLike = (),
+    expected_hues: Sequence[float] = (),
+) -> list[Detection]:
+    """Marks of these hues, largest first.
+
+    frame_bgr: shape (height, width, 3), uint8
+    min_area_px, max_area_px: least and largest area that is seen of a mark [px]
+    region: left, top, width, height of the part to search [px]; all of the frame where None
+    outlines: what a whole mark looks like, one for all or one for each expected mark, of which the nearest counts; with
+        it, marks that are partly covered are found at their centre
+    expected_px, expected_hues: where marks are expected, (n, 2), and of which hue; they help to tell apart marks that
+        touch, and which outline a mark has
+
+    Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
+    """
+    if not isinstance(frame_bgr, np.ndarray) or frame_bgr.dtype != np.uint8 or frame_bgr.shape[2:] != (3,):
+        kind = f"{getattr(frame_bgr, 'dtype', type(frame_bgr).__name__)} {np.shape(frame_bgr)}"
+        raise ValueError(f"frame: expected uint8 (height, width, 3), found {kind}")
+    left, top = (0, 0) if region is None else region[:2]
+    part = frame_bgr if region is None else _cut(frame_bgr, region)
+    if not hues:
+        return []
+    palette = palette_of(tuple(hues))
+    scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
+    classes = classes_of(part, palette, scale)
+    corner = np.array([left, top], dtype=float)
+    starts = np.reshape(expected_px, (-1, 2)) - corner
+    search = _Search(
+        part,
+        classes,
+        palette,
+        scale,
+        min_area_px,
+        max_area_px or np.inf,
+        tuple(outlines),
+        starts,
+        corner,
+        tuple(expected_hues),
+    )
+    found: list[Detection] = []
+    for number, hue in enumerate(hues, start=1):
+        mask = classes if len(hues) == 1 else equal(classes, number)
+        if region is None:
+            _check_share(hue, cv2.countNonZero(mask) / mask.size)
+        contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        of_hue = [search.detected(contour, number, hue.hue_deg) for contour in contours]
+        found += (
+            _pieced(of_hue, min(outlines, key=lambda one: one.area_px))
+            if outlines
+            else [d for each in of_hue for d in each]
+        )
+    return sorted(found, key=lambda detection: -detection.area_px)
+
+
+def _cut(frame: Image, region: tuple[int, int, int, int]) -> Image:
+    left, top, width, height = region
+    if left < 0 or top < 0 or min(width, height) < 1 or left + width > frame.shape[1] or top + height > frame.shape[0]:
+        raise ValueError(
+            f"region: expected left, top, width, height inside {frame.shape[1]} x {frame.shape[0]} px, found {region}"
+        )
+    return frame[top : top + height, left : left + width]
+
+
+def _check_share(hue: MarkHue, share: float) -> None:
+    if share > LARGEST_SHARE:
+        raise HueError(
+            f"hue {hue.hue_deg:g} ± {hue.half_width_deg:g} degrees: expected marks on up to {LARGEST_SHARE:.0%} "
+            f"of the picture, found {share:.0%}; narrow the range or raise min_saturation ({hue.min_saturation:g})"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is.
+
+    outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
+    corner_px: of this picture in the frame, (2,); hues_deg: of those that are expected, none where all are alike
+    """
+
+    part: Picture
+    classes: Picture
+    palette: Palette
+    scale: int
+    min_area_px: float
+    max_area_px: float
+    outlines: tuple[Outline, ...]
+    starts_px: Floats
+    corner_px: Floats
+    hues_deg: tuple[float, ...]
+
+    def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
+        """The marks inside this contour of the classes."""
+        piece = self._piece(contour, number)
+        seen = None if piece is None else cover(piece.patch, piece.component, piece.others, thorough=not self.outlines)
+        if piece is None or seen is None:
+            return []
+        if seen.noise_sd > FAINTEST and all(one.even for one in self.outlines):
+            return []
+        if not self.min_area_px <= seen.area_px <= self.max_area_px:
+            return []
+
+        outline = self._outline(piece.corner_px + seen.center_px, hue_deg)
+        whole = Center(seen.center_px, seen.cov_px2)
+        centers = [whole]
+        if outline is not None:
+            centers = centers_of(piece, seen, outline, self._inside(piece))
+        # Of a mark that the border cuts, as much again as is seen may lie outside.
+        outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
+        return [
+            Detection(
+                at.center_px + piece.corner_px + self.corner_px,
+                at.cov_px2 if at.covered else at.cov_px2 + outside,
+                seen.area_px,
+                hue_deg,
+                piece.clipped,
+                at.covered,
+                seen.color_bgr,
+                at.size,
+            )
+            for at in centers
+        ]
+
+    def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
+        """What the mark of this hue that is expected nearest to this place looks like."""
+        if len(self.outlines) < 2:
+            return self.outlines[0] if self.outlines else None
+        off = np.linalg.norm(self.starts_px - place_px, axis=1)
+        if self.hues_deg:
+            off = np.where(np.array(self.hues_deg) == hue_deg, off, np.inf)
+        return self.outlines[int(np.argmin(off))]
+
+    def _inside(self, piece: Piece) -> list[Floats]:
+        """Where marks are expected inside a piece, from its patch's corner [px]."""
+        height, width = piece.component.shape
+        places = [place - piece.corner_px for place in self.starts_px]
+        in_patch = [p for p in places if 0 <= p[0] < width and 0 <= p[1] < height]
+        return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
+
+    def _piece(self, contour: Picture, number: int) -> Piece | None:
+        """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
+        u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
+        least = SEARCH_SHARE * self.min_area_px
+        if width * height < least:
+            return None
+        frame_height, frame_width = self.part.shape[:2]
+        pad = PAD_PX + max(width, height) // 8
+        u0, v0 = max(u - pad, 0), max(v - pad, 0)
+        u1, v1 = min(u + width + pad, frame_width), min(v + height + pad, frame_height)
+        patch = np.ascontiguousarray(self.part[v0:v1, u0:u1])
+        component = np.zeros(patch.shape[:2], dtype=np.uint8)
+        cv2.drawContours(component, [self.scale * contour], -1, 1, cv2.FILLED, offset=(-u0, -v0))
+        if self.scale == 1:
+            same = equal(self.classes[v0:v1, u0:u1], number)
+        else:
+            same = equal(classes_of(patch, self.palette, 1), number)
+            near = same & cv2.dilate(component, SQUARE_5)
+            pieces, _ = cv2.findContours(near, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+            component[:] = 0
+            cv2.drawContours(component, pieces, -1, 1, cv2.FILLED)
+        if cv2.countNonZero(component) < least or _elongation(component) > MAX_ELONGATION:
+            return None
+        others = cv2.dilate(same & (1 - component), SQUARE_5)
+        clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale
+        return Piece(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
+
+
+def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
+    """All that was found in the pieces of a picture; fragments of one mark, as a needle leaves them, put together."""
+    near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
+    whole = [detection for several in found if len(several) > 1 for detection in several]
+    fragments: list[Detection] = []
+    for one in (several[0] for several in found if len(several) == 1):
+        k = next((k for k, other in enumerate(fragments) if np.hypot(*(one.center_px - other.center_px)) < near), None)
+        if k is None:
+            fragments.append(one)
+            continue
+        other = fragments[k]
+        information = [np.linalg.inv(d.cov_px2) for d in (one, other)]
+        cov = np.linalg.inv(information[0] + information[1])
+        center = cov @ (information[0] @ one.center_px + information[1] @ other.center_px)
+        fragments[k] = replace(other, center_px=center, cov_px2=cov, area_px=one.area_px + other.area_px)
+    return whole + fragments
+
+
+def _elongation(component: Picture) -> float:
+    m = cv2.moments(component, binaryImage=True)
+    uu, vv, uv = m["mu20"] / m["m00"], m["mu02"] / m["m00"], m["mu11"] / m["m00"]
+    # A pixel is no point: a row of pixels still has the width of one (1/12 px²).
+    mean, half = (uu + vv) / 2.0 + 1.0 / 12.0, np.hypot((uu - vv) / 2.0, uv)
+    return float(np.sqrt((mean + half) / (mean - half)))

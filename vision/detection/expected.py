@@ -1,0 +1,30 @@
+"""Where a mark is expected, for a detector that looks there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detection.outline import Outline
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """Where a mark is expected.
+
+    name: the node it sits on
+    center_px: expected centre [px], shape (2,)
+    cov_px2: covariance of the expectation alone [px²], shape (2, 2); the detection brings its own
+    hue_deg: the hue of its class
+    outline: what it looks like, None where that is not known
+    """
+
+    name: str
+    center_px: Floats
+    cov_px2: Floats
+    hue_deg: float
+    outline: Outline | None = None

@@ -1,0 +1,58 @@
+"""The quick way to a mark that is alone where it is expected, whole and even: the usual case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detection.centers import centers_agreed
+from vision.detection.coverage import cover_alone
+from vision.detection.expected import Expected
+from vision.detection.hue import MarkHue
+from vision.detection.palette import palette_of
+from vision.detection.records import Detection
+
+Image = NDArray[np.uint8]
+
+FEWEST = 0.4
+"""Share of its area that a mark shows in the search at least; chosen."""
+
+
+def mark_alone(
+    frame_bgr: Image, hues: Sequence[MarkHue], region: tuple[int, int, int, int], expected: Expected
+) -> Detection | None:
+    """The mark expected in this region, where it is the only one of its hue there and nothing is odd about it.
+
+    region: left, top, width, height [px]. None where it is not so: then `detect_marks` knows more.
+    """
+    outline = expected.outline
+    if outline is None or not outline.even:
+        return None
+    palette = palette_of(tuple(hues))
+    number = 1 + [hue.hue_deg for hue in hues].index(expected.hue_deg)
+    left, top, width, height = region
+    told = cover_alone(
+        frame_bgr,
+        (left, top, left + width, top + height),
+        number,
+        (palette.table, palette.least_value, palette.least_saturation),
+        max(1, int(FEWEST * outline.area_px)),
+    )
+    if told is None:
+        return None
+    corner, seen = told
+    center = centers_agreed(seen, outline)
+    if center is None:
+        return None
+    return Detection(
+        center.center_px + corner,
+        center.cov_px2,
+        seen.area_px,
+        expected.hue_deg,
+        False,
+        False,
+        seen.color_bgr,
+        center.size,
+    )

@@ -1,0 +1,96 @@
+"""The hue of a kind of mark, learned from a place in a picture that shows one."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.detection.components import LARGEST_SHARE
+from vision.detection.coverage import Picture
+from vision.detection.hue import MarkHue, on_circle
+from vision.detection.records import HueError
+
+Image = NDArray[np.uint8]
+
+ALIKE = 0.6
+"""How far off colours of one mark are at most, by how far grey is; chosen."""
+FURTHEST = 1.5
+"""How far off colours are told apart, by how far grey is; chosen."""
+SMALLEST_PX = 8
+"""Reach of the first window around the place."""
+FEWEST_PIXELS = 12
+SDS = 3.0
+"""Standard deviations of its pixels' hues that a kind of mark reaches; chosen."""
+NARROWEST_DEG, WIDEST_DEG = 8.0, 25.0
+"""Half widths of a learned range; chosen."""
+WEAKEST, PALER, DARKER = 5.0, 0.6, 0.3
+"""Percentile of saturation and value that is still the mark's, and how much paler and darker others may be; chosen."""
+
+
+def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
+    """The kind of mark that covers this place, of the pixels around it that are coloured alike, bright or dark.
+
+    frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
+
+    Raises ValueError for a place outside the picture, HueError where it shows no mark: too few pixels alike, too many,
+    or grey ones.
+    """
+    u, v = (round(float(x)) for x in np.reshape(at_px, 2))
+    height, width = frame_bgr.shape[:2]
+    if not (0 <= u < width and 0 <= v < height):
+        raise ValueError(f"place: expected one inside {width} x {height} px, found {u}, {v}")
+    smooth = cv2.GaussianBlur(frame_bgr, (0, 0), 1.5)
+    inside = cv2.erode(_around(smooth, u, v), np.ones((3, 3), np.uint8)).astype(bool)
+    if inside.sum() < FEWEST_PIXELS:
+        raise HueError(
+            f"place {u}, {v}: expected a mark of {FEWEST_PIXELS} or more pixels alike, found {inside.sum()};"
+            " point at the middle of a mark"
+        )
+    if inside.mean() > LARGEST_SHARE:
+        raise HueError(f"place {u}, {v}: expected a mark, found {inside.mean():.0%} of the picture; point at a mark")
+    hsv = cv2.cvtColor(smooth.astype(np.float32) / 255.0, cv2.COLOR_BGR2HSV)[inside]
+    angles, saturation, value = np.deg2rad(hsv[:, 0]), hsv[:, 1], hsv[:, 2]
+    middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
+    off = np.angle(np.exp(1j * (angles - middle)))
+    weakest = np.percentile(saturation, WEAKEST), np.percentile(value, WEAKEST)
+    if weakest[0] < 0.1:
+        raise HueError(
+            f"place {u}, {v}: expected a coloured mark, found grey (saturation {weakest[0]:.2f}); point at a mark"
+        )
+    return MarkHue(
+        hue_deg=on_circle(float(np.degrees(middle))),
+        half_width_deg=float(np.clip(SDS * np.degrees(off.std()), NARROWEST_DEG, WIDEST_DEG)),
+        min_saturation=float(PALER * weakest[0]),
+        min_value=float(DARKER * weakest[1]),
+        saturation=float(saturation.mean()),
+        value=float(value.mean()),
+    )
+
+
+def _around(smooth: Picture, u: int, v: int) -> Picture:
+    """1 on the pixels that hang together with this one and are coloured as it is, else 0, (h, w).
+
+    In a window around it, Otsu's threshold parts the pixels by how far their colours are from its own, whatever their
+    brightness; the first window, of growing ones, whose border the part does not touch.
+    """
+    height, width = smooth.shape[:2]
+    brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
+    shares = smooth / brightness[:, :, None]
+    # by what sets the place off from grey: what lies much further off than that is of no account
+    grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
+    off = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / (FURTHEST * grey))
+    inside: Picture = np.zeros((height, width), dtype=np.uint8)
+    for reach in (SMALLEST_PX * 2**k for k in range(12)):
+        u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
+        window = off[v0:v1, u0:u1]
+        parting, _ = cv2.threshold(window, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
+        alike = np.asarray(window <= min(parting, 255.0 * ALIKE / FURTHEST), dtype=np.uint8)
+        _, parts = cv2.connectedComponents(alike)
+        part = (parts == parts[v - v0, u - u0]) & (alike > 0)
+        inside[:] = 0
+        inside[v0:v1, u0:u1] = part
+        rim = (part[0].any() and v0 > 0, part[-1].any() and v1 < height, part[:, 0].any() and u0 > 0)
+        if not (any(rim) or (part[:, -1].any() and u1 < width)):
+            break
+    return inside

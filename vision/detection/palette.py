@@ -1,0 +1,57 @@
+"""Classes of colour: which pixels of a picture may be of which kind of mark."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detection import kernels
+from vision.detection.coverage import Picture
+from vision.detection.hue import MarkHue
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Palette:
+    """Classes of colour as `kernels.classify` takes them, numbered from 1 in their order."""
+
+    table: Picture
+    least_value: Floats
+    least_saturation: Floats
+
+
+@lru_cache(maxsize=16)
+def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
+    """The classes of these hues; where ranges overlap, a pixel is of the hue that is nearer."""
+    steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
+    off = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
+    half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
+    beyond = np.where(off <= half_widths, off, np.inf)
+    table = np.where(np.isfinite(beyond.min(axis=0)), 1 + beyond.argmin(axis=0), 0).astype(np.uint8)
+    values = [255.0 * hue.min_value for hue in hues]
+    saturations = [256.0 * hue.min_saturation for hue in hues]
+    least = [np.array([min(each), *each]) for each in (values, saturations)]
+    return Palette(table, *least)
+
+
+def equal(classes: Picture, number: int) -> Picture:
+    """1 where a pixel is of that class, else 0, (h, w) uint8."""
+    return np.asarray(classes == number, dtype=np.uint8)
+
+
+def classes_of(part: Picture, palette: Palette, scale: int) -> Picture:
+    """The class of each pixel, smoothed or shrunk for the search only: noise splits small marks."""
+    if scale == 1:
+        smooth = cv2.blur(part, (3, 3))
+    else:
+        height, width = (n // scale for n in part.shape[:2])
+        whole = part[: height * scale, : width * scale]
+        smooth = cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA)
+    classes = np.empty(smooth.shape[:2], dtype=np.uint8)
+    kernels.classify(smooth, palette.table, palette.least_value, palette.least_saturation, classes)
+    return classes

@@ -1,0 +1,67 @@
+"""Where frames come from: films, folders, devices, streams; their exposure times, faults and writers.
+
+What may enter: another source of frames, another container.
+"""
+
+from vision.sources.events import EventKind, Source, SourceEvent
+from vision.sources.every_frame import EveryFrame, FrameFile
+from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, told_times
+from vision.sources.frames import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.sources.live import Capture, LiveFrames
+from vision.sources.opening import EVERY, from_file, open_source, shown_source
+from vision.sources.picture_folder import PictureFolderFrames
+from vision.sources.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures, sharp_frames
+from vision.sources.playback import Playback
+from vision.sources.segments import (
+    NOMINAL_FPS,
+    SUFFIX,
+    SegmentFrames,
+    SegmentWriter,
+    count_segment_frames,
+    join_segments,
+    segments_in,
+)
+from vision.sources.video import Codec, VideoWriter, compress
+from vision.sources.watchdog import Watch
+
+__all__ = [
+    "EVERY",
+    "FILMS",
+    "NOMINAL_FPS",
+    "SHARP_FRAMES",
+    "SUFFIX",
+    "Capture",
+    "Codec",
+    "DeviceTimes",
+    "EventKind",
+    "EveryFrame",
+    "ExposureRule",
+    "FilmTimes",
+    "FolderFrames",
+    "Frame",
+    "FrameFile",
+    "LiveFrames",
+    "PictureFolderFrames",
+    "Playback",
+    "SegmentFrames",
+    "SegmentWriter",
+    "Source",
+    "SourceError",
+    "SourceEvent",
+    "VideoFileFrames",
+    "VideoWriter",
+    "Watch",
+    "compress",
+    "count_frames",
+    "count_segment_frames",
+    "from_file",
+    "grey_picture",
+    "grey_pictures",
+    "join_segments",
+    "open_source",
+    "quiet_opencv",
+    "segments_in",
+    "sharp_frames",
+    "shown_source",
+    "told_times",
+]

@@ -1,0 +1,73 @@
+"""What every source of frames offers, and what it tells of itself beside frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from types import TracebackType
+from typing import Protocol, Self
+
+from vision.sources.frames import Frame
+
+
+class EventKind(StrEnum):
+    """What happened to a source."""
+
+    BLOCKED = "BLOCKED"
+    """No answer: a read that does not come back."""
+    FROZEN = "FROZEN"
+    """The same picture, bit for bit, again and again."""
+    DROPPED = "DROPPED"
+    """A read that failed; the source is read again, then opened again."""
+    RESUMED = "RESUMED"
+    """New pictures after one of these."""
+    RESIZED = "RESIZED"
+    """Pictures of another size than before."""
+    ENDED = "ENDED"
+    """No frames will come any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceEvent:
+    """What happened to a source: when, by the clock of its exposure times [s], what, and a line for people."""
+
+    time_s: float
+    kind: EventKind
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.text}"
+
+
+class Source(Protocol):
+    """Frames in order of exposure, whatever they come from.
+
+    frames_dropped: frames that were read and not handed on, because newer ones had come, or their time was wrong
+    """
+
+    frames_dropped: int
+
+    @property
+    def ended(self) -> bool:
+        """Whether all frames have been handed on and none will come."""
+
+    def next(self, timeout_s: float) -> Frame | None:
+        """The next frame, or None where there is none within timeout_s [s] or the source ended; SourceError."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """All frames until the source ends, waiting through its faults; SourceError."""
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked, in order."""
+
+    def close(self) -> None:
+        """Stop, and let go of the source."""
+
+    def __enter__(self) -> Self:
+        """The source, closed at the end of the block."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""

@@ -1,0 +1,78 @@
+"""Frames from files as a source: every frame, as fast as it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Protocol, Self
+
+from vision.sources.events import EventKind, SourceEvent
+from vision.sources.frames import Frame
+
+
+class FrameFile(Protocol):
+    """Frames in order, held open until closed."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """From the first frame on."""
+
+    def close(self) -> None:
+        """Let go."""
+
+
+class EveryFrame:
+    """Every frame of a file or folder, in order; no thread, no clock.
+
+    State: the frames still to come, the last frame's size and time, events not yet taken, whether it ended.
+    """
+
+    frames_dropped = 0
+
+    def __init__(self, frames: FrameFile) -> None:
+        self._frames = frames
+        self._coming = iter(frames)
+        self._last: Frame | None = None
+        self._events: list[SourceEvent] = []
+        self._ended = False
+
+    @property
+    def ended(self) -> bool:
+        """Whether all frames have been handed on."""
+        return self._ended
+
+    def next(self, timeout_s: float = 0.0) -> Frame | None:
+        """The next frame; None after the last. Raises SourceError."""
+        frame = None if self._ended else next(self._coming, None)
+        if frame is None:
+            if not self._ended:
+                at_s = 0.0 if self._last is None else self._last.exposure_s
+                self._events.append(SourceEvent(at_s, EventKind.ENDED, "after the last frame"))
+            self._ended = True
+            return None
+        if self._last is not None and self._last.image.shape != frame.image.shape:
+            (h0, w0), (h1, w1) = self._last.image.shape[:2], frame.image.shape[:2]
+            self._events.append(SourceEvent(frame.exposure_s, EventKind.RESIZED, f"from {w0} x {h0} to {w1} x {h1} px"))
+        self._last = frame
+        return frame
+
+    def __iter__(self) -> Iterator[Frame]:
+        while (frame := self.next()) is not None:
+            yield frame
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked, in order."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def close(self) -> None:
+        """Let go of the file; no frame comes any more."""
+        self._ended = True
+        self._frames.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,157 @@
+"""Frames from files, each with its exposure time, every one and in order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.sources.exposure_times import FilmTimes
+
+Image = NDArray[np.uint8]
+
+# FFmpeg's own lines go past OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+
+class SourceError(ValueError):
+    """Frames that cannot be had; one line that names the source, what was expected and what was found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One picture: its place in the source, its exposure time [s], and the pixels, (height, width, 3) BGR."""
+
+    index: int
+    exposure_s: float
+    image: Image
+
+
+@contextmanager
+def quiet_opencv() -> Iterator[None]:
+    """Keep OpenCV's warnings off the terminal: the caller says in one line what went wrong."""
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+
+
+class VideoFileFrames:
+    """The frames of a film, as fast as they are asked for.
+
+    Without exposures_s [s], exposures are the film's own: see `FilmTimes`. State: the open film.
+    Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number, or the film
+    has no times.
+    """
+
+    def __init__(self, path: str | Path, exposures_s: Sequence[float] | None = None) -> None:
+        self.path = Path(path)
+        self._exposures = None if exposures_s is None else [float(t) for t in exposures_s]
+        self._capture = _opened(self.path)
+
+    def __iter__(self) -> Iterator[Frame]:
+        film_times = FilmTimes(self._capture.get(cv2.CAP_PROP_FPS))
+        index = 0
+        while (image := self._next_image()) is not None:
+            if self._exposures is None:
+                try:
+                    exposure_s = film_times(1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC))
+                except ValueError as error:
+                    raise SourceError(f"{self.path}: {error}") from None
+                yield Frame(index, exposure_s, image)
+            elif index < len(self._exposures):
+                yield Frame(index, self._exposures[index], image)
+            else:
+                raise SourceError(f"{self.path}: expected {len(self._exposures)} frames, found more")
+            index += 1
+        if self._exposures is not None and index < len(self._exposures):
+            raise SourceError(f"{self.path}: expected {len(self._exposures)} frames, found {index}")
+
+    def _next_image(self) -> Image | None:
+        with quiet_opencv():
+            read, image = self._capture.read()
+        return np.asarray(image, dtype=np.uint8) if read else None
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._capture.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class FolderFrames:
+    """The pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
+
+    Raises SourceError if they differ in number from the exposures, are not numbered from 0 without gaps, or cannot be
+    read.
+    """
+
+    def __init__(self, folder: str | Path, exposures_s: Sequence[float]) -> None:
+        self.folder = Path(folder)
+        self._exposures = [float(t) for t in exposures_s]
+        if not self.folder.is_dir():
+            raise SourceError(f"{self.folder}: expected a folder of frames, found none")
+        n_frames = len(list(self.folder.glob("*.png")))
+        if n_frames != len(self._exposures):
+            raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {n_frames}")
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index, exposure in enumerate(self._exposures):
+            path = self.folder / f"{index:06d}.png"
+            if not path.is_file():
+                raise SourceError(f"{path}: expected frame {index}, found no such file")
+            with quiet_opencv():
+                image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+            if image is None:
+                raise SourceError(f"{path}: expected a PNG picture, found a file that cannot be read as one")
+            yield Frame(index, exposure, np.asarray(image, dtype=np.uint8))
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def count_frames(path: str | Path) -> int:
+    """Frames in a film, counted by reading it: what its header says is not always true. Raises SourceError."""
+    capture = _opened(Path(path))
+    n_frames = 0
+    with quiet_opencv():
+        while capture.grab():
+            n_frames += 1
+    capture.release()
+    return n_frames
+
+
+def _opened(path: Path) -> cv2.VideoCapture:
+    if not path.is_file():
+        raise SourceError(f"{path}: expected a video file, found no such file")
+    with quiet_opencv():
+        # The API is named, or OpenCV would take a name with digits for a pattern of pictures.
+        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        opened = capture.isOpened() and capture.get(cv2.CAP_PROP_FRAME_WIDTH) > 0
+    if not opened:
+        raise SourceError(f"{path}: expected a video that OpenCV can decode, found none")
+    return capture

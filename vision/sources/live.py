@@ -1,0 +1,300 @@
+"""Frames as they come: a camera read in its own thread, of which the newest frame counts, and faults survived."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+import cv2
+import numpy as np
+
+from vision.sources.events import EventKind, SourceEvent
+from vision.sources.exposure_times import DeviceTimes, ExposureRule
+from vision.sources.frames import Frame, Image, SourceError, quiet_opencv
+from vision.sources.watchdog import Watch
+
+RETRY_S, RETRY_EACH_S = 0.5, 0.01
+"""Failed reads are tried again for so long, so often; then the device is opened again; chosen."""
+REOPEN_S, REOPEN_MOST_S = 0.1, 5.0
+"""Pause before the device is opened again, doubled each time in vain up to the most; chosen."""
+HUNG_S, OPENING_S = 2.0, 20.0
+"""A thread that hangs for so long in a read, or in opening, gets a rival that opens the device anew; chosen."""
+MOST_RIVALS = 4
+"""Threads that may hang at once: each holds a thread and perhaps a device until it comes back; chosen."""
+LOOK_EACH_S = 0.02
+"""How often a waiting reader looks for faults; chosen."""
+CLOSE_S = 0.5
+"""How long `close` waits for the reading threads; one that hangs is left behind; chosen."""
+
+
+class Capture(Protocol):
+    """What a source of frames must do, as cv2.VideoCapture does."""
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        """Whether the device is there."""
+
+    def grab(self) -> bool:
+        """Wait for the next frame; False where there is none."""
+
+    def retrieve(self) -> tuple[bool, Any]:
+        """The frame that grab() got."""
+
+    def get(self, prop: int) -> float:
+        """A property by OpenCV's number."""
+
+    def release(self) -> None:
+        """Let go of the device."""
+
+
+@dataclass(slots=True, eq=False)
+class _Reader:
+    """A reading thread: when it was last seen to move [s], how long it may hang [s], whether another replaced it."""
+
+    alive_s: float
+    may_hang_s: float = OPENING_S
+    retired: bool = False
+
+
+class LiveFrames:
+    """The newest frames not yet seen, again and again, until the source ends or `close()`.
+
+    open_capture: opens the source; called in the reading thread, which a dead device may hold for ever
+    ends: whether a read of this capture that fails means the end, and not a fault
+    keep: how many frames wait to be seen; 1: the newest wins
+    exposures: makes the rule of exposure times, for each opening
+    blocked_s, frozen_s: see `Watch`; with a frozen_s a picture equal to the one before, bit for bit, is never handed on
+    give_up_s: SourceError after so long without a frame; None: never
+    clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
+
+    A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
+    State, shared with the threads: frames that wait, the last picture, the watch, events not yet taken, the readers.
+    """
+
+    def __init__(
+        self,
+        open_capture: Callable[[], Any],
+        *,
+        ends: Callable[[Any], bool] = lambda _capture: False,
+        keep: int = 1,
+        exposures: Callable[[], ExposureRule] = DeviceTimes,
+        blocked_s: float = 0.5,
+        frozen_s: float | None = 0.5,
+        give_up_s: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        nap: Callable[[float], object] | None = None,
+    ) -> None:
+        for name, value in (("give_up_s", give_up_s), ("keep", keep)):
+            if value is not None and not value > 0:
+                raise ValueError(f"{name}: expected more than 0, found {value}")
+        self._open, self._ends, self._exposures, self._clock = open_capture, ends, exposures, clock
+        self._may_repeat, self._give_up_s = frozen_s is None, give_up_s
+        self._changed = threading.Condition()
+        self._stop = threading.Event()
+        self._nap = self._stop.wait if nap is None else nap
+        self._waiting: deque[Frame] = deque()
+        self._keep = keep
+        self._last: Frame | None = None
+        self._n_frames = 0
+        self._events: list[SourceEvent] = []
+        self._finished = False
+        self._ended = False
+        self._error: Exception | None = None
+        self.frames_dropped = 0
+        self._watch = Watch(clock(), blocked_s=blocked_s, frozen_s=frozen_s)
+        self._readers: list[_Reader] = []
+        self._start_reader(clock())
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame will come any more."""
+        return self._ended or self._stop.is_set()
+
+    @property
+    def interval_s(self) -> float:
+        """The usual time from frame to frame [s], 0 before two came."""
+        return self._watch.interval_s
+
+    def next(self, timeout_s: float) -> Frame | None:
+        """The newest frame not yet seen; None where none comes within timeout_s [s], or at the end.
+
+        Raises SourceError where the source never opened, or gave nothing for give_up_s, and any error of the thread.
+        """
+        until = self._clock() + timeout_s
+        with self._changed:
+            while not self.ended:
+                now = self._clock()
+                if self._waiting:
+                    return self._waiting.popleft()
+                if self._error is not None:
+                    self._ended = True
+                    raise self._error
+                if self._finished:
+                    self._ended = True
+                    self._events.append(SourceEvent(now, EventKind.ENDED, "after the last frame"))
+                    return None
+                self._look(now)
+                if now >= until:
+                    return None
+                self._changed.wait(min(until - now, LOOK_EACH_S))
+        return None
+
+    def _look(self, now: float) -> None:
+        self._events += self._watch.check(now)
+        without_s = now - self._watch.new_s
+        if self._give_up_s is not None and without_s > self._give_up_s:
+            self._ended = True
+            self._stop.set()
+            raise SourceError(f"live frames: expected a new frame within {self._give_up_s:g} s, found none")
+        hung = [now - reader.alive_s > reader.may_hang_s for reader in self._readers]
+        if all(hung) and len(hung) < MOST_RIVALS:
+            self._start_reader(now)
+
+    def __iter__(self) -> Iterator[Frame]:
+        while not self.ended:
+            frame = self.next(1.0)
+            if frame is not None:
+                yield frame
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked, in order; faults are noticed while `next` waits or is asked."""
+        with self._changed:
+            events, self._events = tuple(self._events), []
+        return events
+
+    def _start_reader(self, now: float) -> None:
+        reader = _Reader(now)
+        self._readers.append(reader)
+        # A daemon: a device may block in grab() for ever (OpenCV #4468), and the program must end all the same.
+        threading.Thread(target=self._run, args=(reader,), name="softaim frames", daemon=True).start()
+
+    def _run(self, reader: _Reader) -> None:
+        try:
+            self._open_and_read(reader)
+        except Exception as error:
+            if self._wanted(reader):
+                self._error = error
+        with self._changed:
+            self._readers.remove(reader)
+            self._changed.notify_all()
+
+    def _wanted(self, reader: _Reader) -> bool:
+        return not (reader.retired or self._stop.is_set() or self._finished)
+
+    def _open_and_read(self, reader: _Reader) -> None:
+        pause_s = REOPEN_S
+        while self._wanted(reader):
+            reader.alive_s, reader.may_hang_s = self._clock(), OPENING_S
+            before = self._n_frames
+            capture = None
+            try:
+                with quiet_opencv():
+                    capture = self._open()
+                if capture.isOpened():
+                    self._read(reader, capture)
+                else:
+                    self._fail(reader, "does not open")
+            except (OSError, cv2.error) as error:
+                self._fail(reader, f"does not open: {_line(error)}")
+            finally:
+                if capture is not None:
+                    capture.release()
+            reader.alive_s = self._clock()
+            if not self._wanted(reader):
+                return
+            if not self._n_frames:
+                raise SourceError("live frames: expected a camera, stream or film that gives frames, found none")
+            pause_s = REOPEN_S if self._n_frames > before else min(2.0 * pause_s, REOPEN_MOST_S)
+            self._nap(pause_s)
+
+    def _read(self, reader: _Reader, capture: Capture) -> None:
+        """Hand on what the capture gives, until it ends, fails for RETRY_S, or the reader is wanted no more."""
+        exposure, ends = self._exposures(), self._ends(capture)
+        failing_s: float | None = None
+        while self._wanted(reader):
+            reader.alive_s, reader.may_hang_s = self._clock(), HUNG_S
+            image, grabbed_s, why = self._picture(capture)
+            reader.alive_s = self._clock()
+            if image is not None:
+                failing_s = None
+                self._take(reader, image, grabbed_s, lambda grabbed: exposure(capture, grabbed))
+                continue
+            if ends:
+                with self._changed:
+                    self._finished = self._wanted(reader)
+                return
+            self._fail(reader, why)
+            failing_s = grabbed_s if failing_s is None else failing_s
+            if grabbed_s - failing_s > RETRY_S:
+                return
+            self._nap(RETRY_EACH_S)
+
+    def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
+        """The next picture or None, when grab() came back [s], and why there is none."""
+        try:
+            grabbed = capture.grab()
+            grabbed_s = self._clock()
+            read, image = capture.retrieve() if grabbed else (False, None)
+        except (OSError, cv2.error) as error:
+            return None, self._clock(), f"a read failed: {_line(error)}"
+        if not read:
+            return None, grabbed_s, "a read failed"
+        if image is None or np.ndim(image) != 3 or not np.size(image):
+            return None, grabbed_s, "a read gave no picture"
+        return np.asarray(image), grabbed_s, ""
+
+    def _take(self, reader: _Reader, image: Image, grabbed_s: float, exposure: Callable[[float], float]) -> None:
+        """Hand on a picture, unless it is the one before, or its time is."""
+        with self._changed:
+            if not self._wanted(reader):
+                return
+            for other in self._readers:
+                other.retired = other is not reader
+            last = self._last
+            if last is not None and not self._may_repeat and _equal(last.image, image):
+                self._watch.saw_repeat(grabbed_s)
+                return
+            frame = Frame(self._n_frames, exposure(grabbed_s), image)
+            self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
+            self._n_frames += 1
+            if last is not None and frame.exposure_s <= last.exposure_s:
+                self.frames_dropped += 1
+                return
+            self._last = frame
+            if len(self._waiting) == self._keep:
+                self._waiting.popleft()
+                self.frames_dropped += 1
+            self._waiting.append(frame)
+            self._changed.notify_all()
+
+    def _fail(self, reader: _Reader, why: str) -> None:
+        with self._changed:
+            if self._wanted(reader) and self._n_frames:
+                self._events += self._watch.saw_failure(self._clock(), why)
+
+    def close(self) -> None:
+        """Stop; a reading thread lets go of the device as soon as it comes back from it."""
+        self._stop.set()
+        with self._changed:
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: not self._readers, timeout=CLOSE_S)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _equal(one: Image, other: Image) -> bool:
+    return one.shape == other.shape and np.array_equal(one[::16], other[::16]) and np.array_equal(one, other)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())

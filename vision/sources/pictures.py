@@ -1,0 +1,90 @@
+"""Pictures for a calibration: files, folders of files, or sharp frames spread over a film; grey, each with its name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import chain, pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.sources.frames import SourceError, VideoFileFrames, count_frames, quiet_opencv
+
+Image = NDArray[np.uint8]
+
+PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
+FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mpeg"})
+SHARP_FRAMES = 40
+"""Frames taken of a film."""
+
+
+def grey_pictures(paths: Sequence[Path]) -> Iterator[tuple[str, Image]]:
+    """Name and grey levels (height, width) of each picture: of a film, then of files and folders by name.
+
+    Raises SourceError for what cannot be read, for a second film, for names that come twice, and for pictures of
+    different sizes.
+    """
+    films = [path for path in paths if path.suffix.lower() in FILMS]
+    if len(films) > 1:
+        raise SourceError(f"{films[1]}: expected one film, found a second one after {films[0]}")
+    frames = ((films[0], name, image) for name, image in sharp_frames(films[0])) if films else ()
+    files = ((path, path.name, grey_picture(path)) for path in _files([p for p in paths if p not in films]))
+    first: tuple[str, Image] | None = None
+    for path, name, image in chain(frames, files):
+        if first is None:
+            first = (name, image)
+        if image.shape != first[1].shape:
+            raise SourceError(f"{path}: expected {_size(first[1])} as {first[0]} has, found {_size(image)}")
+        yield name, image
+
+
+def grey_picture(path: Path) -> Image:
+    """Grey levels of a picture file, (height, width), not turned as its camera would have it shown; SourceError."""
+    if not path.is_file():
+        raise SourceError(f"{path}: expected a picture, found no such file")
+    with quiet_opencv():
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image is None:
+        raise SourceError(f"{path}: expected a picture, found a file that cannot be read as one")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def sharp_frames(film: Path, n: int = SHARP_FRAMES) -> Iterator[tuple[str, Image]]:
+    """The sharpest frame of each of n equal parts of a film, named `frame 000123`; SourceError as films have it."""
+    n_frames = count_frames(film)
+    best: tuple[float, str, Image] | None = None
+    part = 0
+    with VideoFileFrames(film) as frames:
+        for frame in frames:
+            if frame.index * n // max(n_frames, n) != part and best is not None:
+                yield best[1:]
+                best, part = None, frame.index * n // max(n_frames, n)
+            grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+            sharpness = float(cv2.Laplacian(grey, cv2.CV_32F).var())
+            if best is None or sharpness > best[0]:
+                best = (sharpness, f"frame {frame.index:06d}", grey)
+    if best is not None:
+        yield best[1:]
+
+
+def _files(paths: Sequence[Path]) -> list[Path]:
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            found = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in PICTURES)
+            if not found:
+                raise SourceError(f"{path}: expected a folder of pictures, found none in it")
+            files += found
+        else:
+            files.append(path)
+    files.sort(key=lambda file: (file.name, file))
+    for one, other in pairwise(files):
+        if one.name == other.name:
+            raise SourceError(f"{other}: expected a name of its own, found that of {one}")
+    return files
+
+
+def _size(image: Image) -> str:
+    return f"{image.shape[1]}x{image.shape[0]}"

@@ -1,0 +1,60 @@
+"""A film shown at its own pace, as a camera would give it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import cv2
+
+from vision.sources.every_frame import FrameFile
+from vision.sources.frames import Frame, Image
+
+
+class Playback:
+    """A capture that holds each frame of a file back until it is due; frame times count from the first grab().
+
+    State: the frames still to come, the one shown, when the first was shown [s].
+    """
+
+    def __init__(
+        self,
+        frames: FrameFile,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._frames, self._coming = frames, iter(frames)
+        self._clock, self._sleep = clock, sleep
+        self._shown: Frame | None = None
+        self._began_s: float | None = None
+
+    def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
+        """Frames are there, or iterating says in one line why not."""
+        return True
+
+    def grab(self) -> bool:
+        """Wait until the next frame is due; False after the last."""
+        self._shown = next(self._coming, None)
+        if self._shown is None:
+            return False
+        if self._began_s is None:
+            self._began_s = self._clock() - self._shown.exposure_s
+        wait_s = self._began_s + self._shown.exposure_s - self._clock()
+        if wait_s > 0:
+            self._sleep(wait_s)
+        return True
+
+    def retrieve(self) -> tuple[bool, Image | None]:
+        """The frame that is due."""
+        return self._shown is not None, None if self._shown is None else self._shown.image
+
+    def get(self, prop: int) -> float:
+        """CAP_PROP_POS_MSEC: when the frame was due, on the clock [ms]; 0 for all else."""
+        if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None or self._began_s is None:
+            return 0.0
+        return 1e3 * (self._began_s + self._shown.exposure_s)
+
+    def release(self) -> None:
+        """Let go of the file."""
+        self._frames.close()

@@ -1,0 +1,167 @@
+"""A film in numbered pieces, each whole when it has its name: what is left when the writer is killed can be read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from vision.sources.frames import Frame, Image, SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.sources.video import Codec, VideoWriter
+
+SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
+NOMINAL_FPS = 30.0
+"""What a piece's head says of its rate; exposure times are told elsewhere."""
+
+
+class SegmentWriter:
+    """Pieces 000000.mkv (FFV1) or 000000.avi (MJPG), 000001 ... in a folder that is there and empty.
+
+    State: the piece that is being written, hidden until it is whole, and how many are whole.
+    """
+
+    def __init__(self, folder: Path, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
+        self.folder, self.size_px, self.codec = folder, size_px, codec
+        self.n_whole = 0
+        self._piece: VideoWriter | None = None
+
+    def write(self, image: Image) -> None:
+        """Append a frame, (height, width, 3) BGR uint8, to the piece that is being written, or begin one."""
+        if self._piece is None:
+            path = self.folder / f"{self.n_whole:06d}{SUFFIX[self.codec]}"
+            self._piece = VideoWriter(path, self.size_px, NOMINAL_FPS, codec=self.codec)
+        self._piece.write(image)
+
+    def finish(self) -> None:
+        """Finish the piece, if there is one: whole on the disk, then named."""
+        if self._piece is not None:
+            self._piece.close(sync=True)
+            self._piece = None
+            self.n_whole += 1
+
+    def discard(self) -> None:
+        """Leave the piece that is not finished."""
+        if self._piece is not None:
+            self._piece.discard()
+            self._piece = None
+
+
+def segments_in(folder: Path) -> list[Path]:
+    """The whole pieces of a folder in order. Raises SourceError where there are none, or one is missing."""
+    paths = sorted(path for suffix in SUFFIX.values() for path in folder.glob(f"[0-9]*{suffix}"))
+    if not paths:
+        raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")
+    for k, path in enumerate(paths):
+        if path.stem != f"{k:06d}" or path.suffix != paths[0].suffix:
+            raise SourceError(f"{folder}: expected piece {k:06d}{paths[0].suffix}, found {path.name}")
+    return paths
+
+
+def count_segment_frames(folder: Path) -> int:
+    """Frames in all pieces, counted by reading them. Raises SourceError."""
+    return sum(count_frames(path) for path in segments_in(folder))
+
+
+class SegmentFrames:
+    """The frames of all pieces in order with their exposure times [s]; frames beyond these are left out.
+
+    Raises SourceError where pieces are missing or cannot be read, or hold fewer frames. State: the open piece.
+    """
+
+    def __init__(self, folder: str | Path, exposures_s: Sequence[float]) -> None:
+        self.folder = Path(folder)
+        self._exposures = [float(t) for t in exposures_s]
+        self._paths = segments_in(self.folder)
+        self._open: VideoFileFrames | None = None
+
+    def __iter__(self) -> Iterator[Frame]:
+        index = 0
+        for path in self._paths:
+            self._open = VideoFileFrames(path)
+            for frame in self._open:
+                if index == len(self._exposures):
+                    return
+                yield Frame(index, self._exposures[index], frame.image)
+                index += 1
+            self._open.close()
+        if index < len(self._exposures):
+            raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {index}")
+
+    def close(self) -> None:
+        """Let go of the open piece."""
+        if self._open is not None:
+            self._open.close()
+
+    def __enter__(self) -> SegmentFrames:
+        return self
+
+    def __exit__(self, *_fault: object) -> None:
+        self.close()
+
+
+def join_segments(
+    folder: Path, film: Path, n_frames: int, fps: float, advance: Callable[[float], None] = lambda _share: None
+) -> None:
+    """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
+
+    Nothing is lost: JPEGs go over as they are, FFV1 anew. `advance` is told the share done. Raises SourceError.
+    """
+    paths = segments_in(folder)
+    if paths[0].suffix == SUFFIX["FFV1"]:
+        with (
+            SegmentFrames(folder, [0.0] * n_frames) as frames,
+            VideoWriter(film, _size_px(paths[0]), fps, codec="FFV1") as writer,
+        ):
+            for frame in frames:
+                writer.write(frame.image)
+                advance((frame.index + 1) / n_frames)
+    else:
+        _join_jpegs(paths, film, n_frames, fps, advance)
+
+
+def _join_jpegs(paths: list[Path], film: Path, n_frames: int, fps: float, advance: Callable[[float], None]) -> None:
+    size_px = _size_px(paths[0])
+    partial = film.with_name(f".{film.stem}.{os.getpid()}.partial{film.suffix}")
+    raw = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]
+    with quiet_opencv():
+        writer = cv2.VideoWriter(str(partial), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), fps, size_px, raw)
+    try:
+        if not writer.isOpened():
+            raise SourceError(f"{film}: expected a place where a film can be written, found none")
+        index = 0
+        for path in paths:
+            for packet in _packets(path):
+                if index == n_frames:
+                    break
+                writer.set(cv2.VIDEOWRITER_PROP_PTS, index)
+                writer.write(packet)
+                index += 1
+                advance(index / n_frames)
+        writer.release()
+        if index < n_frames:
+            raise SourceError(f"{film}: expected {n_frames} frames in its pieces, found {index}")
+        os.replace(partial, film)
+    finally:
+        writer.release()
+        partial.unlink(missing_ok=True)
+
+
+def _size_px(path: Path) -> tuple[int, int]:
+    with VideoFileFrames(path) as frames:
+        image = next(iter(frames)).image
+    return image.shape[1], image.shape[0]
+
+
+def _packets(path: Path) -> Iterator[np.ndarray]:
+    """Compressed frames of a film as they stand in it."""
+    with quiet_opencv():
+        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    while True:
+        read, packet = capture.read()
+        if not read:
+            capture.release()
+            return
+        yield packet

@@ -1,0 +1,91 @@
+"""Films written as cameras and their software write them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.sources.frames import SourceError, quiet_opencv
+
+Image = NDArray[np.uint8]
+Codec = Literal["MJPG", "FFV1"]
+
+
+class VideoWriter:
+    """A film that appears under its name when it is complete.
+
+    MJPG compresses every frame by itself as JPEG of the given quality, in .avi; FFV1 loses nothing.
+    State: the open writer and the count of frames. As a context manager: an error inside leaves no file.
+    """
+
+    def __init__(
+        self, path: str | Path, size_px: tuple[int, int], fps: float, codec: Codec = "MJPG", quality: int = 95
+    ) -> None:
+        if codec not in ("MJPG", "FFV1"):
+            raise ValueError(f"codec: expected MJPG or FFV1, found {codec}")
+        if not 1 <= quality <= 100:
+            raise ValueError(f"quality: expected 1 to 100, found {quality}")
+        if not fps > 0:
+            raise ValueError(f"fps: expected more than 0, found {fps}")
+        self.path = Path(path)
+        self.size_px = size_px
+        self.n_frames = 0
+        # The suffix stays last: OpenCV chooses the container by it. The process id keeps two writers apart.
+        self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}.partial{self.path.suffix}")
+        # Only OpenCV's own MJPG writer heeds a quality, and it writes .avi only.
+        api = cv2.CAP_OPENCV_MJPEG if codec == "MJPG" else cv2.CAP_FFMPEG
+        with quiet_opencv():
+            self._writer = cv2.VideoWriter(str(self._partial), api, cv2.VideoWriter.fourcc(*codec), fps, size_px)
+            opened = self._writer.isOpened()
+            if opened and codec == "MJPG":
+                self._writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
+        if not opened:
+            self._partial.unlink(missing_ok=True)
+            raise SourceError(f"{self.path}: expected a place where a {codec} video can be written, found none")
+
+    def write(self, image: Image) -> None:
+        """Append a frame, (height, width, 3) BGR uint8."""
+        expected = (self.size_px[1], self.size_px[0], 3)
+        if image.dtype != np.uint8 or image.shape != expected:
+            raise ValueError(f"{self.path}: expected uint8 frames {expected}, found {image.dtype} {image.shape}")
+        self._writer.write(image)
+        self.n_frames += 1
+
+    def close(self, *, sync: bool = False) -> None:
+        """Finish the film and give it its name; with sync once it is on the disk."""
+        if self._writer.isOpened():
+            self._writer.release()
+            if sync:
+                with self._partial.open("rb") as file:
+                    os.fsync(file.fileno())
+            os.replace(self._partial, self.path)
+
+    def discard(self) -> None:
+        """Stop, and leave nothing."""
+        self._writer.release()
+        self._partial.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+
+def compress(image: Image, quality: int) -> Image:
+    """The image after a round trip through JPEG of this quality, 1 to 100, much as each frame of an MJPG film makes."""
+    done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise ValueError(f"image: expected one that JPEG can hold, found {image.dtype} {image.shape}")
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)

@@ -1,0 +1,240 @@
+"""Runs of drawn frames: marks that move smoothly before a real camera, in good light or over the whole range.
+
+Everything comes from the seed: the camera, its lamps, the surface, the motion and the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detection.hue import hue_distance
+from vision.synthetic.camera_frames import RealCamera, RealFrame, RealMark, draw_real_frame, reflectance
+from vision.synthetic.clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface
+from vision.synthetic.layers import Layer, paint
+from vision.synthetic.levels import any_camera, good_camera
+from vision.synthetic.plain_frames import distractors
+from vision.synthetic.view import DrawnView, disc_box, disc_coverage
+
+Floats = NDArray[np.float64]
+Picture = NDArray[Any]
+Level = Literal["good light", "whole range"]
+Triple = tuple[float, float, float]
+
+FASTEST_PX = 20.0
+"""The fastest that a mark moves between two frames [px], at the surface's mean scale."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunFrame:
+    """One frame of a run: its number, the time of mid-exposure [s], the camera as it was, the marks, picture and truth.
+
+    The camera changes from frame to frame where lamps and exposure drift; its view stays the same record.
+    """
+
+    index: int
+    time_s: float
+    camera: RealCamera
+    marks: tuple[RealMark, ...]
+    frame: RealFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sway:
+    """A smooth motion on the plane: home plus sines.
+
+    home_m: shape (2,) [m]; amplitudes_m, phases: shape (n_sines, 2) [m, radians]; rates_hz: shape (n_sines,)
+    """
+
+    home_m: Floats
+    amplitudes_m: Floats
+    rates_hz: Floats
+    phases: Floats
+
+    def at(self, times_s: Floats) -> Floats:
+        """Where it is at these times [s], (n,); shape (n, 2) [m]."""
+        angle = 2.0 * np.pi * self.rates_hz[:, None] * times_s[:, None, None] + self.phases
+        return np.asarray(self.home_m + (self.amplitudes_m * np.sin(angle)).sum(axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drift:
+    """A share that wanders slowly about 1: exp of a sine."""
+
+    depth: float
+    rate_hz: float
+    phase: float
+
+    def at(self, time_s: float) -> float:
+        """The share at that time [s]."""
+        return float(np.exp(self.depth * np.sin(2.0 * np.pi * self.rate_hz * time_s + self.phase)))
+
+
+def exposure_path(
+    position_m: Callable[[Floats], Floats], time_s: float, open_s: float, longest_step_m: float
+) -> Floats:
+    """Where a mark is at evenly spaced moments of an exposure about time_s, an odd count, (n_moments, 2) [m].
+
+    Each moment is the middle of its part of the exposure, and no step is longer than longest_step_m.
+    """
+    if open_s == 0:
+        return position_m(np.array([time_s]))
+    fine = position_m(time_s + open_s * np.linspace(-0.5, 0.5, 17))
+    length = float(np.hypot(*np.diff(fine, axis=0).T).sum())
+    n = int(np.ceil(length / longest_step_m)) // 2 * 2 + 1
+    return position_m(time_s + open_s * ((np.arange(n) + 0.5) / n - 0.5))
+
+
+def drawn_run(
+    seed: int,
+    n_frames: int,
+    level: Level = "good light",
+    *,
+    size_px: tuple[int, int] = (640, 480),
+    hues_deg: Sequence[float] = (0.0, 0.0, 0.0, 0.0),
+    radius_px: float | None = None,
+    fps: float = 30.0,
+) -> Iterator[RunFrame]:
+    """Frames of marks, one for each hue, that move by up to 20 px a frame, each about a home of its own.
+
+    good light: modest noise, no occluders, mild lamps. whole range: every effect, each drawn from the seed.
+    radius_px: the marks' radius at mid-picture; drawn from the seed where None
+    """
+    if level not in ("good light", "whole range"):
+        raise ValueError(f"level: expected good light or whole range, found {level}")
+    if n_frames < 0 or not hues_deg:
+        raise ValueError(f"run: expected frames and at least one hue, found {n_frames} and {list(hues_deg)}")
+    rng = np.random.default_rng([seed, 0 if level == "good light" else 1])
+    camera = good_camera(size_px, rng) if level == "good light" else any_camera(size_px, rng)
+    radius = float(rng.uniform(8.0, 13.0) if level == "good light" else rng.uniform(5.0, 14.0))
+    if radius_px is not None:
+        radius = radius_px
+    scale = camera.view.m_per_px((0.0, 0.0))
+    sways = _sways(camera.view, len(hues_deg), rng, fps)
+    colors = [(float(rng.uniform(0.75, 0.92)), float(rng.uniform(0.6, 0.85))) for _ in hues_deg]
+    surface = _surface(camera.view, hues_deg, radius, rng, level)
+    dim, warm = _drifts(rng, level)
+    homes = camera.view.project([sway.home_m for sway in sways])
+    cover = _no_cover if level == "good light" else _occluders(size_px, homes, rng)
+
+    def frames() -> Iterator[RunFrame]:
+        for index in range(n_frames):
+            time_s = index / fps
+            blue, green, red = camera.lamp_bgr
+            now = replace(
+                camera,
+                exposure=camera.exposure * dim.at(time_s),
+                lamp_bgr=(blue / warm.at(time_s), green, red * warm.at(time_s)),
+                flicker_phase=camera.flicker_phase + 2.4 * index,
+            )
+            marks = tuple(
+                RealMark(
+                    exposure_path(sway.at, time_s, camera.exposure_share / fps, scale), radius * scale, hue, *color
+                )
+                for sway, hue, color in zip(sways, hues_deg, colors, strict=True)
+            )
+            frame = draw_real_frame(now, surface, marks, rng, occluders=cover(time_s))
+            yield RunFrame(index, time_s, now, marks, frame)
+
+    return frames()
+
+
+def _sways(view: DrawnView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
+    """One motion for each mark about the middle of its own tile of the picture, its speed drawn for each."""
+    n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
+    n_down = int(np.ceil(n / n_across))
+    tile = np.array(view.size_px) / (n_across, n_down)
+    scale = view.m_per_px((0.0, 0.0))
+    sways = []
+    for k in range(n):
+        home = view.to_plane([(np.array([k % n_across, k // n_across]) + rng.uniform(0.42, 0.58, 2)) * tile])[0]
+        shares = rng.dirichlet((2.0, 2.0))
+        speed = rng.uniform(0.1, 1.0) * FASTEST_PX * scale * fps  # m/s; the sines' speeds add up to it at most
+        # Slow sines go far: none farther than the tile allows.
+        slowest = speed / (2.0 * np.pi * 0.28 * tile.min() * scale)
+        rates = np.maximum(rng.uniform(0.4, 1.2, 2), slowest)
+        heading = rng.uniform(0.0, 2.0 * np.pi, 2)
+        reach = shares * speed / (2.0 * np.pi * rates)
+        amplitudes = reach[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+        sways.append(Sway(home, amplitudes, rates, rng.uniform(0.0, 2.0 * np.pi, (2, 1)) * np.ones((1, 2))))
+    return sways
+
+
+def _surface(
+    view: DrawnView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
+) -> Picture:
+    """The empty plane; over the whole range with blood and discs of other hues on it."""
+    if level == "good light":
+        return plain_surface(view.size_px, (0.78, 0.80, 0.79), rng, texture=0.02)
+    tones = ((0.80, 0.80, 0.78), (0.62, 0.66, 0.64), (0.83, 0.74, 0.66), (0.42, 0.52, 0.56))
+    surface = plain_surface(
+        view.size_px, tones[int(rng.integers(len(tones)))], rng, texture=float(rng.uniform(0.01, 0.08))
+    )
+    n_strays = int(rng.integers(0, 6))
+    hue_is_free = any(all(hue_distance(h, kept) >= 50.0 for kept in hues_deg) for h in range(0, 360, 5))
+    strays = distractors(n_strays, view.size_px, rng, hues_deg) if hue_is_free else []
+    scale = view.m_per_px((0.0, 0.0))
+    for stray in strays:
+        place = view.to_plane([stray.center_px])
+        box = disc_box(view, place, stray.axes_px[0] * scale)
+        alpha = disc_coverage(view, box, place, stray.axes_px[0] * scale)
+        paint(surface, Layer(box[0], box[1], alpha, reflectance(stray.hue_deg, stray.saturation, stray.value)))
+    counts = [int(rng.integers(0, most)) for most in (4, 6, 16)]
+    paint(
+        surface, blood_layer(view.size_px, radius_px, rng, n_smears=counts[0], n_streaks=counts[1], n_drops=counts[2])
+    )
+    return surface
+
+
+def _drifts(rng: np.random.Generator, level: Level) -> tuple[Drift, Drift]:
+    """How exposure and the lamp's warmth wander."""
+    deepest = (0.02, 0.01) if level == "good light" else (0.25, 0.10)
+    one, two = (
+        Drift(float(rng.uniform(0.0, d)), float(rng.uniform(0.05, 0.6)), float(rng.uniform(0.0, 2.0 * np.pi)))
+        for d in deepest
+    )
+    return one, two
+
+
+def _no_cover(time_s: float) -> list[Layer]:
+    return []
+
+
+def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
+    """A needle that slides in and out, and a hand that reaches in, in some of the runs: the layers at a time [s].
+
+    Both are aimed at a mark's home: elsewhere they would seldom cover one.
+    """
+    with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
+    size = np.array(size_px, dtype=float)
+    aim, tail_deg = rng.choice(homes_px) + rng.normal(0.0, 15.0, 2), rng.uniform(0.0, 360.0)
+    out = np.array([np.cos(np.deg2rad(tail_deg)), np.sin(np.deg2rad(tail_deg))])
+    width, gloss, needle_rate = rng.uniform(2.0, 6.0), rng.uniform(0.3, 1.2), rng.uniform(0.1, 0.5)
+    towards = float(rng.uniform(0.0, 360.0))
+    ahead = np.array([np.cos(np.deg2rad(towards)), np.sin(np.deg2rad(towards))])
+    goal, finger = rng.choice(homes_px) + rng.normal(0.0, 25.0, 2), float(rng.uniform(14.0, 30.0))
+    n_fingers, softness = int(rng.integers(1, 5)), float(rng.uniform(0.8, 3.0))
+    skins: tuple[Triple, ...] = ((0.88, 0.68, 0.58), (0.78, 0.56, 0.45), (0.55, 0.36, 0.27), (0.36, 0.23, 0.17))
+    skin = skins[int(rng.integers(len(skins)))]
+    hand_phase, hand_rate = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.15, 0.5)
+
+    def at(time_s: float) -> list[Layer]:
+        layers: list[Layer] = []
+        if with_needle:
+            tip = aim + out * 60.0 * np.sin(2.0 * np.pi * needle_rate * time_s)
+            tail = tip + out * 2.0 * size.max()
+            layers += needle_layers(Needle(_pair(tip), _pair(tail), float(width), float(gloss)), size_px)
+        if with_hand:
+            tip = goal + ahead * 120.0 * np.sin(2.0 * np.pi * hand_rate * time_s + hand_phase)
+            layers.append(hand_layer(Hand(_pair(tip), towards, finger, n_fingers, skin, softness), size_px))
+        return layers
+
+    return at
+
+
+def _pair(point: Floats) -> tuple[float, float]:
+    return float(point[0]), float(point[1])

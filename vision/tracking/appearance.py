@@ -1,0 +1,343 @@
+"""What a mark looked like when it was last seen whole, and where in a picture something looks like it.
+
+Where blood of a mark's own colour touches it, or a hand covers half of it, its colour class has another shape than it.
+Then the picture is compared pixel by pixel with the mark as it was. Image axes: u right, v down, pixels.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, sqrt
+from typing import Any
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from vision.detection.expected import Expected
+from vision.detection.outline import Outline
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+KEPT = 5
+"""Frames of which a mark's appearance is the median."""
+INNER, OUTER, WIDE_PX = 0.85, 1.12, 2.5
+"""In sizes of a mark: up to where a pixel is all mark, from where on it is none; and how wide the ring is; chosen."""
+BLUR_PX = 0.8
+"""Pictures are smoothed by this before they are compared: noise hides what tells a mark from its ground; chosen."""
+MATCH = 9.0
+"""Mean square over the colours, in standard deviations, up to which two pixels look alike; chosen."""
+SHADE = 0.08
+"""By how much of its level a colour may be off: shadow, lamps; chosen."""
+LEAST_SD, UNKNOWN_SD = 4.0, 8.0
+"""Standard deviation of a pixel's level at least, and where too few frames tell it; chosen."""
+GRAIN = 2.2
+"""Standard deviation of a pixel by the median of what pixels are off their median: half as much again as by chance."""
+RING = 2.0
+"""How much nearer the colours around a place must be to one that was fitted there, to look like it; chosen."""
+HIDDEN = 0.2
+"""What a pixel counts against the mark that looks neither like it nor like what was around it; chosen."""
+AROUND = 0.5
+"""What the ring counts by the inside; chosen."""
+PRIOR = 0.02
+"""What a place loses by its squared distance, in standard deviations, from where the mark is expected; chosen."""
+FREE_PRIOR = 0.05
+"""The same where its colour is what is there; chosen."""
+REACH_SDS, FURTHEST_PX = 4.3, 25.0
+"""How far a mark is looked for; where it may be further away than that, it may be anywhere; chosen."""
+FITS = 4
+"""How often the colour of a mark in other light is fitted; chosen."""
+COARSE_PX = 3
+"""How far the places lie apart that are looked at first; chosen."""
+DARKEST, BRIGHTEST = 0.3, 2.0
+"""By how much light may have changed; chosen."""
+BLENDS = 0.5
+"""A mark that looks so much like what is around it, from -1 to 1, is not told from it; chosen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where a picture looks most like a mark.
+
+    center_px: [px], (2,)
+    score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that look like
+    it; around: how much the ring around it does, from -1 to 1; color_bgr: median of the pixels that look like it
+    weighed: the score, less what it loses by its distance from where the mark is expected
+    there: the score of another place that was asked for
+    """
+
+    center_px: Floats
+    score: float
+    share: float
+    around: float
+    color_bgr: tuple[float, ...]
+    weighed: float
+    there: float = -np.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Look:
+    """A mark and what is around it.
+
+    inside, ring: pixels from its centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of
+    the ring, (3,); sd: of the level of a pixel
+    """
+
+    inside: NDArray[np.int64]
+    ring: NDArray[np.int64]
+    colors: Floats
+    core: Floats
+    behind: Floats
+    sd: float
+
+    @property
+    def blends(self) -> float:
+        """How much what is around looks like the mark, from -1 to 1."""
+        return max(1.0 - float(_squared(self.behind, self.core, self.sd)), -1.0)
+
+
+class Appearance:
+    """What one mark looked like in the last frames that showed it whole.
+
+    hue_deg: of its kind; unseen: frames since then, for its owner to count
+    """
+
+    def __init__(self, hue_deg: float) -> None:
+        self.hue_deg = hue_deg
+        self.unseen = 0
+        self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=KEPT)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it is known from as many frames as are kept."""
+        return len(self._kept) == KEPT
+
+    def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
+        """Keep a frame's view of the mark; nothing where the border is near."""
+        half = _half(outline) + 2
+        x, y = center_px.tolist()
+        u, v = round(x), round(y)
+        height, width = frame_bgr.shape[:2]
+        if half <= u < width - half and half <= v < height - half:
+            view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1].copy()
+            self._kept.append((view, np.array([x - u + half, y - v + half]), outline.shape_px))
+            self.unseen = 0
+
+    def place(
+        self,
+        frame_bgr: Image,
+        expected: Expected,
+        there_px: Floats | None = None,
+        *,
+        within_px: float | None = None,
+        another: bool = False,
+    ) -> Place | None:
+        """Where it looks most like the mark about where that is expected.
+
+        there_px: another place, whose score is asked for, (2,); within_px: only so near to that is looked
+        another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
+        None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
+        """
+        outline = expected.outline
+        reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
+        if outline is None or not self._kept or reach > FURTHEST_PX:
+            return None
+        look = self._look(outline)
+        height, width = frame_bgr.shape[:2]
+        u0, v0 = (max(int(np.ceil(x - reach)), 0) for x in expected.center_px)
+        u1, v1 = (min(int(x + reach) + 1, size) for x, size in zip(expected.center_px, (width, height), strict=True))
+        if within_px is not None and there_px is not None:
+            (u, v), far = (round(float(x)) for x in there_px), ceil(within_px)
+            u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
+        if (look.blends > BLENDS and not another) or u1 <= u0 or v1 <= v0:
+            return None
+        pad = _half(outline) + 3
+        corner = left, top = max(u0 - pad, 0), max(v0 - pad, 0)
+        part = np.asarray(cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX), dtype=np.uint8)
+        box = (u0, v0, u1, v1)
+        if another:
+            # a colour is fitted at each place: first of every third, then of those about the best
+            _, weighed = _weighed(part, corner, box, look, expected, COARSE_PX, another)
+            j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
+            u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
+            box = u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
+        told, weighed = _weighed(part, corner, box, look, expected, 1, another)
+        j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
+        center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
+        u, v = (look.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
+        pixels = part[v, u].astype(np.float64)
+        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], look.sd) < 1.0
+        color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
+        share, around = (float(x) for x in told[1:3, j, i])
+        there = -np.inf
+        if there_px is not None:
+            x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
+            if 0 <= x < told.shape[2] and 0 <= y < told.shape[1]:
+                there = _score(told[:, y, x])
+        return Place(center, _score(told[:, j, i]), share, around, tuple(color.tolist()), float(weighed[j, i]), there)
+
+    def _look(self, outline: Outline) -> _Look:
+        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
+        half = _half(outline)
+        inside, ring = _pixels(outline.shape_px.tobytes(), half)
+        size, middle, inverse = (
+            (2 * half + 1, 2 * half + 1),
+            np.full(2, float(half)),
+            np.asarray(np.linalg.inv(outline.shape_px)),
+        )
+        views: Floats = np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept], dtype=np.float64)
+        median = np.median(views, axis=0)
+        sd = UNKNOWN_SD if len(views) < 3 else max(GRAIN * float(np.median(np.abs(views - median))), LEAST_SD)
+        colors = median[inside[:, 1] + half, inside[:, 0] + half]
+        behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
+        return _Look(inside, ring, colors, np.median(colors, axis=0), behind, sd)
+
+
+def _weighed(
+    part: Image,
+    corner: tuple[int, int],
+    box: tuple[int, int, int, int],
+    look: _Look,
+    expected: Expected,
+    step: int,
+    another: bool,
+) -> tuple[Floats, Floats]:
+    """What `_likeness` tells of the places of a box, and their scores by how far off the expected place they are.
+
+    part, corner: of the picture, and where its first pixel is; box: in the picture
+    """
+    (left, top), (u0, v0, u1, v1) = corner, box
+    inside = (u0 - left, v0 - top, u1 - left, v1 - top)
+    told = _likeness(part, inside, step, look.inside, look.ring, look.colors, look.core, look.behind, look.sd, another)
+    (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
+    du = np.arange(u0, u1, step) - expected.center_px[0]
+    dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
+    prior = FREE_PRIOR if another else PRIOR
+    return told, _score(told) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
+
+
+def _score(told: Floats) -> Any:
+    """By evidence inside and around, as `_likeness` tells them."""
+    return told[0] - AROUND * told[2]
+
+
+def _redrawn(
+    view: Image, center_px: Floats, shape_px: Floats, inverse: Floats, middle: Floats, size: tuple[int, int]
+) -> Image:
+    """A view of a mark seen as one shape, as it were seen as the shape whose inverse is given."""
+    turn = shape_px @ inverse
+    back = np.column_stack([turn, center_px - turn @ middle])
+    smooth = cv2.GaussianBlur(view, (0, 0), BLUR_PX)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpAffine(smooth, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
+
+
+def _half(outline: Outline) -> int:
+    """How far the ring reaches from the centre [px]."""
+    (a, b), (c, d) = outline.shape_px.tolist()
+    # the longer half axis: the larger singular value, written out
+    total = a * a + b * b + c * c + d * d
+    longer = sqrt(0.5 * (total + sqrt(max(total * total - 4.0 * (a * d - b * c) ** 2, 0.0))))
+    return ceil(OUTER * longer + WIDE_PX + 1.0)
+
+
+@lru_cache(maxsize=256)
+def _pixels(shape_px: bytes, half: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pixels inside a mark of this shape and in the ring around it, from its centre, each (n, 2)."""
+    shape = np.frombuffer(shape_px).reshape(2, 2)
+    v, u = np.mgrid[-half : half + 1, -half : half + 1]
+    places = np.column_stack([u.ravel(), v.ravel()]).astype(np.int64)
+    off = np.linalg.norm(places @ np.linalg.inv(shape).T, axis=1)
+    pixel = abs(float(np.linalg.det(shape))) ** -0.5
+    begin = OUTER + 0.5 * pixel
+    return places[off <= INNER], places[(off > begin) & (off <= begin + WIDE_PX * pixel)]
+
+
+def _squared(pixels: Floats, colors: Floats, sd: float) -> Any:
+    """How far colours are off, squared, by how far those of pixels that look alike may be: (n, 3) or (3,) each."""
+    return ((pixels - colors) ** 2 / (sd**2 + (SHADE * colors) ** 2)).mean(axis=-1) / MATCH
+
+
+def _peak(line: Floats, k: int) -> float:
+    """Where the parabola through a largest value and its neighbours has its top, from there, up to half a step."""
+    if not 0 < k < len(line) - 1:
+        return 0.0
+    bend = 2.0 * line[k] - line[k - 1] - line[k + 1]
+    return 0.0 if bend <= 0.0 else float(np.clip(0.5 * (line[k + 1] - line[k - 1]) / bend, -0.5, 0.5))
+
+
+@njit(cache=True, nogil=True)
+def _off(frame, y, x, color, sd):  # type: ignore[no-untyped-def]
+    """As `_squared`, of one pixel."""
+    squared = 0.0
+    for c in range(3):
+        off = frame[y, x, c] - color[c]
+        squared += off * off / (sd * sd + (SHADE * color[c]) ** 2)
+    return squared / (3.0 * MATCH)
+
+
+@njit(cache=True, nogil=True)
+def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, another):  # type: ignore[no-untyped-def]
+    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
+    u0, v0, u1, v1 = box
+    height, width = frame.shape[:2]
+    told = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
+    own_core, own_colors = core.copy(), colors.copy()
+    for v in range(v0, v1, step):
+        for u in range(u0, u1, step):
+            row, column = (v - v0) // step, (u - u0) // step
+            if another:
+                _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors)
+            total, like = 0.0, 0
+            for k in range(len(inside)):
+                x, y = u + inside[k, 0], v + inside[k, 1]
+                if x < 0 or y < 0 or x >= width or y >= height:
+                    total -= HIDDEN
+                    continue
+                off = _off(frame, y, x, own_colors[k], sd)
+                if off < 1.0:
+                    like += 1
+                    total += 1.0 - off
+                else:
+                    total -= 1.0 if not another and _off(frame, y, x, behind, sd) < 1.0 else HIDDEN
+            around, n_ring = 0.0, 0
+            for k in range(len(ring)):
+                x, y = u + ring[k, 0], v + ring[k, 1]
+                if 0 <= x < width and 0 <= y < height:
+                    n_ring += 1
+                    around += max(1.0 - (RING if another else 1.0) * _off(frame, y, x, own_core, sd), -1.0)
+            told[0, row, column] = total / len(inside)
+            told[1, row, column] = like / len(inside)
+            told[2, row, column] = around / max(n_ring, 1)
+            told[3:, row, column] = own_core
+    return told
+
+
+@njit(cache=True, nogil=True)
+def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # type: ignore[no-untyped-def]
+    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all."""
+    height, width = frame.shape[:2]
+    sums, light = np.zeros(3), 1.0
+    for turn in range(FITS):
+        sums[:] = 0.0
+        n = 0
+        for k in range(len(inside)):
+            x, y = u + inside[k, 0], v + inside[k, 1]
+            if x < 0 or y < 0 or x >= width or y >= height:
+                continue
+            if turn == 0 or _off(frame, y, x, own_colors[k], sd) < 1.0:
+                n += 1
+                for c in range(3):
+                    sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
+        if n == 0:
+            return
+        for c in range(3):
+            own_core[c] = max(sums[c] / n, 0.0)
+        light = min(max(own_core.max() / max(core.max(), 1.0), DARKEST), BRIGHTEST)
+        for c in range(3):
+            for k in range(len(inside)):
+                own_colors[k, c] = own_core[c] + light * (colors[k, c] - core[c])

@@ -1,0 +1,67 @@
+"""Which mark is which node: one assignment for the whole frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from vision.detection.expected import Expected
+from vision.detection.hue import hue_distance
+from vision.detection.records import Detection
+
+Floats = NDArray[np.float64]
+
+GATE = 18.420680743952367
+"""Squared Mahalanobis distance that one true mark in 10,000 exceeds: chi-square, 2 degrees of freedom, -2 log(1e-4)."""
+SAME_CLASS_DEG = 1.0
+"""Detections carry the hue of their class as it was given; this allows for its rounding in files."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identified:
+    """A detection and the name of the node that its mark sits on."""
+
+    name: str
+    detection: Detection
+
+
+def squared_distance(expected: Expected, detection: Detection) -> float:
+    """Squared Mahalanobis distance of a detection from where a mark is expected."""
+    (u, v) = (detection.center_px - expected.center_px).tolist()
+    (uu, uv), (_, vv) = (expected.cov_px2 + detection.cov_px2).tolist()
+    return float((vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv))
+
+
+def identify(detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = GATE) -> list[Identified]:
+    """The most likely pairs of all, in the order of expected; a mark without a detection is absent.
+
+    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Of all sets of pairs
+    that one is taken which names most marks, and among those the one with the least sum of d² + log det S.
+    """
+    if not detections or not expected:
+        return []
+    found_px = np.array([d.center_px for d in detections])
+    means_px = np.array([e.center_px for e in expected])
+    S = np.array([e.cov_px2 for e in expected])[:, None] + np.array([d.cov_px2 for d in detections])[None, :]
+    off = found_px[None, :] - means_px[:, None]
+    # Two by two, written out: inv(S) = [[S_vv, -S_uv], [-S_uv, S_uu]] / det S
+    det = S[..., 0, 0] * S[..., 1, 1] - S[..., 0, 1] * S[..., 1, 0]
+    definite = (det > 0) & (S[..., 0, 0] > 0)
+    if not definite.all():
+        k = int(np.argwhere(~definite)[0, 0])
+        raise ValueError(f"expected mark {expected[k].name}: expected a positive definite covariance, found {S[k, 0]}")
+    cross = (S[..., 0, 1] + S[..., 1, 0]) * off[..., 0] * off[..., 1]
+    squared = (S[..., 1, 1] * off[..., 0] ** 2 - cross + S[..., 0, 0] * off[..., 1] ** 2) / det
+    same = np.array([[hue_distance(e.hue_deg, d.hue_deg) <= SAME_CLASS_DEG for d in detections] for e in expected])
+    allowed = same & (squared <= gate)
+    if not allowed.any():
+        return []
+    cost = squared + np.log(det)
+    # A forbidden pair costs more than any set of allowed ones differs by, so that it is taken only where none is left.
+    forbidden = cost[allowed].max() + (1.0 + np.ptp(cost[allowed])) * min(cost.shape)
+    rows, columns = linear_sum_assignment(np.where(allowed, cost, forbidden))
+    return [Identified(expected[i].name, detections[j]) for i, j in zip(rows, columns, strict=True) if allowed[i, j]]
