@@ -3,7 +3,8 @@
 Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their own, 30 frames/s, runs of 5 s,
 the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place are off along directions drawn
 once for each run and scaled so that marks are off by so much on average (rms, both axes). Three filters on the same
-marks, told the same directions: one takes them as drawn anew in each frame (n_calibration 0), one considers them as constant with
+marks, told the same directions: one takes them as drawn anew in each frame (n_calibration 0), one considers them as
+constant with
 Schmidt's own gain (wary 0), one as the filter does by itself. `python -m experiments.studies.calibration` prints, with
 100 runs of each (figures last obtained in docs/calibration.md):
 
