@@ -3,12 +3,12 @@
 What may enter: what holds without time.
 """
 
-from dynamics.equilibrium.rest import at_rest_where_seen, rest_shape, shape_held
-from dynamics.equilibrium.reversal import reversed_springs
+from dynamics.equilibrium.rest import equilibrium_with_held, fit_rest_lengths, rest_shape
+from dynamics.equilibrium.reversal import inverted_springs
 
 __all__ = [
-    "at_rest_where_seen",
+    "equilibrium_with_held",
+    "fit_rest_lengths",
+    "inverted_springs",
     "rest_shape",
-    "reversed_springs",
-    "shape_held",
 ]

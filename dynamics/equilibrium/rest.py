@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
 from dynamics.forces.energy import node_forces, potential_energy
-from dynamics.forces.parameters import label, parameter_forces, parameters
+from dynamics.forces.parameters import parameter_forces, parameter_label, parameters
 from dynamics.forces.tangent import stiffness_matrix
 from dynamics.network.mass_spring import Floats, MassSpringNetwork, NetworkError, all_positions
 
@@ -60,7 +60,7 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     return everywhere(q)
 
 
-def shape_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Floats:
+def equilibrium_with_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Floats:
     """Positions of all nodes where these free nodes are held and the others rest [m], (n_nodes, dim).
 
     held: position of each held node [m], (dim,). Raises NetworkError as `rest_shape` does.
@@ -74,7 +74,7 @@ def shape_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Flo
     return rest_shape(replace(network, positions=positions, fixed=fixed))
 
 
-def at_rest_where_seen(
+def fit_rest_lengths(
     network: MassSpringNetwork, positions: ArrayLike, *, sd_m: float = 0.0, known: float = 0.1
 ) -> MassSpringNetwork:
     """The network with rest lengths corrected so that it rests where the tissue was seen to rest, drawn there.
@@ -98,7 +98,7 @@ def at_rest_where_seen(
     noise = sd_m * stiffness_matrix(drawn, x)
     change = known**2 * G.T @ np.linalg.lstsq(known**2 * G @ G.T + noise @ noise.T, -f, rcond=1e-12)[0]
     if np.abs(change).max() > MOST_CHANGE:
-        name = label(network, which[int(np.abs(change).argmax())])
+        name = parameter_label(network, which[int(np.abs(change).argmax())])
         raise NetworkError(
             f"{name}: expected to rest where it was seen with a change below {100 * MOST_CHANGE:.0f} %,"
             f" found {100 * np.abs(change).max():.0f} %"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dynamics.network.mass_spring import Floats, MassSpringNetwork
 
 
-def reversed_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
+def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
     """Whether in any state of a set a spring points against where it points in the set's first state, (n_sets,).
 
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states the

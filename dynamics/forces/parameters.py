@@ -25,7 +25,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Uncertainty:
+class ParameterUncertainty:
     """How well constants are known, on a log scale.
 
     parameters: which
@@ -55,9 +55,11 @@ class Uncertainty:
         return self.directions.T @ self.directions
 
 
-def independent(parameters: Sequence[Parameter], sd: ArrayLike) -> Uncertainty:
+def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
     """Every one of these constants known to so much by itself: relative standard deviations, one or (n_parameters,)."""
-    return Uncertainty(tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters))))
+    return ParameterUncertainty(
+        tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
+    )
 
 
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
@@ -71,7 +73,7 @@ def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tupl
     return tuple(found)
 
 
-def label(network: MassSpringNetwork, parameter: Parameter) -> str:
+def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
     """Its name: `stiffness M1-M2`, `drag M1`."""
     if parameter.kind in OF_SPRINGS:
         i, j = network.springs[parameter.index]
@@ -82,22 +84,22 @@ def label(network: MassSpringNetwork, parameter: Parameter) -> str:
 def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
     """The constant of that name; NetworkError if there is none."""
     for parameter in parameters(network):
-        if label(network, parameter) == text:
+        if parameter_label(network, parameter) == text:
             return parameter
     raise NetworkError(f'no positive constant named "{text}"')
 
 
-def value(network: MassSpringNetwork, parameter: Parameter) -> float:
+def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
     """What it is, in SI."""
     return float(getattr(network, FIELDS[parameter.kind])[parameter.index])
 
 
-def scaled(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
+def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
     """The network with each of these constants times exp(change), (n_parameters,), all else as it was."""
     values = {kind: getattr(network, FIELDS[kind]).copy() for kind in KINDS}
     for parameter, factor in zip(which, np.exp(np.asarray(change, dtype=float)), strict=True):
         values[parameter.kind][parameter.index] *= factor
-    return replace(network, **{FIELDS[kind]: value for kind, value in values.items()})
+    return replace(network, **{FIELDS[kind]: parameter_value for kind, parameter_value in values.items()})
 
 
 def parameter_forces(

@@ -4,13 +4,13 @@ What may enter: another integrator. It knows forces only through `dynamics.force
 """
 
 from dynamics.integration.plain import plain_derivative, plain_step
-from dynamics.integration.stepping import SAME_STEP, Stepper, adaptive, derivative, motion
+from dynamics.integration.stepping import SAME_STEP, Stepper, derivative, integrate_adaptive, motion
 
 __all__ = [
     "SAME_STEP",
     "Stepper",
-    "adaptive",
     "derivative",
+    "integrate_adaptive",
     "motion",
     "plain_derivative",
     "plain_step",

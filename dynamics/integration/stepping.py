@@ -100,7 +100,7 @@ def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
     return rate
 
 
-def adaptive(
+def integrate_adaptive(
     network: MassSpringNetwork,
     state: Floats,
     times: ArrayLike,

@@ -3,38 +3,38 @@
 What may enter: mechanics of the needle. What it hits is `estimators.guidance`.
 """
 
-from dynamics.needle.insertion import Insertion, force_on_free, insert_needle, pushed_states
+from dynamics.needle.insertion import InsertionHistory, force_on_free, forced_states, simulate_insertion
 from dynamics.needle.loads import (
     GAUGES_MM,
     SHAFT,
-    Needle,
     NeedleLoad,
-    Pose,
-    dent,
+    NeedleMechanics,
+    NeedlePose,
+    distributed_force,
+    indentation,
     needle_load,
-    shared_force,
-    shares,
+    node_weights,
     straight_insertion,
 )
-from dynamics.needle.steered import Drive, Knots, sliding_forces, steered
+from dynamics.needle.steered import ForceKnots, NeedleDrive, advance_steered, sliding_friction
 
 __all__ = [
     "GAUGES_MM",
     "SHAFT",
-    "Drive",
-    "Insertion",
-    "Knots",
-    "Needle",
+    "ForceKnots",
+    "InsertionHistory",
+    "NeedleDrive",
     "NeedleLoad",
-    "Pose",
-    "dent",
+    "NeedleMechanics",
+    "NeedlePose",
+    "advance_steered",
+    "distributed_force",
     "force_on_free",
-    "insert_needle",
+    "forced_states",
+    "indentation",
     "needle_load",
-    "pushed_states",
-    "shared_force",
-    "shares",
-    "sliding_forces",
-    "steered",
+    "node_weights",
+    "simulate_insertion",
+    "sliding_friction",
     "straight_insertion",
 ]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from dynamics.integration.stepping import motion
-from dynamics.needle.loads import Needle, dent, needle_load
+from dynamics.needle.loads import NeedleMechanics, indentation, needle_load
 from dynamics.network.mass_spring import Floats, MassSpringNetwork, all_positions, unpack
 
 LONGEST_STEP = 0.01
@@ -18,7 +18,7 @@ LONGEST_STEP = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Insertion:
+class InsertionHistory:
     """What an insertion did.
 
     times_s: (n_times,); states: of the network (n_times, n_state)
@@ -37,7 +37,9 @@ class Insertion:
         return self.times_s > (np.inf if self.punctured_s is None else self.punctured_s)
 
 
-def force_on_free(network: MassSpringNetwork, needle: Needle, *, punctured: bool) -> Callable[[float, Floats], Floats]:
+def force_on_free(
+    network: MassSpringNetwork, needle: NeedleMechanics, *, punctured: bool
+) -> Callable[[float, Floats], Floats]:
     """The needle's force on the free nodes [N], (..., n_free, dim), by time [s] and states (..., n_state)."""
     lead = network.positions
 
@@ -51,7 +53,7 @@ def force_on_free(network: MassSpringNetwork, needle: Needle, *, punctured: bool
     return force
 
 
-def pushed_states(
+def forced_states(
     network: MassSpringNetwork,
     state: Floats,
     force: Callable[[float, Floats], Floats],
@@ -79,16 +81,16 @@ def pushed_states(
     return found
 
 
-def insert_needle(
+def simulate_insertion(
     network: MassSpringNetwork,
-    needle: Needle,
+    needle: NeedleMechanics,
     state: Floats,
     times: ArrayLike,
     *,
     outside: Callable[[float], ArrayLike] = lambda _t: 0.0,
     rtol: float = 1e-8,
     atol: float = 1e-10,
-) -> Insertion:
+) -> InsertionHistory:
     """The tissue under a needle from `state` at the first of the times [s], by SciPy's DOP853.
 
     outside(t): other forces on the free nodes [N], (n_free, dim)
@@ -102,7 +104,7 @@ def insert_needle(
         return all_positions(network, unpack(y, network.dim)[0])
 
     def strength(now: float, y: Floats) -> float:
-        return needle.contact_N_m * float(dent(network, needle, now, positions(y))) - needle.puncture_N
+        return needle.contact_N_m * float(indentation(network, needle, now, positions(y))) - needle.puncture_N
 
     strength.terminal = True  # type: ignore[attr-defined]
     strength.direction = 1.0  # type: ignore[attr-defined]
@@ -135,4 +137,4 @@ def insert_needle(
         speeds[network.free] = unpack(own, network.dim)[1]
         load = needle_load(network, needle, float(now), places, speeds, punctured=open_)
         pushes[k] = load.contact + load.cutting + load.friction
-    return Insertion(t, states, pushes, punctured_s)
+    return InsertionHistory(t, states, pushes, punctured_s)

@@ -33,7 +33,7 @@ SHAFT = np.polynomial.legendre.leggauss(8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pose:
+class NeedlePose:
     """Where a needle is at one time.
 
     tip: [m], (dim,); direction: in which it is pushed, of length 1, (dim,)
@@ -47,7 +47,7 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Needle:
+class NeedleMechanics:
     """A needle, how it is moved, and what the tissue does to it. Its forces: `docs/needle.md`.
 
     pose: where it is at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
@@ -59,7 +59,7 @@ class Needle:
     Raises ValueError for numbers that no needle has.
     """
 
-    pose: Callable[[float], Pose]
+    pose: Callable[[float], NeedlePose]
     entry: Floats
     radius_m: float = 0.5e-3 * GAUGES_MM[16]
     puncture_N: float = 2.0  # noqa: N815
@@ -97,7 +97,7 @@ class NeedleLoad:
 
 def straight_insertion(
     entry: ArrayLike, towards: ArrayLike, speed: float, *, start_s: float = 0.0, depth_m: float = np.inf
-) -> Callable[[float], Pose]:
+) -> Callable[[float], NeedlePose]:
     """The pose of a needle pushed along a line at a constant speed [m/s] from the entry on, to a depth [m].
 
     entry: [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
@@ -109,15 +109,15 @@ def straight_insertion(
         raise ValueError(f"towards: expected a point beyond the entry, found {to} m for both")
     direction = (to - from_) / length
 
-    def pose(t: float) -> Pose:
+    def pose(t: float) -> NeedlePose:
         gone = speed * (t - start_s)
         along = min(gone, depth_m)
-        return Pose(from_ + along * direction, direction, speed if gone < depth_m else 0.0, max(0.0, along))
+        return NeedlePose(from_ + along * direction, direction, speed if gone < depth_m else 0.0, max(0.0, along))
 
     return pose
 
 
-def shares(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
+def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
     """Part that each node takes of a force at each point, (..., n_nodes), rows summing to one; points [m], (..., dim).
 
     A Gaussian kernel of the distance to where the nodes stand in the drawn shape: the tissue moves by millimetres, the
@@ -129,22 +129,22 @@ def shares(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Flo
     return np.asarray(kernel / kernel.sum(axis=-1, keepdims=True))
 
 
-def dent(network: MassSpringNetwork, needle: Needle, t: float, positions: ArrayLike) -> Floats:
+def indentation(network: MassSpringNetwork, needle: NeedleMechanics, t: float, positions: ArrayLike) -> Floats:
     """How far the tip is beyond the skin, which gives way with the nodes [m], (...); below 0 before they touch.
 
     positions: of all nodes [m], (..., n_nodes, dim)
     """
-    given_way = shares(network, needle.entry, needle.reach_m) @ (np.asarray(positions) - network.positions)
+    given_way = node_weights(network, needle.entry, needle.reach_m) @ (np.asarray(positions) - network.positions)
     return _dent(needle, needle.pose(t), given_way)
 
 
-def _dent(needle: Needle, pose: Pose, given_way: Floats) -> Floats:
+def _dent(needle: NeedleMechanics, pose: NeedlePose, given_way: Floats) -> Floats:
     return np.asarray((pose.tip - needle.entry - given_way) @ pose.direction)
 
 
 def needle_load(
     network: MassSpringNetwork,
-    needle: Needle,
+    needle: NeedleMechanics,
     t: float,
     positions: ArrayLike,
     velocities: ArrayLike,
@@ -159,13 +159,13 @@ def needle_load(
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
     if not punctured:
-        part = shares(network, needle.entry[None], needle.reach_m)
+        part = node_weights(network, needle.entry[None], needle.reach_m)
         contact = needle.contact_N_m * np.maximum(0.0, _dent(needle, pose, part[0] @ (x - network.positions)))
         along = contact[..., None]
         cutting = friction = nothing
     else:
         points, most = _along(needle, pose)
-        part = shares(network, points, needle.reach_m)
+        part = node_weights(network, points, needle.reach_m)
         slide = pose.speed - (v @ pose.direction) @ part.T
         rubbing = slide / np.sqrt(slide**2 + needle.slip_m_s**2)
         along = most * rubbing
@@ -175,7 +175,9 @@ def needle_load(
     return NeedleLoad(nodes, -(contact + cutting + friction)[..., None] * pose.direction, contact, cutting, friction)
 
 
-def shared_force(network: MassSpringNetwork, needle: Needle, t: float, push_N: float, *, punctured: bool) -> Floats:
+def distributed_force(
+    network: MassSpringNetwork, needle: NeedleMechanics, t: float, push_N: float, *, punctured: bool
+) -> Floats:
     """A measured push along the needle as forces on the free nodes [N], (n_free, dim): what a filter may be told.
 
     push_N: on the tissue along the needle [N], as a sensor at the hub reads it with the other sign. Before the puncture
@@ -186,11 +188,11 @@ def shared_force(network: MassSpringNetwork, needle: Needle, t: float, push_N: f
     if punctured:
         points, most = _along(needle, pose)
         parts = most / most.sum()
-    everywhere = push_N * (parts @ shares(network, points, needle.reach_m))[:, None] * pose.direction
+    everywhere = push_N * (parts @ node_weights(network, points, needle.reach_m))[:, None] * pose.direction
     return np.asarray(everywhere[network.free])
 
 
-def _along(needle: Needle, pose: Pose) -> tuple[Floats, Floats]:
+def _along(needle: NeedleMechanics, pose: NeedlePose) -> tuple[Floats, Floats]:
     """The tip and points of the shaft [m], (n, dim), and the most that cutting and friction are at each [N], (n,)."""
     back = 0.5 * pose.inserted_m * (SHAFT[0] + 1.0)
     points = pose.tip - np.r_[0.0, back][:, None] * pose.direction

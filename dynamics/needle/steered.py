@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.forces.kernels import PackedNeedle, packed, steered_steps
-from dynamics.needle.loads import SHAFT, Needle, shares
+from dynamics.needle.loads import SHAFT, NeedleMechanics, node_weights
 from dynamics.network.mass_spring import Floats, MassSpringNetwork
 
 FINEST_STEP = 1.0 / 1920.0
@@ -21,7 +21,7 @@ FINEST_STEP = 1.0 / 1920.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Drive:
+class NeedleDrive:
     """How a needle is moved until it is told anew.
 
     tip: where it is now [m], (dim,); velocity: of the needle, along and across itself [m/s], (dim,)
@@ -35,20 +35,20 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Knots:
+class ForceKnots:
     """Outside forces on the free nodes [N], (n, n_free, dim), at every interval_s [s] from time 0, straight between."""
 
     forces: Floats
     interval_s: float
 
 
-def steered(
+def advance_steered(
     network: MassSpringNetwork,
-    needle: Needle,
+    needle: NeedleMechanics,
     state: Floats,
-    drive: Drive,
+    drive: NeedleDrive,
     *,
-    outside: Knots,
+    outside: ForceKnots,
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
@@ -89,8 +89,8 @@ def steered(
     return moved, bool(gave_way)
 
 
-def sliding_forces(
-    network: MassSpringNetwork, needle: Needle, tips: ArrayLike, direction: Floats, depths: Floats
+def sliding_friction(
+    network: MassSpringNetwork, needle: NeedleMechanics, tips: ArrayLike, direction: Floats, depths: Floats
 ) -> Floats:
     """Forces on the free nodes [N], (n, n_free, dim), of a needle that slides on with its tip at these places.
 
@@ -101,5 +101,5 @@ def sliding_forces(
     back = 0.5 * deep[:, None] * (SHAFT[0] + 1.0)
     points = np.asarray(tips, dtype=float)[:, None] - np.c_[np.zeros(len(deep)), back][:, :, None] * direction
     most = np.c_[np.full(len(deep), needle.cutting_N), needle.friction_N_m * 0.5 * deep[:, None] * SHAFT[1]]
-    shared = np.einsum("nq,nqi->ni", most, shares(network, points, needle.reach_m))
+    shared = np.einsum("nq,nqi->ni", most, node_weights(network, points, needle.reach_m))
     return np.asarray(shared[:, network.free, None] * direction)

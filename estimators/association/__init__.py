@@ -3,10 +3,10 @@
 What may enter: another way to decide which mark is which over time. One frame's is `vision.tracking`.
 """
 
-from estimators.association.identity import Identity, Named, Swap
+from estimators.association.identity import AssociatedEstimate, AssociationFilter, IdentitySwap
 
 __all__ = [
-    "Identity",
-    "Named",
-    "Swap",
+    "AssociatedEstimate",
+    "AssociationFilter",
+    "IdentitySwap",
 ]

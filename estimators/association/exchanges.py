@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.filters.kernels import names_in_doubt, naming_costs
+from estimators.filters.kernels import ambiguous_exchanges, association_costs
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Names = tuple[int, ...]
 
 
-class Namesakes:
+class InterchangeableMarks:
     """Groups of nodes whose marks look alike; names are never exchanged between groups.
 
     nodes: those that look like another; own: their names as they are
@@ -50,14 +50,14 @@ class Namesakes:
         if not seen:
             return costs
         if anew:
-            beliefs = [tissue.at_start(node) for node in self.nodes]
+            beliefs = [tissue.expected_at_rest(node) for node in self.nodes]
             means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
         else:
             poked, rows = tissue.mixture.filters[-1], self._rows
             columns = tissue.mixture.columns[-1][rows]
             means, covs = poked.x[rows], poked.P[rows[:, :, None], rows[:, None, :]] + columns @ columns.swapaxes(1, 2)
         z, R = np.array([mark.position for mark in seen]), np.array([mark.total_cov for mark in seen])
-        costs[:, [self._place[mark.node] for mark in seen]] = naming_costs(means, covs, z, R)
+        costs[:, [self._place[mark.node] for mark in seen]] = association_costs(means, covs, z, R)
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
@@ -65,7 +65,7 @@ class Namesakes:
 
         The best first, and no more than `most`.
         """
-        if names == self.own and not names_in_doubt(costs, self._pairs, worst):
+        if names == self.own and not ambiguous_exchanges(costs, self._pairs, worst):
             return {}
         seen = costs.any(axis=0)
         pairs: NDArray[np.bool_] = self._pairs & np.logical_or.outer(seen, seen)

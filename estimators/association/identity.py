@@ -9,7 +9,7 @@ from math import isfinite, log
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.association.exchanges import Names, Namesakes, renamed, seen_from
+from estimators.association.exchanges import InterchangeableMarks, Names, renamed, seen_from
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import Snapshot, TissueFilter
@@ -34,7 +34,7 @@ LONGEST_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Swap:
+class IdentitySwap:
     """Marks that had been taken for each other, and are no longer.
 
     time_s, since_s: when it was undone, and since when it had been so [s]; nodes: whose marks they are
@@ -46,16 +46,16 @@ class Swap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Named:
+class AssociatedEstimate:
     """What came of a frame: the estimate, the marks by the names that they bear now, a swap if one was undone."""
 
     estimate: TargetEstimate
     marks: tuple[MarkMeasurement, ...]
-    swap: Swap | None = None
+    swap: IdentitySwap | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rival:
+class Hypothesis:
     """Other names for the marks, and what the filter would know had it believed them.
 
     ahead: log of how much more probable than the names that are believed, negative as long as they are less
@@ -69,10 +69,10 @@ class Rival:
     estimate: TargetEstimate
 
 
-Readings = dict[Names, Rival]
+Readings = dict[Names, Hypothesis]
 
 
-class Identity:
+class AssociationFilter:
     """Takes marks in, and goes over to other names for those that look alike once these explain clearly more.
 
     A hidden Markov model of the names. In each frame an exchange of two names that the frame alone does not rule out
@@ -95,11 +95,11 @@ class Identity:
 
     def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
         self.tissue = tissue
-        self.namesakes = Namesakes(tissue, alike)
+        self.namesakes = InterchangeableMarks(tissue, alike)
         self.called: dict[str, str] = {}
-        self.rivals: list[Rival] = []
-        self.swaps: list[Swap] = []
-        self.same_names: Rival | None = None
+        self.rivals: list[Hypothesis] = []
+        self.swaps: list[IdentitySwap] = []
+        self.same_names: Hypothesis | None = None
         self._next_s, self._pause_s = -np.inf, PAUSE_S
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
@@ -118,7 +118,7 @@ class Identity:
         self.rivals = [one for one in fixed[: len(self.rivals)] if one is not None]
         return estimate
 
-    def update(self, marks: Sequence[MarkMeasurement]) -> Named:
+    def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
         """Take in marks by the nodes that they are believed to be on, at the filter's time.
 
         Raises ValueError and CovarianceError as the filter does.
@@ -132,8 +132,8 @@ class Identity:
             self.rivals, self.same_names = [], None
         try_all = anew or self._uneasy(estimate)
         if not others and not self.rivals and not try_all:
-            return Named(estimate, tuple(marks))
-        believed = Rival(sakes.own, 0.0, estimate.time_s, tissue.snapshot(), estimate)
+            return AssociatedEstimate(estimate, tuple(marks))
+        believed = Hypothesis(sakes.own, 0.0, estimate.time_s, tissue.snapshot(), estimate)
         told = tissue.log_likelihood
         readings = {sakes.own: believed}
         start = replace(believed, ahead=-told, knows=before)
@@ -163,7 +163,7 @@ class Identity:
         return True
 
     def _start_anew(
-        self, readings: Readings, nothing: Rival, marks: Sequence[MarkMeasurement], *, beside: bool
+        self, readings: Readings, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
         """Start the filter anew by other names, as far ahead as the best is now, and by the same beside them."""
         costs = self.namesakes.costs(self.tissue, marks, anew=True)
@@ -176,7 +176,7 @@ class Identity:
         if others and beside:
             self.same_names = self._read(nothing, marks)
 
-    def _follow(self, readings: Readings, rival: Rival, time_s: float, marks: Sequence[MarkMeasurement]) -> None:
+    def _follow(self, readings: Readings, rival: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]) -> None:
         """What comes of a rival with this frame, and of names that are in doubt by what it knows."""
         predicted = self._at(rival, time_s)
         if predicted is None:
@@ -187,7 +187,7 @@ class Identity:
             if names not in readings:
                 _keep(readings, self._read(_changed(replace(predicted, since_s=time_s), names, n_changes), marks))
 
-    def _at(self, rival: Rival, time_s: float, then: Callable[[], object] = lambda: None) -> Rival | None:
+    def _at(self, rival: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None) -> Hypothesis | None:
         """The rival at a later time [s], and after what is done then; None where its filter cannot follow."""
         self.tissue.restore(rival.knows)
         try:
@@ -197,7 +197,7 @@ class Identity:
             return None
         return replace(rival, knows=self.tissue.snapshot())
 
-    def _read(self, rival: Rival, marks: Sequence[MarkMeasurement]) -> Rival | None:
+    def _read(self, rival: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
         """The rival after it took the marks in by its names; None where its filter cannot."""
         self.tissue.restore(rival.knows)
         try:
@@ -207,7 +207,7 @@ class Identity:
         ahead = rival.ahead + self.tissue.log_likelihood
         return replace(rival, ahead=ahead, knows=self.tissue.snapshot(), estimate=estimate) if isfinite(ahead) else None
 
-    def _decided(self, readings: Readings, marks: Sequence[MarkMeasurement]) -> Named:
+    def _decided(self, readings: Readings, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
         """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
         own = self.namesakes.own
         best = _best(readings)
@@ -225,24 +225,24 @@ class Identity:
         self.rivals = sorted(kept, key=lambda one: -one.ahead)[:MOST]
         swap = None
         if best.names != own:
-            swap = Swap(now_s, best.since_s, tuple(node for node, other in nodes.items() if node != other))
+            swap = IdentitySwap(now_s, best.since_s, tuple(node for node, other in nodes.items() if node != other))
             self.swaps.append(swap)
             self.called = {node: nodes[self.called.get(node, node)] for node in nodes}
         if swap is not None or not self.rivals:
             self.same_names = None
-        return Named(best.estimate, renamed(marks, nodes), swap)
+        return AssociatedEstimate(best.estimate, renamed(marks, nodes), swap)
 
 
-def _changed(rival: Rival, names: Names, n_changes: int) -> Rival:
+def _changed(rival: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
     """Other names by what a rival knows, after so many exchanges of two."""
     return replace(rival, names=names, ahead=rival.ahead - n_changes * RARE)
 
 
-def _best(readings: Readings) -> Rival:
+def _best(readings: Readings) -> Hypothesis:
     return max(readings.values(), key=lambda one: one.ahead)
 
 
-def _keep(readings: Readings, one: Rival | None) -> None:
+def _keep(readings: Readings, one: Hypothesis | None) -> None:
     """Of two ways to the same names, the more probable."""
     if one is not None and (one.names not in readings or one.ahead > readings[one.names].ahead):
         readings[one.names] = one

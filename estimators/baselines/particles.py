@@ -96,7 +96,7 @@ class ParticleFilter(Baseline):
         self.weights = weights / weights.sum()
 
     def _thin(self) -> None:
-        kept, weights = fewer(self.weights, self._n, self._rng)
+        kept, weights = resample(self.weights, self._n, self._rng)
         self.means, self.covs, self.modes = self.means[kept], self.covs[kept], self.modes[kept]
         self.weights = weights
 
@@ -109,7 +109,7 @@ class ParticleFilter(Baseline):
         return float(self.weights[self.modes >= N_QUIET].sum())
 
 
-def fewer(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
+def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
     """Which of these weights to keep, at most n, each once, and what they weigh then: unbiased, of least variance.
 
     Above a threshold c a weight is kept as it is; below, one of weight w is kept with probability w / c and weighs c.

@@ -4,11 +4,18 @@ What may enter: tests of estimates; none of them changes an estimate.
 """
 
 from estimators.consistency.cramer_rao import posterior_bound
-from estimators.consistency.leave_one_out import Check, LeaveOneOut
-from estimators.consistency.nees import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
-from estimators.consistency.reliability import Tenth, calibration, clopper_pearson
+from estimators.consistency.leave_one_out import LeaveOneOut, LeaveOneOutCheck
+from estimators.consistency.nees import (
+    anees,
+    chi_square_bounds,
+    coverage,
+    coverage_over_runs,
+    mean_bounds,
+    normalised_error_squared,
+)
+from estimators.consistency.reliability import ReliabilityBin, clopper_pearson, reliability_bins
 from estimators.consistency.scores import (
-    calibration_curve,
+    coverage_curve,
     crps_normal,
     energy_score,
     pit_normal,
@@ -18,24 +25,24 @@ from estimators.consistency.scores import (
 from estimators.consistency.whiteness import autocorrelation, portmanteau
 
 __all__ = [
-    "Check",
     "LeaveOneOut",
-    "Tenth",
+    "LeaveOneOutCheck",
+    "ReliabilityBin",
     "anees",
     "autocorrelation",
-    "calibration",
-    "calibration_curve",
     "chi_square_bounds",
     "clopper_pearson",
     "coverage",
+    "coverage_curve",
+    "coverage_over_runs",
     "crps_normal",
     "energy_score",
     "mean_bounds",
-    "normalised_squared",
-    "over_runs",
+    "normalised_error_squared",
     "pit_normal",
     "pit_squared",
     "portmanteau",
     "posterior_bound",
+    "reliability_bins",
     "uniformity",
 ]

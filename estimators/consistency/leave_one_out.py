@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, Uncertainty
-from estimators.filters.adaptation import RunningScale
+from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.filters.adaptation import VarianceScale
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
@@ -21,7 +21,7 @@ MOST = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Check:
+class LeaveOneOutCheck:
     """What the filter without a mark predicted for it in one frame.
 
     error: seen less predicted [m], (dim,); nees: its square by the covariance of prediction and mark
@@ -48,7 +48,7 @@ class LeaveOneOut:
         marked: Sequence[str],
         settings: FilterSettings | None = None,
         *,
-        uncertainty: Uncertainty | None = None,
+        uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
     ) -> None:
         if len(marked) < 2:
@@ -58,8 +58,8 @@ class LeaveOneOut:
             for node in (target, *marked)
         )
         self.without = dict(zip(marked, others, strict=True))
-        self.checks: Mapping[str, Check] = {}
-        self._scales = RunningScale((1.0, MOST))
+        self.checks: Mapping[str, LeaveOneOutCheck] = {}
+        self._scales = VarianceScale((1.0, MOST))
         self._time_s: float | None = None
 
     @property
@@ -89,7 +89,7 @@ class LeaveOneOut:
                 continue
             error = seen[0].position - predicted.mean
             own = seen[0].cov + _with_calibration(other, seen[0])
-            checks[node] = Check(error, float(error @ np.linalg.solve(predicted.cov + own, error)))
+            checks[node] = LeaveOneOutCheck(error, float(error @ np.linalg.solve(predicted.cov + own, error)))
             self._scales.learn(error, predicted.cov, own, dt / len(self.without))
         self.checks = checks
         return replace(estimate, cov=None if estimate.cov is None else self.scale * estimate.cov)

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 Floats = NDArray[np.float64]
 
 
-def normalised_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
+def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
     """Squared Mahalanobis length of each error: NEES of estimation errors, NIS of innovations; (n,).
 
     errors (n, d), covs (n, d, d) in the same units. Raises numpy's LinAlgError where a covariance is singular.
@@ -39,7 +39,7 @@ def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 
-def over_runs(squared: ArrayLike, degrees: int, share: float = 0.95) -> tuple[Floats, tuple[float, float]]:
+def coverage_over_runs(squared: ArrayLike, degrees: int, share: float = 0.95) -> tuple[Floats, tuple[float, float]]:
     """Mean over runs of the normalised squared errors at each time, (n_times,), and the bounds that hold this share.
 
     squared (n_runs, n_times), runs independent. Of NEES it is the ANEES times the degrees; of NIS the same for filters

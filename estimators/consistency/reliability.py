@@ -11,7 +11,7 @@ from scipy.stats import beta
 
 
 @dataclass(frozen=True, slots=True)
-class Tenth:
+class ReliabilityBin:
     """Predictions from low to high, 0.3 to 0.4 say, and what came of them.
 
     n: how many; mean: of what was predicted, None where n is 0; hits: how many came true
@@ -39,7 +39,9 @@ def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, floa
     return least, most
 
 
-def calibration(predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level: float = 0.99) -> tuple[Tenth, ...]:
+def reliability_bins(
+    predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level: float = 0.99
+) -> tuple[ReliabilityBin, ...]:
     """A row for each tenth of the predicted probabilities (n,), against whether it was a hit (n,).
 
     A tenth holds what is at least its low and less than its high; the last holds 1, too. Raises ValueError for
@@ -59,5 +61,5 @@ def calibration(predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level:
         least, most = clopper_pearson(hits, n, level)
         mean = float(p[own].mean()) if n else None
         inside = mean is None or least <= mean <= most
-        rows.append(Tenth(float(edges[tenth]), float(edges[tenth + 1]), n, mean, hits, least, most, inside))
+        rows.append(ReliabilityBin(float(edges[tenth]), float(edges[tenth + 1]), n, mean, hits, least, most, inside))
     return tuple(rows)

@@ -59,6 +59,6 @@ def uniformity(pit: ArrayLike) -> float:
     return float(kstest(np.asarray(pit, dtype=float).ravel(), "uniform").pvalue)
 
 
-def calibration_curve(squared: ArrayLike, degrees: int, shares: Sequence[float]) -> Floats:
+def coverage_curve(squared: ArrayLike, degrees: int, shares: Sequence[float]) -> Floats:
     """Part of the normalised squared errors inside the regions that ought to hold these shares of them, (n_shares,)."""
     return np.array([coverage(squared, degrees, share) for share in shares])

@@ -3,15 +3,15 @@
 What may enter: probability that knows neither springs nor marks.
 """
 
-from estimators.filters.adaptation import RunningScale
-from estimators.filters.mixture import InteractingMixture, mixed
+from estimators.filters.adaptation import VarianceScale
+from estimators.filters.mixture import InteractingMixture, moment_matched
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [
     "CovarianceError",
     "InteractingMixture",
-    "RunningScale",
     "UnscentedKalmanFilter",
-    "mixed",
+    "VarianceScale",
+    "moment_matched",
     "positive_points",
 ]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 
-class RunningScale:
+class VarianceScale:
     """How much larger a variance is than told, by maximum likelihood with forgetting.
 
     Innovations have the covariance S = rest + scale part. Each moves log scale by its score over the Fisher information

@@ -211,7 +211,7 @@ def _updated(x, P, z, H, R, PH, innovation_cov):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def naming_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
+def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
     """What it costs, as -log of a Gaussian density less its constant, that mark j is the one expected at i: (n, m).
 
     means (n, dim), covs (n, dim, dim): where each is expected; z (m, dim), R (m, dim, dim): where the marks are
@@ -236,7 +236,7 @@ def naming_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def names_in_doubt(costs, pairs, limit):  # type: ignore[no-untyped-def]
+def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
     """Whether some pair of marks costs no more than limit if their names are exchanged: costs (n, n), pairs (n, n).
 
     A mark that is not seen costs nothing.

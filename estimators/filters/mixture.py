@@ -56,7 +56,7 @@ class Move:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Beliefs:
+class ModeBeliefs:
     """Mode by mode: odds mu (k,), means (k, n), covariances (k, n, n)."""
 
     mu: Floats
@@ -76,7 +76,7 @@ class Transition:
     means: Floats
     covs: Floats
     F: Floats
-    arrived: Beliefs
+    arrived: ModeBeliefs
 
 
 class InteractingMixture(filterpy.IMMEstimator):
@@ -146,7 +146,7 @@ class InteractingMixture(filterpy.IMMEstimator):
                 F = regressions(points, moved) @ F
             xs, Ps = moments_each(moved, *weights, Qs)
         if self.trace is not None:
-            self.trace.append(Transition(self.omega, *mixes, F, Beliefs(self.cbar, xs, Ps)))
+            self.trace.append(Transition(self.omega, *mixes, F, ModeBeliefs(self.cbar, xs, Ps)))
         self.columns = columns
         for f, x, P in zip(self.filters, xs, Ps, strict=True):
             f.x, f.P = x, P
@@ -160,7 +160,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         points, definite = symmetric_points_each(xs, Ps, scales)
         if not definite.all():
             self.repairs["definite"] += int((~definite).sum())
-            Ps = np.array([P if fine else definite_of(P) for P, fine in zip(Ps, definite, strict=True)])
+            Ps = np.array([P if fine else nearest_definite(P) for P, fine in zip(Ps, definite, strict=True)])
             points, _ = symmetric_points_each(xs, Ps, scales)
         weights = self._weights
         if self.move.turned is not None and (turned := self.move.turned(points)).any():
@@ -206,9 +206,9 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.mu /= self.mu.sum()
         self._compute_state_estimate()
 
-    def beliefs(self) -> Beliefs:
+    def beliefs(self) -> ModeBeliefs:
         """What the modes believe now."""
-        return Beliefs(self.mu, np.array([f.x for f in self.filters]), np.array([f.P for f in self.filters]))
+        return ModeBeliefs(self.mu, np.array([f.x for f in self.filters]), np.array([f.P for f in self.filters]))
 
     def _compute_state_estimate(self) -> None:
         now = self.beliefs()
@@ -216,7 +216,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.x, self.P = xs[0], with_columns(Ps[0], columns[0])
 
 
-def definite_of(P: Floats) -> Floats:
+def nearest_definite(P: Floats) -> Floats:
     """The covariance (n, n) with eigenvalues below rounding lifted to it.
 
     Of the correlations, so that units do not matter.
@@ -228,7 +228,7 @@ def definite_of(P: Floats) -> Floats:
     return 0.5 * (mended + mended.T)
 
 
-def mixed(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
+def moment_matched(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
     """Mean (n,) and covariance (n, n) of a Gaussian mixture: weights (k,), means (k, n), covs (k, n, n)."""
     mean = weights @ means
     away = means - mean

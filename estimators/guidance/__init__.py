@@ -10,7 +10,16 @@ from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Hit, Insertion, Needle
 from estimators.guidance.needle_tracking import Arrival, NeedleNoise, NeedleTracker
 from estimators.guidance.obstacles import Obstacle, ball, clearances
-from estimators.guidance.planning import Plan, PlannedNeedle, PlannedTarget, Skin, compliance, displaced, paths, plan
+from estimators.guidance.planning import (
+    Plan,
+    PlannedNeedle,
+    PlannedTarget,
+    Skin,
+    candidate_paths,
+    compliance,
+    needle_displacement,
+    plan,
+)
 from estimators.guidance.settings import AdviceSettings, health_fault
 
 __all__ = [
@@ -39,13 +48,13 @@ __all__ = [
     "advise",
     "ball",
     "best_aim",
+    "candidate_paths",
     "clearances",
     "compliance",
-    "displaced",
     "guide",
     "health_fault",
     "hit_probability",
+    "needle_displacement",
     "path_times",
-    "paths",
     "plan",
 ]

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from estimators.guidance.kernels import hit, hit_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Needle
-from estimators.tissue.belief import Belief
+from estimators.tissue.belief import GaussianMixture
 
 Floats = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Aim:
 
 
 def hit_probability(
-    target: Belief, tip: Belief, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
+    target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> float:
     """Probability that what the needle samples with lies in the lesion, see `Hit`.
 
@@ -54,7 +54,9 @@ def hit_probability(
     return min(float(np.outer(target.weights, tip.weights).ravel() @ each), 1.0)
 
 
-def best_aim(target: Belief, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None) -> Aim:
+def best_aim(
+    target: GaussianMixture, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
+) -> Aim:
     """The aim at which a hit is most probable: the tip's covariance [m²] (dim, dim) and the needle's axis stay.
 
     Of a single Gaussian it is the mean: the lesion, and the places of a core that is long enough, are convex and
@@ -63,7 +65,7 @@ def best_aim(target: Belief, tip_cov: Floats, axis: Floats, lesion: Lesion, *, n
     """
     needle = Needle() if needle is None else needle
     axis = np.asarray(axis, dtype=float)
-    tip = Belief.gaussian(target.means[0], tip_cov)
+    tip = GaussianMixture.gaussian(target.means[0], tip_cov)
     _check_dim(target, tip, axis, lesion)
     to_ball, (length, core) = lesion.to_ball, needle.sampled
     covs = target.covs + tip.covs
@@ -88,7 +90,7 @@ def best_aim(target: Belief, tip_cov: Floats, axis: Floats, lesion: Lesion, *, n
     return best
 
 
-def _check_dim(target: Belief, tip: Belief, axis: Floats, lesion: Lesion) -> None:
+def _check_dim(target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion) -> None:
     dims = (target.means.shape[1], tip.means.shape[1], len(axis))
     if dims != (lesion.dim,) * 3:
         raise ValueError(f"dimensions: expected target, tip and axis of the lesion's {lesion.dim}, found {dims}")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, rest_shape, shares, stiffness_matrix
+from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, node_weights, rest_shape, stiffness_matrix
 from estimators.guidance.kernels import ball_hits
 from estimators.guidance.obstacles import Obstacle, clearances
 
@@ -126,7 +126,7 @@ def compliance(network: MassSpringNetwork, target: str) -> Floats:
     return np.asarray(np.linalg.solve(K, np.eye(len(K))[:, network.coordinates(target)]).T)
 
 
-def displaced(
+def needle_displacement(
     network: MassSpringNetwork, C: Floats, needle: PlannedNeedle, tips: ArrayLike, entries: ArrayLike
 ) -> Floats:
     """By how much needles from entries to tips [m], (n, dim), move the target [m], (n, dim); C: its `compliance`."""
@@ -137,12 +137,12 @@ def displaced(
     points = np.concatenate([to[:, None], to[:, None] - back[:, None] * along[:, None]], axis=1)
     rubbing = needle.friction_N_m * 0.5 * lengths[:, None] * SHAFT[1]
     most = np.concatenate([np.full((len(to), 1), needle.cutting_N), rubbing], axis=1)
-    shared = np.einsum("nq,nqi->ni", most, shares(network, points, needle.reach_m))[:, network.free]
+    shared = np.einsum("nq,nqi->ni", most, node_weights(network, points, needle.reach_m))[:, network.free]
     directions = along / lengths[:, None]
     return np.einsum("dif,ni,nf->nd", C.reshape(len(C), len(network.free), -1), shared, directions)
 
 
-def paths(
+def candidate_paths(
     network: MassSpringNetwork,
     target: str,
     lesion: PlannedTarget,
@@ -158,7 +158,7 @@ def paths(
     from_ = np.repeat(entries, n_aims, axis=0)
     tips = np.tile(lesion.mean, (len(from_), 1))
     for _ in range(AIMING):
-        tips = lesion.mean + displaced(network, C, needle, tips, from_)
+        tips = lesion.mean + needle_displacement(network, C, needle, tips, from_)
     along = tips - from_
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     spread = np.tile(np.linspace(-0.6, 0.6, n_aims), len(entries))[:, None] * lesion.radius_m
@@ -182,7 +182,7 @@ def plan(
     entries: Floats,
     tips: Floats,
 ) -> Plan:
-    """Straight paths from entries to tips [m], (n, dim), judged and ranked; `paths` makes some.
+    """Straight paths from entries to tips [m], (n, dim), judged and ranked; `candidate_paths` makes some.
 
     Raises ValueError for shapes that do not fit and for paths without length, NetworkError where there is no rest.
     """
@@ -191,7 +191,7 @@ def plan(
     if entries.shape != tips.shape or entries.shape[1:] != (network.dim,) or not (lengths > 0.0).all():
         raise ValueError(f"expected entries and other tips of shape (n, {network.dim}), found {entries.shape}")
     directions = along / lengths[:, None]
-    pushed = displaced(network, compliance(network, target), needle, tips, entries)
+    pushed = needle_displacement(network, compliance(network, target), needle, tips, entries)
     means = lesion.mean + pushed
     # the forces are off by one factor: the target stays on the line along which it is pushed
     covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)

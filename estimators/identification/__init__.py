@@ -3,14 +3,19 @@
 What may enter: what is estimated once from a recording and then held.
 """
 
-from estimators.identification.constants import IdentificationError, Identified, identify, principal
-from estimators.identification.noise_levels import Tuned, tune
+from estimators.identification.constants import (
+    IdentificationError,
+    IdentificationResult,
+    identify_constants,
+    principal_uncertainty,
+)
+from estimators.identification.noise_levels import TuningResult, tune_noise
 
 __all__ = [
     "IdentificationError",
-    "Identified",
-    "Tuned",
-    "identify",
-    "principal",
-    "tune",
+    "IdentificationResult",
+    "TuningResult",
+    "identify_constants",
+    "principal_uncertainty",
+    "tune_noise",
 ]

@@ -13,7 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import KINDS, MassSpringNetwork, Parameter, Uncertainty, independent, parameters, scaled
+from dynamics import (
+    KINDS,
+    MassSpringNetwork,
+    Parameter,
+    ParameterUncertainty,
+    independent_uncertainty,
+    parameters,
+    scale_parameters,
+)
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
@@ -40,7 +48,7 @@ class IdentificationError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identified:
+class IdentificationResult:
     """What a calibration recording says of the constants.
 
     network: with the constants found
@@ -55,7 +63,7 @@ class Identified:
     change: Floats
     cov: Floats
     prior_sd: Floats
-    uncertainty: Uncertainty
+    uncertainty: ParameterUncertainty
     passes: int
     converged: bool
 
@@ -64,7 +72,7 @@ class Identified:
         """Standard error of the log of each constant, (n,)."""
         return np.sqrt(np.diag(self.cov))
 
-    def told_apart(self) -> tuple[Floats, Floats]:
+    def identifiable(self) -> tuple[Floats, Floats]:
         """Part of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
         Directions are in the logs of the constants by their prior standard deviations. Where most is left, the
@@ -81,7 +89,7 @@ class _Sum:
     log_likelihood: float
 
 
-def identify(
+def identify_constants(
     network: MassSpringNetwork,
     frames: Frames,
     marked: Sequence[str],
@@ -90,7 +98,7 @@ def identify(
     prior_sd: Mapping[str, float] = PRIOR_SD,
     settings: FilterSettings | None = None,
     advance: Callable[[float], None] = lambda _share: None,
-) -> Identified:
+) -> IdentificationResult:
     """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
 
     frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
@@ -101,10 +109,10 @@ def identify(
     settings = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
     which = parameters(network, tuple(prior_sd))
     sd = np.array([prior_sd[parameter.kind] for parameter in which])
-    prior = independent(which, sd)
+    prior = independent_uncertainty(which, sd)
 
     def at(theta: Floats) -> tuple[MassSpringNetwork, _Sum]:
-        model = scaled(network, which, sd * theta)
+        model = scale_parameters(network, which, sd * theta)
         tissue = TissueFilter(model, target, marked, settings, uncertainty=prior)
         return model, _passed(tissue, frames)
 
@@ -129,9 +137,13 @@ def identify(
             step *= 0.5
         theta, model, found, step = tried, model_tried, sum_tried, 1.0
     cov = np.linalg.inv(found.information + np.eye(len(theta))) * np.outer(sd, sd)
-    uncertainty = principal(model, Uncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings)
+    uncertainty = principal_uncertainty(
+        model, ParameterUncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings
+    )
     advance(1.0)
-    return Identified(model, which, sd * theta, np.asarray(cov, dtype=np.float64), sd, uncertainty, passes, converged)
+    return IdentificationResult(
+        model, which, sd * theta, np.asarray(cov, dtype=np.float64), sd, uncertainty, passes, converged
+    )
 
 
 def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:
@@ -154,14 +166,14 @@ def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:
     return _Sum(information, gradient, log_likelihood)
 
 
-def principal(
+def principal_uncertainty(
     network: MassSpringNetwork,
-    uncertainty: Uncertainty,
+    uncertainty: ParameterUncertainty,
     frames: Frames,
     marked: Sequence[str],
     target: str,
     settings: FilterSettings | None = None,
-) -> Uncertainty:
+) -> ParameterUncertainty:
     """The few directions that carry what this uncertainty does to the target when its mark is not seen.
 
     The same covariance turned to the axes of the target's variance along the frames; the smallest axes, together below
@@ -178,4 +190,4 @@ def principal(
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     kept = int(np.searchsorted(np.cumsum(values) / values.sum(), KEPT)) + 1
-    return Uncertainty(uncertainty.parameters, axes[:, :kept].T @ uncertainty.directions)
+    return ParameterUncertainty(uncertainty.parameters, axes[:, :kept].T @ uncertainty.directions)

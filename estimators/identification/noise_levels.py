@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from dynamics import MassSpringNetwork, Uncertainty
+from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
@@ -27,7 +27,7 @@ MOST_PASSES = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Tuned:
+class TuningResult:
     """The noise levels under which a recording's innovations are most probable.
 
     settings: with the levels found; marks: standard deviation of the marks by what was told of it
@@ -55,16 +55,16 @@ def log_likelihood(tissue: TissueFilter, frames: Frames) -> float:
     return total
 
 
-def tune(
+def tune_noise(
     network: MassSpringNetwork,
     frames: Frames,
     marked: Sequence[str],
     target: str,
     *,
-    uncertainty: Uncertainty | None = None,
+    uncertainty: ParameterUncertainty | None = None,
     settings: FilterSettings | None = None,
     advance: Callable[[float], None] = lambda _share: None,
-) -> Tuned:
+) -> TuningResult:
     """Fit the noise levels; the target's mark is used where the frames have it. `advance` is told the share done."""
     before = FilterSettings() if settings is None else settings
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
@@ -75,8 +75,10 @@ def tune(
         passes += 1
         advance(min(1.0, passes / MOST_PASSES))
         values = start * np.exp(logs)
-        tissue = TissueFilter(network, target, marked, leveled(before, values), uncertainty=uncertainty)
-        return 0.5 * float(np.sum((logs / PRIOR_LOG_SD) ** 2)) - log_likelihood(tissue, noisier(frames, values[2]))
+        tissue = TissueFilter(network, target, marked, with_noise_levels(before, values), uncertainty=uncertainty)
+        return 0.5 * float(np.sum((logs / PRIOR_LOG_SD) ** 2)) - log_likelihood(
+            tissue, with_scaled_noise(frames, values[2])
+        )
 
     n = len(start)
     simplex = np.vstack([np.zeros(n), 0.3 * np.eye(n)])
@@ -89,12 +91,18 @@ def tune(
     values = start * np.exp(found.x)
     prior = 0.5 * float(np.sum((found.x / PRIOR_LOG_SD) ** 2))
     advance(1.0)
-    return Tuned(
-        leveled(before, values), float(values[2]), NAMES, values, log_sd, prior - float(found.fun), -cost(np.zeros(n))
+    return TuningResult(
+        with_noise_levels(before, values),
+        float(values[2]),
+        NAMES,
+        values,
+        log_sd,
+        prior - float(found.fun),
+        -cost(np.zeros(n)),
     )
 
 
-def leveled(settings: FilterSettings, values: Floats) -> FilterSettings:
+def with_noise_levels(settings: FilterSettings, values: Floats) -> FilterSettings:
     """The settings with these levels of white noise [m/s²/sqrt(Hz)] and poke [m/s²]."""
     white, poke = float(values[0]), float(values[1])
     # the quiet modes' poke is a trace that keeps the state's poke alive: as strong as the white noise, as before
@@ -102,6 +110,6 @@ def leveled(settings: FilterSettings, values: Floats) -> FilterSettings:
     return replace(settings, quiet=quiet, poked=replace(settings.poked, white=white, poke=poke))
 
 
-def noisier(frames: Frames, factor: float) -> Frames:
+def with_scaled_noise(frames: Frames, factor: float) -> Frames:
     """The frames with each mark's standard deviation times a factor."""
     return [(time_s, [replace(mark, cov=factor**2 * mark.cov) for mark in marks]) for time_s, marks in frames]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from estimators.filters.mixture import Beliefs, Transition, mixed
+from estimators.filters.mixture import ModeBeliefs, Transition, moment_matched
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
@@ -27,7 +27,7 @@ Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Passed:
+class FilteredStep:
     """What a filter knew at one frame, and how it came there.
 
     estimate: the filter's own; filtered: its beliefs, mode by mode
@@ -37,12 +37,12 @@ class Passed:
     """
 
     estimate: TargetEstimate
-    filtered: Beliefs
+    filtered: ModeBeliefs
     cycles: tuple[Transition, ...] | None
     considered: Floats
 
 
-class Passage:
+class ForwardPass:
     """A filter on its way through frames, with what a smoother needs of each.
 
     State: the filter and how often it was restarted.
@@ -52,7 +52,7 @@ class Passage:
         self.tissue = tissue
         self._restarts = 0
 
-    def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Passed:
+    def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> FilteredStep:
         """The filter's estimate at this exposure time [s], and what led to it; raises ValueError as the filter does."""
         mixture = self.tissue.mixture
         first = self.tissue.seen_s is None
@@ -67,14 +67,14 @@ class Passage:
         anew = first or restarts != self._restarts
         self._restarts = restarts
         columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, self.tissue.target])
-        return Passed(estimate, mixture.beliefs(), None if anew else cycles, columns @ columns.T)
+        return FilteredStep(estimate, mixture.beliefs(), None if anew else cycles, columns @ columns.T)
 
 
 def fixed_interval(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
     """The target at each frame, given the marks of all frames: (time [s], marks) in order."""
-    passage = Passage(tissue)
+    passage = ForwardPass(tissue)
     passed = [passage.take(time_s, marks) for time_s, marks in frames]
-    return [_told(one, known, tissue) for one, known in zip(passed, smoothed(passed), strict=True)]
+    return [_reported(one, known, tissue) for one, known in zip(passed, smooth(passed), strict=True)]
 
 
 class FixedLag:
@@ -88,8 +88,8 @@ class FixedLag:
         if not lag_s >= 0:
             raise ValueError(f"lag_s: expected 0 s or more, found {lag_s}")
         self.lag_s = lag_s
-        self._passage = Passage(tissue)
-        self._passed: deque[Passed] = deque()
+        self._passage = ForwardPass(tissue)
+        self._passed: deque[FilteredStep] = deque()
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
         """The target at the newest frame that is lag_s or more old; None while there is none."""
@@ -99,10 +99,10 @@ class FixedLag:
             self._passed.popleft()
         if self._passed[0].estimate.time_s > due_s:
             return None
-        return _told(self._passed[0], smoothed(tuple(self._passed))[0], self._passage.tissue)
+        return _reported(self._passed[0], smooth(tuple(self._passed))[0], self._passage.tissue)
 
 
-def smoothed(passed: Sequence[Passed]) -> list[Beliefs]:
+def smooth(passed: Sequence[FilteredStep]) -> list[ModeBeliefs]:
     """What all frames say of the state at each of them; none may be missing between."""
     known = [passed[-1].filtered] if passed else []
     for before, one in zip(reversed(passed[:-1]), reversed(passed), strict=False):
@@ -117,13 +117,13 @@ def smoothed(passed: Sequence[Passed]) -> list[Beliefs]:
     return known[::-1]
 
 
-def _told(one: Passed, known: Beliefs, tissue: TissueFilter) -> TargetEstimate:
+def _reported(one: FilteredStep, known: ModeBeliefs, tissue: TissueFilter) -> TargetEstimate:
     target, poked = tissue.target, tissue.settings.poked_share(known.mu)
-    mean, cov = mixed(known.mu, known.means[:, target], known.covs[:, target, target])
+    mean, cov = moment_matched(known.mu, known.means[:, target], known.covs[:, target, target])
     return replace(one.estimate, mean=mean, cov=cov + one.considered, poked=poked)
 
 
-def smoothed_before(after: Beliefs, cycle: Transition, before: Beliefs) -> Beliefs:
+def smoothed_before(after: ModeBeliefs, cycle: Transition, before: ModeBeliefs) -> ModeBeliefs:
     """Beliefs at the start of a cycle, given those that all marks give at its end.
 
     after: smoothed, at the end; before: filtered, at the start.
@@ -151,10 +151,10 @@ def smoothed_before(after: Beliefs, cycle: Transition, before: Beliefs) -> Belie
     joined = np.einsum("ij,ijn->in", share, means)
     away = means - joined[:, None, :]
     spread = np.einsum("ij,ijab->iab", share, covs) + np.einsum("ij,ija,ijb->iab", share, away, away)
-    return Beliefs(mu, joined, 0.5 * (spread + spread.swapaxes(1, 2)))
+    return ModeBeliefs(mu, joined, 0.5 * (spread + spread.swapaxes(1, 2)))
 
 
-def _likelihood(after: Beliefs, cycle: Transition, j: int, root: Floats) -> tuple[Floats, Floats]:
+def _likelihood(after: ModeBeliefs, cycle: Transition, j: int, root: Floats) -> tuple[Floats, Floats]:
     """What is known at the end says of y, (x - mix's mean) by the root of the mix's covariance: exp(y'n - y'N y / 2).
 
     It takes the mix, N(0, 1) in y, to the smoothed moments of Rauch, Tung and Striebel: N(m / (1 - M), 1 - M) with M

@@ -3,33 +3,33 @@
 What may enter: what composes a generic filter with a network and its marks.
 """
 
-from estimators.tissue.belief import Belief
+from estimators.tissue.belief import GaussianMixture
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.fast_prediction import QuickPath, quick_path, quick_tables
+from estimators.tissue.fast_prediction import FastPredictionTables, fast_prediction_tables, predict_fast
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.health import Health, after_frame
-from estimators.tissue.known_force import KnownPush, Push
-from estimators.tissue.open_loop_cov import OpenLoopBelief
-from estimators.tissue.process_model import FixBias, ForceMode, TissueModel, grown_covariance
+from estimators.tissue.known_force import ForceHistory, KnownForce
+from estimators.tissue.open_loop_cov import OpenLoopCovariance
+from estimators.tissue.process_model import FixBias, ForceMode, TissueModel, accumulated_noise
 from estimators.tissue.settings import FilterSettings
 
 __all__ = [
-    "Belief",
+    "FastPredictionTables",
     "FilterSettings",
     "FixBias",
+    "ForceHistory",
     "ForceMode",
+    "GaussianMixture",
     "Health",
-    "KnownPush",
+    "KnownForce",
     "MarkMeasurement",
-    "OpenLoopBelief",
-    "Push",
-    "QuickPath",
+    "OpenLoopCovariance",
     "Status",
     "TargetEstimate",
     "TissueFilter",
     "TissueModel",
+    "accumulated_noise",
     "after_frame",
-    "grown_covariance",
-    "quick_path",
-    "quick_tables",
+    "fast_prediction_tables",
+    "predict_fast",
 ]

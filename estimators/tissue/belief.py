@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Belief:
+class GaussianMixture:
     """A Gaussian mixture: weights (k,) that sum to one, means [m] (k, dim), covs [m²] (k, dim, dim)."""
 
     weights: Floats
@@ -29,6 +29,6 @@ class Belief:
             raise ValueError(f"belief weights: expected 0 or more that sum to 1, found {self.weights}")
 
     @classmethod
-    def gaussian(cls, mean: Floats, cov: Floats) -> Belief:
+    def gaussian(cls, mean: Floats, cov: Floats) -> GaussianMixture:
         """A single Gaussian: mean [m], (dim,), cov [m²], (dim, dim)."""
         return cls(np.ones(1), np.asarray(mean, dtype=float)[None], np.asarray(cov, dtype=float)[None])

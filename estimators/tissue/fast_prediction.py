@@ -32,7 +32,7 @@ agree with those of `predict_path`, whose sigma points stand some standard devia
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class QuickPath:
+class FastPredictionTables:
     """Tables of a filter's predictions for n_times times, cycle_s [s] apart from its state's own on.
 
     rest: the network's state at rest, (n_state,)
@@ -57,7 +57,7 @@ class QuickPath:
         return self.pushed.shape[1]
 
 
-def quick_tables(tissue: TissueFilter, horizon_s: float) -> QuickPath:
+def fast_prediction_tables(tissue: TissueFilter, horizon_s: float) -> FastPredictionTables:
     """Tables of a filter, as far ahead as this [s]; its belief does not matter, its network and settings do.
 
     Raises ValueError for a filter that considers unknown constants: what they will make of the error is left out here.
@@ -74,10 +74,12 @@ def quick_tables(tissue: TissueFilter, horizon_s: float) -> QuickPath:
     first, second, noise, pushed = (np.array(each) for each in zip(*made, strict=True))
     rest = np.zeros(model.network.n_state)
     rest[: len(rest) // 2] = shape[model.network.free].ravel()
-    return QuickPath(cycle, rest, tissue.target, first, second, noise, pushed)
+    return FastPredictionTables(cycle, rest, tissue.target, first, second, noise, pushed)
 
 
-def quick_path(tables: QuickPath, tissue: TissueFilter, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+def predict_fast(
+    tables: FastPredictionTables, tissue: TissueFilter, push: Floats | None = None
+) -> tuple[Floats, Floats, Floats]:
     """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target from the filter's time on.
 
     push: a known force on the free nodes [N], held in each cycle ahead, (k - 1, n_free, dim)
@@ -128,7 +130,7 @@ def _slowed(network: MassSpringNetwork, speed: float) -> MassSpringNetwork:
 def _tables(
     tissue: TissueFilter, network: MassSpringNetwork, shape: Floats, n_times: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """The four tables of `QuickPath` at one speed: backwards from the target, cycle by cycle."""
+    """The four tables of `FastPredictionTables` at one speed: backwards from the target, cycle by cycle."""
     model, settings = tissue.model, tissue.settings
     cycle, modes, n = settings.mix_s, settings.modes, model.network.n_state
     n_steps = model.stepper.n_steps(cycle)

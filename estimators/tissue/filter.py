@@ -13,21 +13,21 @@ from dynamics import (
     SAME_STEP,
     MassSpringNetwork,
     NetworkError,
-    Uncertainty,
+    ParameterUncertainty,
+    equilibrium_with_held,
     pack,
     rest_shape,
-    shape_held,
     stiffness_matrix,
 )
-from estimators.filters.adaptation import RunningScale
+from estimators.filters.adaptation import VarianceScale
 from estimators.filters.mixture import InteractingMixture, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
-from estimators.tissue.belief import Belief
+from estimators.tissue.belief import GaussianMixture
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.health import Health, after_frame
-from estimators.tissue.known_force import KnownPush, Push
-from estimators.tissue.open_loop_cov import OpenLoopBelief
-from estimators.tissue.process_model import ForceMode, TissueModel, grown_covariance
+from estimators.tissue.known_force import ForceHistory, KnownForce
+from estimators.tissue.open_loop_cov import OpenLoopCovariance
+from estimators.tissue.process_model import ForceMode, TissueModel, accumulated_noise
 from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ class TissueFilter:
         marked: Sequence[str],
         settings: FilterSettings | None = None,
         *,
-        uncertainty: Uncertainty | None = None,
+        uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
     ) -> None:
         self.settings = FilterSettings() if settings is None else settings
@@ -115,8 +115,10 @@ class TissueFilter:
         self._start_from(self._rest)
         self._start_cov = self.mixture.filters[0].P.copy()
         self._alone_m2 = float(np.trace(self.mixture.P[self.target, self.target]))
-        self.open_loop = OpenLoopBelief(network, target, [n for n in marked if n != target], self.settings.quiet.white)
-        self.marks_scale = RunningScale(self.settings.marks_bounds)
+        self.open_loop = OpenLoopCovariance(
+            network, target, [n for n in marked if n != target], self.settings.quiet.white
+        )
+        self.marks_scale = VarianceScale(self.settings.marks_bounds)
         self.log_likelihood = 0.0
 
     @property
@@ -135,7 +137,7 @@ class TissueFilter:
         mean = np.zeros(self.model.dim_x)
         mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
         A, density = self.model.linearised(shape, self.settings.poked)
-        cov = grown_covariance(A, density, self.settings.settle_s)
+        cov = accumulated_noise(A, density, self.settings.settle_s)
         if self.settings.fix_bias is not None:
             cov[self.model.bias_rows, self.model.bias_rows] = self.settings.fix_bias.sd_m**2 * np.eye(network.dim)
         self.mixture.restart(mean, cov, self.model.resting_columns(shape))
@@ -175,10 +177,10 @@ class TissueFilter:
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
         self.log_likelihood = then.log_likelihood
 
-    def predict(self, time_s: float, push: Push | None = None) -> None:
+    def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
 
-        push: a known force that acts meanwhile, a needle's say; see `Push`
+        push: a known force that acts meanwhile, a needle's say; see `ForceHistory`
         """
         if not np.isfinite(time_s):
             raise ValueError(f"time_s: expected a finite time, found {time_s}")
@@ -195,7 +197,7 @@ class TissueFilter:
             self.model.push.step(dt)
         return self.model.propagate_each(points, dt, self._modes)
 
-    def _advance(self, dt: float, push: Push | None) -> None:
+    def _advance(self, dt: float, push: ForceHistory | None) -> None:
         n = max(1, int(np.ceil(dt / self.settings.mix_s * (1.0 - SAME_STEP))))
         step = dt / n / self.model.stepper.n_steps(dt / n)
         # to a nanosecond: frames at one rate differ by rounding, and their noise does not
@@ -205,17 +207,17 @@ class TissueFilter:
         for f, mode in zip(self.mixture.filters, self._modes, strict=True):
             f.Q = self._noises[1][mode]
         if push is not None and self.time_s is not None:
-            self.model.push = KnownPush(push, self.model.network, self.time_s)
+            self.model.push = KnownForce(push, self.model.network, self.time_s)
         try:
             for _ in range(n):
                 self.mixture.predict(dt / n, step)
         finally:
             self.model.push = None
 
-    def predict_at(self, time_s: float, push: Push | None = None) -> TargetEstimate:
+    def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """What is believed now of the target at a later time [s], when the needle arrives, say; the filter stays.
 
-        push: a known force that acts until then; see `Push`
+        push: a known force that acts until then; see `ForceHistory`
         Raises ValueError before the first frame, and for a time that is past or not finite.
         """
         if self.time_s is None or not self.time_s <= time_s < np.inf:
@@ -228,7 +230,7 @@ class TissueFilter:
         finally:
             self.restore(now)
 
-    def predict_modes(self, time_s: float, push: Push | None = None) -> Belief:
+    def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
         """As `predict_at`, of each mode of now and each of then by itself, n_modes² Gaussians.
 
         Nearer to the truth where a poke may have begun or ended and may not have: to merge those that go on in one mode
@@ -249,7 +251,7 @@ class TissueFilter:
         finally:
             self.restore(now)
         weights, means, covs = (np.concatenate(each) for each in zip(*parts, strict=True))
-        return Belief(weights / weights.sum(), means, covs)
+        return GaussianMixture(weights / weights.sum(), means, covs)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """What is believed now of the target at later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).
@@ -290,7 +292,7 @@ class TissueFilter:
             columns = columns + self._among_columns(shared)
         return filters[poked].x[place].copy(), filters[poked].P[place, place] + columns @ columns.T
 
-    def struck(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
+    def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """As `expected`, were the node struck just after its mark was last taken in.
 
         Before the first marks a node may be anywhere in the network's reach.
@@ -300,10 +302,10 @@ class TissueFilter:
             off = float(np.ptp(self._rest, axis=0).max())
         else:
             since_s = self.time_s - self._marks_seen_s.get(node, self.time_s)
-            off = self.settings.startle_m_s * min(since_s, self.settings.startle_s)
+            off = self.settings.impulse_m_s * min(since_s, self.settings.impulse_s)
         return mean, cov + off**2 * np.eye(len(mean))
 
-    def at_start(self, node: str) -> tuple[Floats, Floats]:
+    def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
         """As `expected`, were nothing known but where a free node rests; in doubt of that, too."""
         place = self._places[node]
         return self._rest[self.model.network.index(node)].copy(), DOUBT * self._start_cov[place, place]
@@ -322,7 +324,7 @@ class TissueFilter:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         anew = self.health.since_s is None or self.health.status is Status.LOST
         self.log_likelihood = 0.0
-        taken = list(marks) if anew else self._believable(self.time_s, marks)
+        taken = list(marks) if anew else self._gated(self.time_s, marks)
         self.open_loop.take(dt, {mark.node: mark.total_cov for mark in taken if self._places[mark.node] != self.target})
         if not taken:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
@@ -354,7 +356,7 @@ class TissueFilter:
         if self.health.status is Status.DIVERGED and not self.health.innovations:
             again = self._refuted_s is not None and self.time_s - self._refuted_s <= self.settings.settle_s
             self._refuted_s = self.time_s
-            self._doubted(taken, again=again)
+            self._inflated(taken, again=again)
         self._marks_seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         return self._estimate(self.time_s, len(taken), nis, self._carried(cross @ told, told, taken))
 
@@ -385,7 +387,7 @@ class TissueFilter:
             self.mixture.update_linear(np.asarray(position, dtype=float), H, np.asarray(cov, dtype=float))
         return self._estimate(self.time_s, 0, nis)
 
-    def _believable(self, time_s: float, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
+    def _gated(self, time_s: float, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
         """The marks that are where a blow could have brought them, or that have been off for longer than stubborn_s.
 
         Outliers pass; what stays away is the tissue. Each refusal is counted in `refused`.
@@ -394,9 +396,9 @@ class TissueFilter:
         for mark in marks:
             if self._distance(mark) <= self.settings.gate:
                 self._off_s.pop(mark.node, None)
-            elif time_s - self._off_s.setdefault(mark.node, time_s) <= self.settings.stubborn_s:
+            elif time_s - self._off_s.setdefault(mark.node, time_s) <= self.settings.outlier_s:
                 self.refused[mark.node] += 1
-                S = self.struck(mark.node)[1] + mark.total_cov
+                S = self.expected_after_impulse(mark.node)[1] + mark.total_cov
                 self.log_likelihood -= 0.5 * (self.settings.gate + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
                 continue
             taken.append(mark)
@@ -405,7 +407,7 @@ class TissueFilter:
     def _distance(self, mark: MarkMeasurement) -> float:
         """Squared Mahalanobis distance of a mark from where the node may be, had it been struck."""
         known = mark.shared if self.n_calibration else None
-        mean, cov = self.struck(mark.node, known)
+        mean, cov = self.expected_after_impulse(mark.node, known)
         y = mark.position - mean
         return float(y @ np.linalg.solve(cov + (mark.total_cov if known is None else mark.cov), y))
 
@@ -480,7 +482,7 @@ class TissueFilter:
             R += shared @ shared.T
         return z, rows, R, None
 
-    def _doubted(self, marks: Sequence[MarkMeasurement], *, again: bool) -> None:
+    def _inflated(self, marks: Sequence[MarkMeasurement], *, again: bool) -> None:
         """What is done about a belief that these marks refuted, first, and when within settle_s the next one is, too.
 
         First it may have been a blow: the tissue is where it was believed to be, as unsure beside as at a start, and
@@ -510,7 +512,7 @@ class TissueFilter:
         network = self.model.network
         z, rows, R, shared = self._stacked(marks)
         try:
-            shape = shape_held(network, {mark.node: mark.position for mark in marks})
+            shape = equilibrium_with_held(network, {mark.node: mark.position for mark in marks})
         except NetworkError:
             self._start_from(self._rest)
             H = np.zeros((len(rows), self.model.dim_x))

@@ -11,7 +11,7 @@ from dynamics import MassSpringNetwork
 
 Floats = NDArray[np.float64]
 
-Push = ArrayLike | Callable[[float, Floats], ArrayLike]
+ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
 """Forces on the free nodes [N], (n_free, dim), held over the prediction; or a function of time [s] and states.
 
 The function is asked once a step of at most 1/120 s, for the middle of the step and states (..., n_state) at its start,
@@ -20,13 +20,13 @@ step must not depend on the state, or it shakes.
 """
 
 
-class KnownPush:
+class KnownForce:
     """A push walking along with a prediction.
 
     State: time_s, at the end of the step under way; dt, its length [s].
     """
 
-    def __init__(self, push: Push, network: MassSpringNetwork, time_s: float) -> None:
+    def __init__(self, push: ForceHistory, network: MassSpringNetwork, time_s: float) -> None:
         self.time_s, self.dt = time_s, 0.0
         self._push = push
         self._shape = (len(network.free), network.dim)

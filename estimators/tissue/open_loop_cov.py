@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, rest_shape, state_matrix
 from estimators.filters.exponential import small_expm
-from estimators.tissue.process_model import grown_covariance
+from estimators.tissue.process_model import accumulated_noise
 
 Floats = NDArray[np.float64]
 
 
-class OpenLoopBelief:
+class OpenLoopCovariance:
     """Covariance of the open loop's target, linearised about the rest shape.
 
     Between frames a marked mass moves straight from where it was seen to where it is seen next, each wrong by its
@@ -82,6 +82,6 @@ class OpenLoopBelief:
             block[n : n + m, n + m :] = np.eye(m)
             moved = small_expm(block * dt)
             end = moved[:n, n + m :] / dt
-            noise = grown_covariance(self._own, self._density, dt)
+            noise = accumulated_noise(self._own, self._density, dt)
             self._steps = key, (moved[:n, :n], moved[:n, n : n + m] - end, end, noise)
         return self._steps[1]

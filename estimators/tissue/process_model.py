@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from dynamics import (
     MassSpringNetwork,
     ParameterForces,
+    ParameterUncertainty,
     Stepper,
-    Uncertainty,
-    reversed_springs,
+    inverted_springs,
     state_matrix,
     stiffness_matrix,
 )
 from estimators.filters.exponential import small_expm
-from estimators.tissue.known_force import KnownPush
+from estimators.tissue.known_force import KnownForce
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ class TissueModel:
         network: MassSpringNetwork,
         marked: Sequence[str],
         *,
-        uncertainty: Uncertainty | None = None,
+        uncertainty: ParameterUncertainty | None = None,
         bias: FixBias | None = None,
         n_calibration: int = 0,
     ) -> None:
@@ -95,7 +95,7 @@ class TissueModel:
         n_fixed = network.n_state + len(self.poked_rows)
         self.dim_x = n_fixed + (0 if bias is None else network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
-        self.push: KnownPush | None = None
+        self.push: KnownForce | None = None
         self._asked: tuple[Sequence[ForceMode], Floats] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
@@ -159,7 +159,7 @@ class TissueModel:
 
     def turned(self, points: Floats) -> NDArray[np.bool_]:
         """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""
-        return reversed_springs(self.network, points)
+        return inverted_springs(self.network, points)
 
     def resting_columns(self, shape: Floats, held: Sequence[int] = ()) -> Floats:
         """What constants off along each direction make of a rest shape, (dim_x, n_columns).
@@ -220,7 +220,7 @@ class TissueModel:
         return A, density
 
 
-def grown_covariance(A: Floats, density: Floats, seconds: float) -> Floats:
+def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
     """Covariance after so many seconds of dx/dt = A x + white noise of that density, from none; (n, n).
 
     Source: [vanloan1978]. Unlike Lyapunov's equation it needs no damping.

@@ -47,10 +47,10 @@ class FilterSettings:
     calm_share: float = 0.05
     settle_s: float = 1.0
     start_s: float = 0.1
-    startle_m_s: float = 1.0
-    startle_s: float = 0.05
+    impulse_m_s: float = 1.0
+    impulse_s: float = 0.05
     gate: float = 23.03
-    stubborn_s: float = 0.1
+    outlier_s: float = 0.1
     lost_s: float = 1.0
     test_s: float = 0.25
     test_sigmas: float = 10.0

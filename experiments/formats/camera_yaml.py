@@ -157,12 +157,12 @@ def _ros_matrix(path: Path, tables: Mapping[str, str | dict[str, str]], key: str
 
 def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not min(matrix[0, 0], matrix[1, 1]) > 0:
-        raise InputError.at(f"{path}: camera_matrix", "3 rows of 3 numbers, focal lengths above 0", _told(matrix))
+        raise InputError.at(f"{path}: camera_matrix", "3 rows of 3 numbers, focal lengths above 0", _reported(matrix))
     flat = distortion.ravel()
     if len(flat) not in (4, 5) or not np.isfinite(flat).all():
-        raise InputError.at(f"{path}: distortion_coefficients", "4 or 5 numbers, k1 k2 p1 p2 [k3]", _told(flat))
+        raise InputError.at(f"{path}: distortion_coefficients", "4 or 5 numbers, k1 k2 p1 p2 [k3]", _reported(flat))
     return Lens(matrix, np.append(flat, np.zeros(5 - len(flat))))
 
 
-def _told(values: Floats | Sequence[float]) -> str:
+def _reported(values: Floats | Sequence[float]) -> str:
     return shown(np.asarray(values).tolist())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from estimators import Swap
+from estimators import IdentitySwap
 from vision import Source
 
 
@@ -14,7 +14,7 @@ def tell(time_s: float, kind: str, text: str) -> None:
     print(f"{clear}softaim: {time_s:.2f} s: {kind}: {text}", file=sys.stderr, flush=True)
 
 
-def tell_swap(swap: Swap) -> None:
+def tell_swap(swap: IdentitySwap) -> None:
     """Say which marks had been taken for each other."""
     *first, last = swap.nodes
     tell(

@@ -27,8 +27,8 @@ def open_source(
         frames = vision.LiveFrames(
             lambda: phantom,
             ends=lambda _capture: True,
-            keep=1 if live else vision.EVERY,
-            exposures=lambda: vision.told_times,
+            keep=1 if live else vision.DEVICE_BACKLOG,
+            exposures=lambda: vision.stated_exposure_time,
         )
         return (phantom.scene if scene is None else scene), frames
     folder = Path(spec)

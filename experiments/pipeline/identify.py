@@ -8,8 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import NetworkError, at_rest_where_seen, label, value
-from estimators import IdentificationError, Identified, MarkMeasurement, Tuned, identify, tune
+from dynamics import NetworkError, fit_rest_lengths, parameter_label, parameter_value
+from estimators import (
+    IdentificationError,
+    IdentificationResult,
+    MarkMeasurement,
+    TuningResult,
+    identify_constants,
+    tune_noise,
+)
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
@@ -57,7 +64,7 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
         variances.append(np.mean([np.trace(mark.cov) for mark in seen]) / network.dim / len(seen))
     try:
         return replace(
-            recording.scene, network=at_rest_where_seen(network, positions, sd_m=float(np.sqrt(np.mean(variances))))
+            recording.scene, network=fit_rest_lengths(network, positions, sd_m=float(np.sqrt(np.mean(variances))))
         )
     except NetworkError as error:
         raise InputError(f"{recording.folder}: {error}") from None
@@ -65,14 +72,14 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
 
 def identified_scene(
     recording: Recording, frames: Frames, advance: Advance = lambda _share: None
-) -> tuple[Scene, Identified]:
+) -> tuple[Scene, IdentificationResult]:
     """The scene with the constants found in a calibration recording, how well they are known, and all that was found.
 
     Raises InputError where the hidden mark is not seen.
     """
     scene = recording.scene
     try:
-        found = identify(
+        found = identify_constants(
             scene.network, frames, scene.measured_nodes, scene.target.node, settings=scene.settings, advance=advance
         )
     except IdentificationError as error:
@@ -80,10 +87,12 @@ def identified_scene(
     return replace(scene, network=found.network, uncertainty=found.uncertainty), found
 
 
-def tuned_scene(recording: Recording, frames: Frames, advance: Advance = lambda _share: None) -> tuple[Scene, Tuned]:
+def tuned_scene(
+    recording: Recording, frames: Frames, advance: Advance = lambda _share: None
+) -> tuple[Scene, TuningResult]:
     """The scene with the noise levels under which the recording is most probable, and all that was found."""
     scene = recording.scene
-    found = tune(
+    found = tune_noise(
         scene.network,
         frames,
         scene.measured_nodes,
@@ -105,30 +114,32 @@ class Constant:
     change: float
 
 
-def constants(found: Identified) -> list[Constant]:
+def constants(found: IdentificationResult) -> list[Constant]:
     """What was found, constant by constant."""
     return [
-        Constant(label(found.network, one), value(found.network, one), float(sd), float(np.expm1(change)))
+        Constant(
+            parameter_label(found.network, one), parameter_value(found.network, one), float(sd), float(np.expm1(change))
+        )
         for one, sd, change in zip(found.parameters, found.sd, found.change, strict=True)
     ]
 
 
-def untold(found: Identified) -> list[Mapping[str, object]]:
+def untold(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations of which the recording tells less than was known before.
 
     Of each the part of the variance that is left, and the constants that weigh most in it.
     """
-    left, directions = found.told_apart()
+    left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
     for share, direction in zip(left, directions, strict=True):
         if share > TOLD:
             most = np.argsort(-np.abs(direction))[:NAMED]
-            weights = {label(found.network, found.parameters[k]): round(float(direction[k]), 3) for k in most}
+            weights = {parameter_label(found.network, found.parameters[k]): round(float(direction[k]), 3) for k in most}
             combinations.append({"variance_left": float(share), "weights": weights})
     return combinations
 
 
-def identification_report(found: Identified) -> dict[str, object]:
+def identification_report(found: IdentificationResult) -> dict[str, object]:
     """What `softaim identify --json` prints."""
     return {
         "passes": found.passes,
@@ -142,7 +153,7 @@ def identification_report(found: Identified) -> dict[str, object]:
     }
 
 
-def tuning_report(found: Tuned) -> dict[str, object]:
+def tuning_report(found: TuningResult) -> dict[str, object]:
     """What `softaim tune --json` prints."""
     return {
         "levels": {

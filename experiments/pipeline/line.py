@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from estimators import FixBias, Identity, LeaveOneOut, MarkMeasurement, OpenLoop, Swap, TargetEstimate, TissueFilter
+from estimators import (
+    AssociationFilter,
+    FixBias,
+    IdentitySwap,
+    LeaveOneOut,
+    MarkMeasurement,
+    OpenLoop,
+    TargetEstimate,
+    TissueFilter,
+)
 from experiments.formats.recording import Fix
 from experiments.formats.scene.scene import Scene
 
@@ -40,7 +49,7 @@ class Step:
     marks: tuple[MarkMeasurement, ...]
     detect_s: float
     method_s: dict[str, float]
-    swap: Swap | None = None
+    swap: IdentitySwap | None = None
 
 
 class Line:
@@ -64,7 +73,7 @@ class Line:
         filters = made(*told, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
         self.checks = filters if isinstance(filters, LeaveOneOut) else None
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
-        self.identity = Identity(self.filter, scene.nodes_alike)
+        self.identity = AssociationFilter(self.filter, scene.nodes_alike)
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
         self._marks = {mark.node: mark for mark in scene.marks}
@@ -100,7 +109,9 @@ class Line:
         """The marks in a frame, on the plane."""
         camera = self.scene.cameras[0]
         expected = [self._looked_for(node, self.filter.expected) for node in self._marks]
-        found = self.finder.find(image, expected, lambda node: self._looked_for(node, self.filter.struck))
+        found = self.finder.find(
+            image, expected, lambda node: self._looked_for(node, self.filter.expected_after_impulse)
+        )
         if not found:
             return ()
         marks = [self._marks[f.name] for f in found]

@@ -28,8 +28,8 @@ from experiments.pipeline.events import tell_events, tell_swap
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.live_advice import LiveAdvice, words
-from vision.detection.rim_search import look_at
-from vision.tracking.appearance import Appearance
+from vision.detection.rim_search import detect_by_rim
+from vision.tracking.appearance import AppearanceModel
 
 SMOOTHING = 0.1
 """Share of the newest frame in the running frames per second and latency shown; chosen."""
@@ -153,11 +153,11 @@ def _warm_up(scene: Scene) -> None:
     image = vision.draw_frame(camera.size_px, discs, vision.Lighting(), np.random.default_rng(0))
     line.see(3 / 30.0, image)
     one = vision.Expected("", np.array([60.0, 60.0]), np.eye(2), 0.0, vision.Outline(8.0 * np.eye(2), 0.05))
-    look = Appearance(0.0)
+    look = AppearanceModel(0.0)
     look.remember(image, one.center_px, vision.Outline(8.0 * np.eye(2), 0.05))
     for another in (False, True):
         look.place(image, one, another=another)
-    look_at(image, one)
+    detect_by_rim(image, one)
 
 
 def told(estimate: TargetEstimate, fps: float | None, latency_ms: float, said: Guidance | None = None) -> str:

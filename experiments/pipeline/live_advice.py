@@ -13,17 +13,17 @@ from dynamics import rest_shape
 from estimators import (
     Advice,
     Breathing,
+    FastPredictionTables,
     Guidance,
-    QuickPath,
     Status,
     TargetEstimate,
     TargetPath,
     TissueFilter,
     advise,
+    fast_prediction_tables,
     guide,
     health_fault,
-    quick_path,
-    quick_tables,
+    predict_fast,
 )
 from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.advise import header, row
@@ -53,7 +53,7 @@ class LiveAdvice:
         self.plan = plan
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
-        self._tables = None if tissue.model.n_constants else quick_tables(tissue, reach_s(plan, tissue))
+        self._tables = None if tissue.model.n_constants else fast_prediction_tables(tissue, reach_s(plan, tissue))
         self._breathing = Breathing(self._dim)
         self._learn_s = np.inf
         self._last: TargetEstimate | None = None
@@ -98,13 +98,13 @@ class LiveAdvice:
         path = self._path(tissue, self._tables)
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 
-    def _path(self, tissue: TissueFilter, tables: QuickPath) -> TargetPath:
+    def _path(self, tissue: TissueFilter, tables: FastPredictionTables) -> TargetPath:
         if self._breathing.breath() is None or tissue.time_s is None:
-            return TargetPath(*quick_path(tables, tissue))
+            return TargetPath(*predict_fast(tables, tissue))
         times = tissue.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64)
         return TargetPath(times, *self._breathing.predict(times))
 
-    def _compiled(self, tables: QuickPath) -> None:
+    def _compiled(self, tables: FastPredictionTables) -> None:
         """Load what is compiled before the first frame has to wait for it."""
         plan, n = self.plan, tables.n_times
         means, covs = np.tile(plan.insertion.entry, (n, 1)), np.tile(1e-6 * np.eye(self._dim), (n, 1, 1))

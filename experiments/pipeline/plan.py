@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import rest_shape
-from estimators import Plan, PlannedTarget, TissueModel, paths
+from estimators import Plan, PlannedTarget, TissueModel, candidate_paths
 from estimators import plan as ranked
 from experiments.errors import InputError
 from experiments.formats.plan_file import Task, read_task
@@ -80,7 +80,7 @@ def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: Non
     skin = task.skin.entries(task.n_entries)
     if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():
         raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")
-    entries, tips = paths(*told, skin, task.n_aims)
+    entries, tips = candidate_paths(*told, skin, task.n_aims)
     found = ranked(*told, task.skin, task.obstacles, entries=entries, tips=tips)
     return Planned(scene, task, lesion, found, belief, time_s)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from estimators import MarkMeasurement, Status, TargetEstimate, coverage, normalised_squared
+from estimators import MarkMeasurement, Status, TargetEstimate, coverage
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.recording import MarkRow, Recording
@@ -122,7 +122,7 @@ def _nees(errors: Floats, estimates: list[TargetEstimate]) -> Floats:
     covs = {k: e.cov for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()}
     if covs:
         known = list(covs)
-        nees[known] = normalised_squared(errors[known], np.array(list(covs.values())))
+        nees[known] = normalised_error_squared(errors[known], np.array(list(covs.values())))
     return nees
 
 

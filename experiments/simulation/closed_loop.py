@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import Drive
+from dynamics import NeedleDrive
 from estimators import (
     Advice,
     AdviceSettings,
-    Belief,
+    GaussianMixture,
     Hit,
     Insertion,
     Lesion,
@@ -140,8 +140,8 @@ class _Shot:
     now_s: float
     left_s: float
     aside_m: float
-    tip: Belief
-    target: Belief | None
+    tip: GaussianMixture
+    target: GaussianMixture | None
     axis: Floats
 
     def probability(self, lesion: Lesion) -> float | None:
@@ -165,13 +165,13 @@ def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float
     tip = world.entry + deep * robot.axis + (robot.beside + aside) * robot.across
     parts = believed_parts(world, robot.axis, robot.depth, robot.beside, speed, steps=1)[:, 0]
     target = policy.belief_at(now + left, parts)
-    return _Shot(now, left, aside, Belief.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
+    return _Shot(now, left, aside, GaussianMixture.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
 
 
-def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> Drive:
+def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> NeedleDrive:
     tip = world.entry + robot.depth * robot.axis + robot.beside * robot.across
     inserted = robot.depth if robot.doing != "waiting" else -1.0
-    return Drive(tip, speed * robot.axis + sideways * robot.across, robot.axis, inserted)
+    return NeedleDrive(tip, speed * robot.axis + sideways * robot.across, robot.axis, inserted)
 
 
 def _way(world: World, robot: _Robot, speed: float, steps: int = 0) -> Floats:

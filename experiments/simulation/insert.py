@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from estimators import Tenth, calibration, clopper_pearson
+from estimators import ReliabilityBin, clopper_pearson, reliability_bins
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import Scenario
@@ -84,11 +84,11 @@ def one_run(job: tuple[Case, float]) -> tuple[Tried, ...]:
     return tuple(attempt(world, make(), state, radius_m) for make in makers)
 
 
-def calibrated(done: Trials) -> tuple[Tenth, ...]:
+def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
     """What `filter-ahead` told at its commitments of a lesion drawn for each run, against what came of it."""
     told = [one for one in done.of("filter-ahead") if one.told is not None and one.miss_m is not None]
     hits = [one.miss_m <= one.told_radius_m for one in told if one.miss_m is not None]
-    return calibration([one.told for one in told if one.told is not None], hits)
+    return reliability_bins([one.told for one in told if one.told is not None], hits)
 
 
 def summary(done: Trials) -> dict[str, object]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import adaptive, pack, unpack
+from dynamics import integrate_adaptive, pack, unpack
 from experiments.formats.scenario import Scenario
 from experiments.simulation.simulate import draw, poke_force, scene_of, tremor_force
 
@@ -78,7 +78,7 @@ class PhantomCamera:
 
     def _move(self, due: float) -> None:
         nothing = np.zeros((len(self.scene.network.free), self.scene.network.dim))
-        self._state = adaptive(
+        self._state = integrate_adaptive(
             self.scene.network,
             self._state,
             [self.time_s, due],

@@ -11,22 +11,22 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import HIDDEN, OUTER, Drive, four_mass_phantom, sliding_forces
+from dynamics import HIDDEN, OUTER, NeedleDrive, four_mass_phantom, sliding_friction
 from estimators import (
     AdviceSettings,
-    Belief,
     Breathing,
+    FastPredictionTables,
     FilterSettings,
+    GaussianMixture,
     MarkMeasurement,
     OpenLoop,
-    QuickPath,
     TargetEstimate,
     TargetPath,
     TissueFilter,
     compliance,
+    fast_prediction_tables,
     health_fault,
-    quick_path,
-    quick_tables,
+    predict_fast,
 )
 from estimators.tissue.filter import Snapshot
 from experiments.formats.scenario import Scenario
@@ -65,7 +65,7 @@ class Policy(Protocol):
     def path(self, pushes: Floats) -> TargetPath:
         """Where the target is to be looked for from now on; pushes: the needle's in the frames ahead, as believed."""
 
-    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """What is believed of the target then, None where nothing is.
 
         parts: of the needle's force from now until then, as believed [N], (2, n_free, dim), see `believed_parts`
@@ -104,7 +104,7 @@ def believed_parts(world: World, axis: Floats, depth: float, beside: float, spee
     across = np.array([-axis[1], axis[0]])
     tips = world.entry + depths[:, None] * axis + beside * across
     cutting, friction = (
-        sliding_forces(world.network, needle_with(world.entry, BELIEVED | {without: 0.0}), tips, axis, depths)
+        sliding_friction(world.network, needle_with(world.entry, BELIEVED | {without: 0.0}), tips, axis, depths)
         for without in ("friction_N_m", "cutting_N")
     )
     return np.array([cutting, friction] if speed >= 0.0 else [np.zeros_like(cutting), -friction])
@@ -141,7 +141,7 @@ class Rest:
         """Where it rests, for ever."""
         return _standing(self.time_s, self._place)
 
-    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """None."""
         return None
 
@@ -172,7 +172,7 @@ class Warm:
     tissue: TissueFilter
     then: Snapshot
     estimate: TargetEstimate
-    tables: QuickPath
+    tables: FastPredictionTables
     breathing: Breathing
 
 
@@ -195,10 +195,10 @@ class Filtered:
         """Where it is now, for ever."""
         return _standing(self.estimate.time_s, self.estimate.mean)
 
-    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
         said = self.tissue.predict_modes(time_s, parts.sum(axis=0))
-        return Belief(said.weights, said.means, said.covs + off_by_forces(self._compliance, parts))
+        return GaussianMixture(said.weights, said.means, said.covs + off_by_forces(self._compliance, parts))
 
     def fault(self, now_s: float) -> str | None:
         """Of the filter's health."""
@@ -226,18 +226,18 @@ class Ahead(Filtered):
     def path(self, pushes: Floats) -> TargetPath:
         """By the breath, or by the filter's tables."""
         if self._breathing.breath() is None:
-            return TargetPath(*quick_path(self._tables, self.tissue, pushes))
+            return TargetPath(*predict_fast(self._tables, self.tissue, pushes))
         n = self._tables.n_times
         times = self.estimate.time_s + self._tables.cycle_s * np.arange(n, dtype=np.float64)
         means, covs = self._breathing.predict(times)
         return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
 
-    def belief_at(self, time_s: float, parts: Floats) -> Belief | None:
+    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """By the breath, or by the filter, and what wrong forces of the needle make of it."""
         if self._breathing.breath() is None:
             return super().belief_at(time_s, parts)
         mean, cov = self._breathing.predict(np.array([time_s]))
-        return Belief.gaussian(
+        return GaussianMixture.gaussian(
             mean[0] + self._shifts(parts).sum(axis=0), cov[0] + off_by_forces(self._compliance, parts)
         )
 
@@ -259,9 +259,9 @@ def settings_for(scenario: Scenario) -> FilterSettings:
 
 
 @cache
-def _tables(settings: FilterSettings, ahead_s: float) -> QuickPath:
+def _tables(settings: FilterSettings, ahead_s: float) -> FastPredictionTables:
     """Of the filter of every world with these settings: network and marks are the same in all."""
-    return quick_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, settings), ahead_s)
+    return fast_prediction_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, settings), ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
@@ -273,7 +273,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     settings = settings_for(case.scenario)
     tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, settings), Paper(world)
     tables = _tables(settings, horizon_s(world))
-    state, outside = world.start, Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+    state, outside = world.start, NeedleDrive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
     estimate, breathing = None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):
         marks = world.marks(k, state)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import MassSpringNetwork, NetworkError, adaptive, four_mass_phantom, pack, rest_shape, unpack
+from dynamics import MassSpringNetwork, NetworkError, four_mass_phantom, integrate_adaptive, pack, rest_shape, unpack
 from dynamics.phantoms.four_mass import HIDDEN
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder
@@ -42,7 +42,7 @@ def scene_of(scenario: Scenario) -> Scene:
         Mark(name, scenario.marks.hue_deg, scenario.marks.diameter_mm * 1e-3, measured=name != HIDDEN) for name in names
     )
     seen = scenario.camera
-    camera = vision.squarely(
+    camera = vision.fronto_parallel_camera(
         "front",
         (seen.size_px[0], seen.size_px[1]),
         (seen.mm_per_px[0], seen.mm_per_px[1]),
@@ -150,7 +150,7 @@ def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.G
     start, forces = start_and_forces(network, scenario, rng)
     nothing = np.zeros_like(start)
     try:
-        states = adaptive(
+        states = integrate_adaptive(
             network,
             pack(start, nothing),
             times,

@@ -11,7 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import HIDDEN, OUTER, Drive, Knots, MassSpringNetwork, Needle, Pose, four_mass_phantom, pack, steered
+from dynamics import (
+    HIDDEN,
+    OUTER,
+    ForceKnots,
+    MassSpringNetwork,
+    NeedleDrive,
+    NeedleMechanics,
+    NeedlePose,
+    advance_steered,
+    four_mass_phantom,
+    pack,
+)
 from estimators import MarkMeasurement
 from experiments.formats.scenario import Scenario
 from experiments.simulation.simulate import start_and_forces
@@ -68,8 +79,8 @@ class World:
 
     case: Case
     network: MassSpringNetwork
-    knots: Knots
-    needle: Needle
+    knots: ForceKnots
+    needle: NeedleMechanics
     start: Floats
     noise: Floats
     entry: Floats
@@ -94,10 +105,10 @@ class World:
         ]
 
     def moved(
-        self, state: Floats, drive: Drive, between_s: tuple[float, float], punctured: bool
+        self, state: Floats, drive: NeedleDrive, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
         """The tissue under the needle from one time to another [s], and whether the skin has given way."""
-        return steered(
+        return advance_steered(
             self.network,
             self.needle,
             state,
@@ -131,7 +142,7 @@ def world_of(case: Case) -> World:
     return World(
         case,
         network,
-        Knots(knots, KNOT_S),
+        ForceKnots(knots, KNOT_S),
         needle_with(entry, true),
         pack(start, np.zeros_like(start)),
         rng.normal(0.0, case.mark_sd_m, (case.n_frames, len(OUTER), network.dim)),
@@ -141,7 +152,7 @@ def world_of(case: Case) -> World:
     )
 
 
-def needle_with(entry: Floats, constants: dict[str, float]) -> Needle:
+def needle_with(entry: Floats, constants: dict[str, float]) -> NeedleMechanics:
     """A needle of these constants, whose way is told elsewhere."""
-    still = Pose(entry, np.array([0.0, -1.0]), 0.0, 0.0)
-    return Needle(lambda _t: still, entry, **constants)
+    still = NeedlePose(entry, np.array([0.0, -1.0]), 0.0, 0.0)
+    return NeedleMechanics(lambda _t: still, entry, **constants)

@@ -23,13 +23,13 @@ import filterpy.kalman as filterpy
 import numpy as np
 
 import vision
-from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent, pack, parameters, plain_step
+from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent_uncertainty, pack, parameters, plain_step
 from estimators import (
     AdviceSettings,
-    Belief,
+    AssociationFilter,
     Breathing,
+    GaussianMixture,
     Guidance,
-    Identity,
     Insertion,
     Lesion,
     MarkMeasurement,
@@ -37,10 +37,10 @@ from estimators import (
     TissueFilter,
     UnscentedKalmanFilter,
     advise,
+    fast_prediction_tables,
     hit_probability,
     positive_points,
-    quick_path,
-    quick_tables,
+    predict_fast,
 )
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, Line
@@ -128,7 +128,7 @@ def filter_step() -> dict[str, float]:
 def full_step(n_frames: int = 300) -> dict[str, float]:
     """The whole filter, frame after frame, with exact constants and with uncertain ones."""
     network = four_mass_phantom()
-    ten = independent(parameters(network, ("stiffness",)), 0.1)
+    ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     return {
         "ours_ms": _step_ms(TissueFilter(network, HIDDEN, OUTER), n_frames),
         "considered_ms": _step_ms(TissueFilter(network, HIDDEN, OUTER, uncertainty=ten), n_frames),
@@ -138,7 +138,7 @@ def full_step(n_frames: int = 300) -> dict[str, float]:
 def _step_ms(tissue: TissueFilter, n_frames: int) -> float:
     rng = np.random.default_rng(0)
     network = tissue.model.network
-    identity = Identity(tissue, [OUTER])
+    identity = AssociationFilter(tissue, [OUTER])
     noise = 0.00414
     seconds = []
     for k in range(n_frames):
@@ -166,11 +166,11 @@ def advice() -> dict[str, float]:
     times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
     report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
     t = FRAME_S * np.arange(121, dtype=np.float64)
-    tables, breathing, first = quick_tables(tissue, 1.5), Breathing(2), 9 * FRAME_S
+    tables, breathing, first = fast_prediction_tables(tissue, 1.5), Breathing(2), 9 * FRAME_S
     for k in range(400):
         angle = 2.0 * np.pi * k * FRAME_S / 4.0
         breathing.update(k * FRAME_S, 0.01 * np.array([np.cos(angle), np.sin(angle)]), 1e-6 * np.eye(2))
-    report["quick_path_ms"] = median_ms(lambda: quick_path(tables, tissue), 200)
+    report["quick_path_ms"] = median_ms(lambda: predict_fast(tables, tissue), 200)
     clock = iter(400 * FRAME_S + FRAME_S * np.arange(1000, dtype=np.float64))
     place = network.positions[network.index(HIDDEN)]
     ahead, disc = AdviceSettings(horizon_s=0.3), Lesion.ball(5e-3, 2)
@@ -179,7 +179,7 @@ def advice() -> dict[str, float]:
     def live_frame() -> Guidance:
         breathing.update(next(clock), place, 1e-6 * np.eye(2))
         breathing.breath()
-        return advise(TargetPath(*quick_path(tables, tissue)), towards, disc, settings=ahead, now_s=first)
+        return advise(TargetPath(*predict_fast(tables, tissue)), towards, disc, settings=ahead, now_s=first)
 
     report["live_frame_ms"] = median_ms(live_frame, 200)
     for dim, name in ((2, "plane"), (3, "space")):
@@ -189,7 +189,7 @@ def advice() -> dict[str, float]:
         insertion = Insertion(0.06 * np.eye(dim)[1], -np.eye(dim)[1], 0.1)
         lesion = Lesion.ball(5e-3, dim)
         report[f"advise_{name}_ms"] = median_ms(_asked(path, insertion, lesion), 200)
-    belief, lesion = Belief.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
+    belief, lesion = GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
     axis = np.eye(3)[1]
     report["hit_probability_ms"] = median_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
     return report

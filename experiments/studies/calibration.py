@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import TissueFilter, coverage, normalised_squared
+from estimators import TissueFilter, coverage, normalised_error_squared
 from experiments.studies.estimation.trials import Trial, seen
-from vision import Lens, PlaneCamera, Pose, posed
+from vision import Lens, PlaneCamera, Pose, posed_camera
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class Run:
 def camera_off(off_m: float, kind: str) -> PlaneCamera:
     """A camera before the phantom whose calibration moves marks at rest by this much on average [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
-    camera = posed(
+    camera = posed_camera(
         "front",
         (1280, 720),
         lens,
@@ -104,7 +104,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
             covs.append(estimate.cov)
         e, P = np.array(errors[SETTLED:]), np.array(covs[SETTLED:])
         found.squared[name], found.variance[name] = (e**2).sum(axis=1), np.trace(P, axis1=1, axis2=2)
-        found.nees[name] = normalised_squared(e, P)
+        found.nees[name] = normalised_error_squared(e, P)
     return found
 
 

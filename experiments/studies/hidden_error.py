@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import MarkMeasurement, coverage, normalised_squared
+from estimators import MarkMeasurement, coverage, normalised_error_squared
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.simulation.simulate import scene_of, true_motion
@@ -53,7 +53,7 @@ def run(scenario_name: str, seed: int, mark_sd_m: float = MARK_SD_M, duration_s:
         steps.append(line.take(float(exposure_s), marks))
     off = {m: np.array([s.estimates[m].mean for s in steps]) - truth.positions[:, hidden] for m in (OPEN_LOOP, FILTER)}
     covs = np.array([s.estimates[FILTER].cov for s in steps])
-    return Run({m: np.linalg.norm(e, axis=1) for m, e in off.items()}, normalised_squared(off[FILTER], covs))
+    return Run({m: np.linalg.norm(e, axis=1) for m, e in off.items()}, normalised_error_squared(off[FILTER], covs))
 
 
 def study(scenario_name: str, seeds: range, runner: Callable[..., Run] = run) -> dict[str, float]:

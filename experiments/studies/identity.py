@@ -32,11 +32,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
-from estimators import Identity, MarkMeasurement, Named, TissueFilter
+from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
-from vision import Detection, Expected, identify
+from vision import Detection, Expected, associate_marks
 
 Floats = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[s
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
     tissue = TissueFilter(network, HIDDEN, OUTER)
-    identity = Identity(tissue, alike)
+    identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
     for k, time_s in enumerate(one.times_s):
@@ -116,7 +116,7 @@ def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[s
         began = time.perf_counter()
         tissue.predict(float(time_s))
         if kind == "slipped by" and k < FROM:
-            named = Named(tissue.update(marks), tuple(marks))
+            named = AssociatedEstimate(tissue.update(marks), tuple(marks))
         else:
             named = identity.update(identity.named(marks))
         seconds.append(time.perf_counter() - began)
@@ -141,7 +141,7 @@ def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[s
 def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
     """A run in which each frame's marks are named by where the filter expects them."""
     tissue = TissueFilter(one.network, HIDDEN, OUTER)
-    identity = Identity(tissue, alike)
+    identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, wrong, at_end = [], 0, False
     for k in range(0, len(one.times_s), NAMELESS[kind]):
@@ -152,7 +152,7 @@ def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[st
         for node in OUTER:
             mean, spread = tissue.expected(node)
             expected.append(Expected(node, 1e3 * mean, 1e6 * spread, 0.0))
-        found = identify(seen, expected, gate=1e4)
+        found = associate_marks(seen, expected, gate=1e4)
         which = [next(m for m, d in enumerate(seen) if d is f.detection) for f in found]
         named = identity.update(
             [MarkMeasurement(f.name, one.marks[k, m], cov) for f, m in zip(found, which, strict=True)]

@@ -37,9 +37,9 @@ from vision import (
     Pose,
     RunFrame,
     draw_frame,
-    drawn_run,
     learn_hue,
-    posed,
+    posed_camera,
+    synthetic_run,
 )
 
 Floats = NDArray[np.float64]
@@ -57,11 +57,11 @@ PREDICTED_SD_PX = 3.0
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
     """A row a mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether it was named so."""
-    frames = drawn_run(seed, n_frames, level)
+    frames = synthetic_run(seed, n_frames, level)
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
     lens = Lens(view.matrix, np.array(view.distortion))
-    camera = posed("drawn", view.size_px, lens, Pose(view.rotation, view.translation_m))
+    camera = posed_camera("drawn", view.size_px, lens, Pose(view.rotation, view.translation_m))
     names = [f"M{k}" for k in range(len(first.marks))]
     clearest = int(np.argmax(first.frame.visible))
     hue = learn_hue(first.frame.image, first.frame.centers_px[clearest])

@@ -34,7 +34,7 @@ from scipy.optimize import least_squares
 
 import vision
 from dynamics import MassSpringNetwork
-from estimators import coverage, normalised_squared
+from estimators import coverage, normalised_error_squared
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder
 from experiments.formats.recording import MarkRow, Recording, open_recording, write_frames_csv, write_marks_csv
@@ -258,7 +258,7 @@ def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
 
 
 def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str, dict[str, float]]:
-    nees = normalised_squared(errors, covs)
+    nees = normalised_error_squared(errors, covs)
     figures = {}
     for kind in ("all", "flying", "struck", "leaning"):
         of = np.ones(len(kinds), dtype=bool) if kind == "all" else kinds == kind

@@ -7,7 +7,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # at twenty states more thre
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, adaptive, four_mass_phantom, pack
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, integrate_adaptive, pack
 from estimators import MarkMeasurement
 
 STEP = 1.0 / 120.0
@@ -33,7 +33,9 @@ def driven(network, state, forces):
     """
     states = [np.asarray(state, dtype=float)]
     for force in forces:
-        end = adaptive(network, states[-1], [0.0, STEP], force=lambda _t, held=force: held, rtol=1e-8, atol=1e-10)[-1]
+        end = integrate_adaptive(
+            network, states[-1], [0.0, STEP], force=lambda _t, held=force: held, rtol=1e-8, atol=1e-10
+        )[-1]
         states.append(end)
     return np.array(states)
 

@@ -7,7 +7,7 @@ from vision.cameras.board import DICTIONARIES, Board, Corners, find_board
 from vision.cameras.bundle import CalibrationError
 from vision.cameras.calibration import Calibration, View, board_text, calibrate, rms
 from vision.cameras.lens import Lens, Pose
-from vision.cameras.plane_camera import PlaneCamera, posed, squarely
+from vision.cameras.plane_camera import PlaneCamera, fronto_parallel_camera, posed_camera
 from vision.cameras.rig import CameraViews, calibrate_together
 
 __all__ = [
@@ -25,7 +25,7 @@ __all__ = [
     "calibrate",
     "calibrate_together",
     "find_board",
-    "posed",
+    "fronto_parallel_camera",
+    "posed_camera",
     "rms",
-    "squarely",
 ]

@@ -188,7 +188,7 @@ def _inverse(name: str, homography: Floats) -> Floats:
     return np.asarray(np.linalg.inv(homography), dtype=np.float64)
 
 
-def squarely(
+def fronto_parallel_camera(
     name: str,
     size_px: tuple[int, int],
     mm_per_px: tuple[float, float],
@@ -208,7 +208,9 @@ def squarely(
     return PlaneCamera(name, size_px, homography, calibration_sd_px)
 
 
-def posed(name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()) -> PlaneCamera:
+def posed_camera(
+    name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()
+) -> PlaneCamera:
     """A camera with this lens that stands so before the plane z = 0 of the world."""
     homography = lens.matrix @ np.column_stack([pose.rotation[:, 0], pose.rotation[:, 1], pose.translation_m])
     return PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))

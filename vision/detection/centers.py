@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detection.coverage import Cover, Picture
+from vision.detection.coverage import Coverage, Picture
 from vision.detection.outline import Fitted, Outline, fit_outline
 from vision.detection.rim import fit_rim
 
@@ -54,7 +54,7 @@ ONE_MARK = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Piece:
+class Component:
     """Pixels that hang together and may be a mark.
 
     corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: its pixels, and those of
@@ -79,7 +79,7 @@ class Center:
     size: float = 1.0
 
 
-def centers_of(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Floats]) -> list[Center]:
+def centers_of(piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats]) -> list[Center]:
     """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none.
 
     expected_px: where marks of its hue are expected inside it, each (2,) from its corner
@@ -88,7 +88,7 @@ def centers_of(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Fl
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px)]
 
 
-def centers_agreed(seen: Cover, outline: Outline) -> Center | None:
+def centers_agreed(seen: Coverage, outline: Outline) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline say the same; None where they do not."""
     if seen.noise_sd > FAINTEST:
         return None
@@ -98,13 +98,13 @@ def centers_agreed(seen: Cover, outline: Outline) -> Center | None:
     return Center(center.center_px, _trust(seen, outline) * center.cov_px2, center.covered, center.size)
 
 
-def _trust(seen: Cover, outline: Outline) -> float:
+def _trust(seen: Coverage, outline: Outline) -> float:
     """A factor on the covariance of an outline in noise."""
     grain = (seen.noise_sd / GRAIN_NOISE) ** 4
     return 1.0 + outline.even * GRAIN_GAIN * grain / (1.0 + grain)
 
 
-def _agreed(seen: Cover, fitted: Fitted | None, outline: Outline) -> Center | None:
+def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline) -> Center | None:
     if fitted is None or not WHOLE_AT_LEAST <= seen.area_px / outline.area_px <= WHOLE_AT_MOST:
         return None
     apart = fitted.center_px - seen.center_px
@@ -114,7 +114,7 @@ def _agreed(seen: Cover, fitted: Fitted | None, outline: Outline) -> Center | No
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
 
 
-def _by_outline(piece: Piece, seen: Cover, outline: Outline, expected_px: list[Floats]) -> list[Center]:
+def _by_outline(piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats]) -> list[Center]:
     whole = Center(seen.center_px, seen.cov_px2)
     fitted = fit_outline(seen.alpha, seen.center_px, outline)
     share = seen.area_px / outline.area_px
@@ -141,7 +141,7 @@ def _by_outline(piece: Piece, seen: Cover, outline: Outline, expected_px: list[F
     return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
 
-def _by_rim(piece: Piece, outline: Outline, circles: Floats) -> Center | None:
+def _by_rim(piece: Component, outline: Outline, circles: Floats) -> Center | None:
     """The centre by the steps of colour around a piece, from these circles, (n, 3); None where they make no rim."""
     rim = fit_rim(piece.patch, circles, outline)
     if rim is None or (outline.even and rim.share < RIM_SEEN):
@@ -152,7 +152,7 @@ def _by_rim(piece: Piece, outline: Outline, circles: Floats) -> Center | None:
     return Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)
 
 
-def _starts(piece: Piece, expected_px: list[Floats], outline: Outline) -> Floats:
+def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
     """Places inside a piece where marks that hang together begin to be looked for, (n, 2)."""
     if len(expected_px) > 1:
         return np.array(expected_px)

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vision.detection.centers import FAINTEST, ONE_MARK, Center, Piece, centers_of
-from vision.detection.coverage import PAD_PX, Picture, cover
+from vision.detection.centers import FAINTEST, ONE_MARK, Center, Component, centers_of
+from vision.detection.coverage import PAD_PX, Picture, measure_coverage
 from vision.detection.hue import MarkHue
 from vision.detection.outline import Outline
 from vision.detection.palette import Palette, classes_of, equal, palette_of
@@ -137,7 +137,11 @@ class _Search:
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
         """The marks inside this contour of the classes."""
         piece = self._piece(contour, number)
-        seen = None if piece is None else cover(piece.patch, piece.component, piece.others, thorough=not self.outlines)
+        seen = (
+            None
+            if piece is None
+            else measure_coverage(piece.patch, piece.component, piece.others, thorough=not self.outlines)
+        )
         if piece is None or seen is None:
             return []
         if seen.noise_sd > FAINTEST and all(one.even for one in self.outlines):
@@ -175,14 +179,14 @@ class _Search:
             off = np.where(np.array(self.hues_deg) == hue_deg, off, np.inf)
         return self.outlines[int(np.argmin(off))]
 
-    def _inside(self, piece: Piece) -> list[Floats]:
+    def _inside(self, piece: Component) -> list[Floats]:
         """Where marks are expected inside a piece, from its patch's corner [px]."""
         height, width = piece.component.shape
         places = [place - piece.corner_px for place in self.starts_px]
         in_patch = [p for p in places if 0 <= p[0] < width and 0 <= p[1] < height]
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
-    def _piece(self, contour: Picture, number: int) -> Piece | None:
+    def _piece(self, contour: Picture, number: int) -> Component | None:
         """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
         least = SEARCH_SHARE * self.min_area_px
@@ -207,7 +211,7 @@ class _Search:
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
         clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale
-        return Piece(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
+        return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:

@@ -39,7 +39,7 @@ LOCAL_REACH = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Cover:
+class Coverage:
     """What a mark covers of a patch.
 
     center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
@@ -57,7 +57,7 @@ class Cover:
     color_bgr: tuple[float, ...]
 
 
-def cover(patch: Picture, component: Picture, others: Picture, *, thorough: bool = True) -> Cover | None:
+def measure_coverage(patch: Picture, component: Picture, others: Picture, *, thorough: bool = True) -> Coverage | None:
     """What a component covers of a patch; None where it cannot be told from what lies behind it.
 
     patch: (h, w, 3) BGR uint8
@@ -70,9 +70,9 @@ def cover(patch: Picture, component: Picture, others: Picture, *, thorough: bool
     return _cover(alpha, figures) if told else None
 
 
-def cover_alone(
+def measure_isolated(
     frame: Picture, box: tuple[int, int, int, int], number: int, palette: tuple[Any, ...], fewest: int
-) -> tuple[tuple[int, int], Cover] | None:
+) -> tuple[tuple[int, int], Coverage] | None:
     """The corner [px] of a patch, and what the only mark of a class covers of it, in a part of a picture; else None.
 
     box: left, top, right, bottom; number: of the class; palette: as `kernels.alone` has it; fewest: pixels of a mark
@@ -82,9 +82,9 @@ def cover_alone(
     return ((left, top), _cover(alpha, figures)) if told else None
 
 
-def _cover(alpha: Floats, figures: Floats) -> Cover:
+def _cover(alpha: Floats, figures: Floats) -> Coverage:
     u, v, uu, uv, vv, area, noise_sd, *color = figures.tolist()
-    return Cover(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, noise_sd, tuple(color))
+    return Coverage(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, noise_sd, tuple(color))
 
 
 @lru_cache(maxsize=64)

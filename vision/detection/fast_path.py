@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.detection.centers import centers_agreed
-from vision.detection.coverage import cover_alone
+from vision.detection.coverage import measure_isolated
 from vision.detection.expected import Expected
 from vision.detection.hue import MarkHue
 from vision.detection.palette import palette_of
@@ -20,7 +20,7 @@ FEWEST = 0.4
 """Share of its area that a mark shows in the search at least; chosen."""
 
 
-def mark_alone(
+def detect_isolated(
     frame_bgr: Image, hues: Sequence[MarkHue], region: tuple[int, int, int, int], expected: Expected
 ) -> Detection | None:
     """The mark expected in this region, where it is the only one of its hue there and nothing is odd about it.
@@ -33,7 +33,7 @@ def mark_alone(
     palette = palette_of(tuple(hues))
     number = 1 + [hue.hue_deg for hue in hues].index(expected.hue_deg)
     left, top, width, height = region
-    told = cover_alone(
+    told = measure_isolated(
         frame_bgr,
         (left, top, left + width, top + height),
         number,

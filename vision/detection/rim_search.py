@@ -22,7 +22,7 @@ INSIDE = 0.6
 """Of its size the part of a mark that its colour is taken from; chosen."""
 
 
-def look_at(frame_bgr: Image, expected: Expected) -> Detection | None:
+def detect_by_rim(frame_bgr: Image, expected: Expected) -> Detection | None:
     """The mark whose rim is seen about where it is expected; None where there is none, or where it may be anywhere.
 
     Whether its colour is right is for the caller to say.

@@ -5,10 +5,10 @@ What may enter: another source of frames, another container.
 
 from vision.sources.events import EventKind, Source, SourceEvent
 from vision.sources.every_frame import EveryFrame, FrameFile
-from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, told_times
+from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, stated_exposure_time
 from vision.sources.frames import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
 from vision.sources.live import Capture, LiveFrames
-from vision.sources.opening import EVERY, from_file, open_source, shown_source
+from vision.sources.opening import DEVICE_BACKLOG, from_file, open_source, shown_source
 from vision.sources.picture_folder import PictureFolderFrames
 from vision.sources.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures, sharp_frames
 from vision.sources.playback import Playback
@@ -22,10 +22,10 @@ from vision.sources.segments import (
     segments_in,
 )
 from vision.sources.video import Codec, VideoWriter, compress
-from vision.sources.watchdog import Watch
+from vision.sources.watchdog import SourceWatchdog
 
 __all__ = [
-    "EVERY",
+    "DEVICE_BACKLOG",
     "FILMS",
     "NOMINAL_FPS",
     "SHARP_FRAMES",
@@ -48,9 +48,9 @@ __all__ = [
     "Source",
     "SourceError",
     "SourceEvent",
+    "SourceWatchdog",
     "VideoFileFrames",
     "VideoWriter",
-    "Watch",
     "compress",
     "count_frames",
     "count_segment_frames",
@@ -63,5 +63,5 @@ __all__ = [
     "segments_in",
     "sharp_frames",
     "shown_source",
-    "told_times",
+    "stated_exposure_time",
 ]

@@ -26,7 +26,7 @@ ExposureRule = Callable[[Any, float], float]
 """Exposure time [s] of the frame that grab() of a capture gave at a time [s]."""
 
 
-def told_times(capture: Any, _grabbed_s: float) -> float:
+def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
     """Exposure time [s] of a capture that knows it: CAP_PROP_POS_MSEC on the monotonic clock."""
     return float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 

@@ -16,7 +16,7 @@ import numpy as np
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, ExposureRule
 from vision.sources.frames import Frame, Image, SourceError, quiet_opencv
-from vision.sources.watchdog import Watch
+from vision.sources.watchdog import SourceWatchdog
 
 RETRY_S, RETRY_EACH_S = 0.5, 0.01
 """Failed reads are tried again for so long, so often; then the device is opened again; chosen."""
@@ -67,7 +67,7 @@ class LiveFrames:
     ends: whether a read of this capture that fails means the end, and not a fault
     keep: how many frames wait to be seen; 1: the newest wins
     exposures: makes the rule of exposure times, for each opening
-    blocked_s, frozen_s: see `Watch`; with a frozen_s a picture equal to the one before, bit for bit, is never handed on
+    blocked_s, frozen_s: see `SourceWatchdog`; with a frozen_s a picture that repeats bit for bit is withheld
     give_up_s: SourceError after so long without a frame; None: never
     clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
 
@@ -105,7 +105,7 @@ class LiveFrames:
         self._ended = False
         self._error: Exception | None = None
         self.frames_dropped = 0
-        self._watch = Watch(clock(), blocked_s=blocked_s, frozen_s=frozen_s)
+        self._watch = SourceWatchdog(clock(), blocked_s=blocked_s, frozen_s=frozen_s)
         self._readers: list[_Reader] = []
         self._start_reader(clock())
 

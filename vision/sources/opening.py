@@ -13,7 +13,7 @@ import cv2
 
 from vision.sources.events import Source
 from vision.sources.every_frame import EveryFrame, FrameFile
-from vision.sources.exposure_times import told_times
+from vision.sources.exposure_times import stated_exposure_time
 from vision.sources.frames import SourceError, VideoFileFrames
 from vision.sources.live import LiveFrames
 from vision.sources.picture_folder import PictureFolderFrames
@@ -24,7 +24,7 @@ LAST_CAMERA = 99
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 OPEN_MS, READ_MS = 5000, 2000
 """How long FFmpeg may wait for a stream to open, and for its next packet; its own 30 s are too long; chosen."""
-EVERY = 64
+DEVICE_BACKLOG = 64
 """Frames of a device that wait where every one counts: 2 s at 30 frames/s; chosen."""
 
 
@@ -62,7 +62,7 @@ def open_source(
         opened = partial(cv2.VideoCapture, spec, cv2.CAP_V4L2)
     else:
         return from_file(_file(spec, fps), live=live)
-    keep = 1 if live else EVERY
+    keep = 1 if live else DEVICE_BACKLOG
     return LiveFrames(opened, ends=ends, keep=keep, blocked_s=blocked_s, frozen_s=frozen_s, give_up_s=give_up_s)
 
 
@@ -71,7 +71,9 @@ def from_file(frames: FrameFile, *, live: bool) -> Source:
     if not live:
         return EveryFrame(frames)
     playback = Playback(frames)
-    return LiveFrames(lambda: playback, ends=lambda _capture: True, exposures=lambda: told_times, frozen_s=None)
+    return LiveFrames(
+        lambda: playback, ends=lambda _capture: True, exposures=lambda: stated_exposure_time, frozen_s=None
+    )
 
 
 def _never(_capture: Any) -> bool:

@@ -14,7 +14,7 @@ KEPT = 31
 """Frame intervals of which the median is the usual one; chosen."""
 
 
-class Watch:
+class SourceWatchdog:
     """What is known of a source from when its reads came back.
 
     A fault is noticed as soon as `check` is called after its time: blocked_s without an answer, frozen_s with the same

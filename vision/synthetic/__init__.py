@@ -5,40 +5,46 @@ What may enter: what draws frames for tests and studies. No detector imports it.
 
 from vision.synthetic.camera_frames import (
     Highlight,
-    RealCamera,
-    RealFrame,
-    RealMark,
     Shadow,
-    draw_real_frame,
+    SyntheticCamera,
+    SyntheticFrame,
+    SyntheticMark,
+    draw_synthetic_frame,
     reflectance,
 )
-from vision.synthetic.clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface
+from vision.synthetic.clutter import (
+    OccludingHand,
+    OccludingNeedle,
+    blood_layer,
+    hand_layer,
+    needle_layers,
+    plain_surface,
+)
 from vision.synthetic.layers import Layer
 from vision.synthetic.plain_frames import Disc, Lighting, distractors, draw_frame, paper_camera
-from vision.synthetic.runs import Level, RunFrame, drawn_run, exposure_path
+from vision.synthetic.runs import Level, RunFrame, exposure_path, synthetic_run
 from vision.synthetic.sensor import Sensor, light_of, srgb_of
-from vision.synthetic.view import DrawnView, tilted_view
+from vision.synthetic.view import SyntheticView, tilted_view
 
 __all__ = [
     "Disc",
-    "DrawnView",
-    "Hand",
     "Highlight",
     "Layer",
     "Level",
     "Lighting",
-    "Needle",
-    "RealCamera",
-    "RealFrame",
-    "RealMark",
+    "OccludingHand",
+    "OccludingNeedle",
     "RunFrame",
     "Sensor",
     "Shadow",
+    "SyntheticCamera",
+    "SyntheticFrame",
+    "SyntheticMark",
+    "SyntheticView",
     "blood_layer",
     "distractors",
     "draw_frame",
-    "draw_real_frame",
-    "drawn_run",
+    "draw_synthetic_frame",
     "exposure_path",
     "hand_layer",
     "light_of",
@@ -47,5 +53,6 @@ __all__ = [
     "plain_surface",
     "reflectance",
     "srgb_of",
+    "synthetic_run",
     "tilted_view",
 ]

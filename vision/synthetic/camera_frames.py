@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from vision.synthetic.layers import Layer, paint, take
 from vision.synthetic.sensor import Sensor, develop, light_of
-from vision.synthetic.view import DrawnView, disc_box, disc_coverage
+from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -56,7 +56,7 @@ class Shadow:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RealCamera:
+class SyntheticCamera:
     """A camera before a plane, its lamps and its sensor; with the defaults nothing but the view acts.
 
     view: lens and pose
@@ -75,7 +75,7 @@ class RealCamera:
     Raises ValueError that names the field.
     """
 
-    view: DrawnView
+    view: SyntheticView
     sensor: Sensor = field(default_factory=Sensor)
     vignetting: float = 0.0
     blur_sd_px: float = 0.0
@@ -105,7 +105,7 @@ class RealCamera:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RealMark:
+class SyntheticMark:
     """A coloured disc on the plane, as it moves while the shutter is open.
 
     path_m: its centre at evenly spaced moments of the exposure [m], shape (n_moments, 2); n_moments is odd, and the
@@ -131,7 +131,7 @@ class RealMark:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RealFrame:
+class SyntheticFrame:
     """A frame and the truth of it.
 
     image: (height, width, 3) BGR uint8
@@ -145,14 +145,14 @@ class RealFrame:
     visible: Floats
 
 
-def draw_real_frame(
-    camera: RealCamera,
+def draw_synthetic_frame(
+    camera: SyntheticCamera,
     surface_bgr: Picture,
-    marks: Sequence[RealMark],
+    marks: Sequence[SyntheticMark],
     rng: np.random.Generator,
     *,
     occluders: Sequence[Layer] = (),
-) -> RealFrame:
+) -> SyntheticFrame:
     """The frame of marks on a surface; the later mark covers the earlier, and occluders cover all.
 
     surface_bgr: the share of light that the empty plane sends back at each pixel, linear, (height, width, 3)
@@ -175,7 +175,7 @@ def draw_real_frame(
     scene *= _light(camera)
     image = develop(scene, camera.sensor, rng)
     centers = [camera.view.project(mark.path_m[len(mark.path_m) // 2])[0] for mark in marks]
-    return RealFrame(image, np.reshape(centers, (-1, 2)), _visible_shares((height, width), layers, occluders))
+    return SyntheticFrame(image, np.reshape(centers, (-1, 2)), _visible_shares((height, width), layers, occluders))
 
 
 def reflectance(hue_deg: float, saturation: float, value: float) -> Picture:
@@ -183,7 +183,7 @@ def reflectance(hue_deg: float, saturation: float, value: float) -> Picture:
     return light_of(colorsys.hsv_to_rgb(hue_deg % 360.0 / 360.0, saturation, value))[::-1].astype(np.float32)
 
 
-def _mark_layer(view: DrawnView, mark: RealMark) -> Layer | None:
+def _mark_layer(view: SyntheticView, mark: SyntheticMark) -> Layer | None:
     """The mark as a layer; None where all of it is beyond the picture."""
     box = disc_box(view, mark.path_m, mark.radius_m)
     if box[2] <= 0 or box[3] <= 0 or box[0] >= view.size_px[0] or box[1] >= view.size_px[1]:
@@ -192,7 +192,7 @@ def _mark_layer(view: DrawnView, mark: RealMark) -> Layer | None:
     return Layer(box[0], box[1], alpha, reflectance(mark.hue_deg, mark.saturation, mark.value))
 
 
-def _highlight_layer(view: DrawnView, mark: RealMark, highlight: Highlight) -> Layer:
+def _highlight_layer(view: SyntheticView, mark: SyntheticMark, highlight: Highlight) -> Layer:
     path = mark.path_m + mark.radius_m * np.array(highlight.offset)
     radius = mark.radius_m * highlight.size
     box = disc_box(view, path, radius)
@@ -213,7 +213,7 @@ def _visible_shares(
     return shares
 
 
-def _light(camera: RealCamera) -> Picture:
+def _light(camera: SyntheticCamera) -> Picture:
     """What multiplies the scene's colours at each pixel, (height, width, 3) or (height, 1, 3)."""
     light = _still_light(camera.view, camera.vignetting, camera.slope, camera.slope_deg)
     if camera.shadow is not None:
@@ -226,7 +226,7 @@ def _light(camera: RealCamera) -> Picture:
 
 
 @lru_cache(maxsize=8)
-def _still_light(view: DrawnView, vignetting: float, slope: float, slope_deg: float) -> Picture:
+def _still_light(view: SyntheticView, vignetting: float, slope: float, slope_deg: float) -> Picture:
     width, height = view.size_px
     u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
     light = np.ones((height, width))

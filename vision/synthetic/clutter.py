@@ -24,7 +24,7 @@ ROWS_PER_BAND = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Needle:
+class OccludingNeedle:
     """A straight metal needle.
 
     tip_px, tail_px: its ends [px]
@@ -39,7 +39,7 @@ class Needle:
 
 
 @dataclass(frozen=True, slots=True)
-class Hand:
+class OccludingHand:
     """Fingers that come in from one side, out of focus.
 
     tip_px: the end of its longest finger [px]
@@ -58,7 +58,7 @@ class Hand:
     softness_px: float = 2.0
 
 
-def needle_layers(needle: Needle, size_px: Size) -> list[Layer]:
+def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
     """The needle, in bands of rows that do not overlap; covered shares are good to 1e-2 of a pixel at its edges."""
     tip, tail = np.array(needle.tip_px), np.array(needle.tail_px)
     length = float(np.hypot(*(tail - tip)))
@@ -94,7 +94,7 @@ def needle_layers(needle: Needle, size_px: Size) -> list[Layer]:
     return layers
 
 
-def hand_layer(hand: Hand, size_px: Size) -> Layer:
+def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
     """The hand; it reaches from the tip of its longest finger to beyond the picture."""
     scale = 2  # the outline is soft: half the picture's resolution shows no less
     width, height = (size_px[0] + 1) // scale, (size_px[1] + 1) // scale

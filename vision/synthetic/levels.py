@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.synthetic.camera_frames import Highlight, RealCamera, Shadow
+from vision.synthetic.camera_frames import Highlight, Shadow, SyntheticCamera
 from vision.synthetic.sensor import Sensor
 from vision.synthetic.view import tilted_view
 
@@ -16,9 +16,9 @@ LAMPS_BGR: dict[str, Triple] = {"daylight": (1.0, 1.0, 1.0), "led": (0.86, 1.0, 
 """Colours of lamps as a sensor balanced for daylight sees them; chosen."""
 
 
-def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> RealCamera:
+def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
     """A camera in good light: modest noise, mild lamps, a lens that bends little, almost square to the plane."""
-    return RealCamera(
+    return SyntheticCamera(
         tilted_view(
             size_px,
             1.1 * size_px[0],
@@ -44,14 +44,14 @@ def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> RealCamer
     )
 
 
-def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> RealCamera:
+def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
     """A camera of the whole range: every effect acts, each as strong as the seed has it; chosen, as a webcam may be."""
     lamp = LAMPS_BGR[str(rng.choice(list(LAMPS_BGR)))]
     balanced = float(rng.uniform(0.5, 1.0))
     gains = np.array(_cast(lamp, -balanced))
     share = float(rng.uniform(0.0, 1.0))
     offset_deg = float(rng.uniform(0.0, 2.0 * np.pi))
-    return RealCamera(
+    return SyntheticCamera(
         tilted_view(
             size_px,
             float(rng.uniform(0.85, 1.4)) * size_px[0],

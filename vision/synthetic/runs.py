@@ -13,12 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.detection.hue import hue_distance
-from vision.synthetic.camera_frames import RealCamera, RealFrame, RealMark, draw_real_frame, reflectance
-from vision.synthetic.clutter import Hand, Needle, blood_layer, hand_layer, needle_layers, plain_surface
+from vision.synthetic.camera_frames import (
+    SyntheticCamera,
+    SyntheticFrame,
+    SyntheticMark,
+    draw_synthetic_frame,
+    reflectance,
+)
+from vision.synthetic.clutter import (
+    OccludingHand,
+    OccludingNeedle,
+    blood_layer,
+    hand_layer,
+    needle_layers,
+    plain_surface,
+)
 from vision.synthetic.layers import Layer, paint
 from vision.synthetic.levels import any_camera, good_camera
 from vision.synthetic.plain_frames import distractors
-from vision.synthetic.view import DrawnView, disc_box, disc_coverage
+from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 Floats = NDArray[np.float64]
 Picture = NDArray[Any]
@@ -38,9 +51,9 @@ class RunFrame:
 
     index: int
     time_s: float
-    camera: RealCamera
-    marks: tuple[RealMark, ...]
-    frame: RealFrame
+    camera: SyntheticCamera
+    marks: tuple[SyntheticMark, ...]
+    frame: SyntheticFrame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +102,7 @@ def exposure_path(
     return position_m(time_s + open_s * ((np.arange(n) + 0.5) / n - 0.5))
 
 
-def drawn_run(
+def synthetic_run(
     seed: int,
     n_frames: int,
     level: Level = "good light",
@@ -132,18 +145,18 @@ def drawn_run(
                 flicker_phase=camera.flicker_phase + 2.4 * index,
             )
             marks = tuple(
-                RealMark(
+                SyntheticMark(
                     exposure_path(sway.at, time_s, camera.exposure_share / fps, scale), radius * scale, hue, *color
                 )
                 for sway, hue, color in zip(sways, hues_deg, colors, strict=True)
             )
-            frame = draw_real_frame(now, surface, marks, rng, occluders=cover(time_s))
+            frame = draw_synthetic_frame(now, surface, marks, rng, occluders=cover(time_s))
             yield RunFrame(index, time_s, now, marks, frame)
 
     return frames()
 
 
-def _sways(view: DrawnView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
+def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
     """One motion for each mark about the middle of its own tile of the picture, its speed drawn for each."""
     n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
     n_down = int(np.ceil(n / n_across))
@@ -165,7 +178,7 @@ def _sways(view: DrawnView, n: int, rng: np.random.Generator, fps: float) -> lis
 
 
 def _surface(
-    view: DrawnView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
+    view: SyntheticView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
 ) -> Picture:
     """The empty plane; over the whole range with blood and discs of other hues on it."""
     if level == "good light":
@@ -227,10 +240,10 @@ def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Genera
         if with_needle:
             tip = aim + out * 60.0 * np.sin(2.0 * np.pi * needle_rate * time_s)
             tail = tip + out * 2.0 * size.max()
-            layers += needle_layers(Needle(_pair(tip), _pair(tail), float(width), float(gloss)), size_px)
+            layers += needle_layers(OccludingNeedle(_pair(tip), _pair(tail), float(width), float(gloss)), size_px)
         if with_hand:
             tip = goal + ahead * 120.0 * np.sin(2.0 * np.pi * hand_rate * time_s + hand_phase)
-            layers.append(hand_layer(Hand(_pair(tip), towards, finger, n_fingers, skin, softness), size_px))
+            layers.append(hand_layer(OccludingHand(_pair(tip), towards, finger, n_fingers, skin, softness), size_px))
         return layers
 
     return at

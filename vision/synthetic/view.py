@@ -27,7 +27,7 @@ NODES = 9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnView:
+class SyntheticView:
     """A lens before a plane.
 
     size_px: width and height of the picture [px]
@@ -105,7 +105,7 @@ def tilted_view(
     *,
     tilt_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
-) -> DrawnView:
+) -> SyntheticView:
     """A view of the plane's origin mid-picture at mm_per_px, turned about the picture's u, v and depth axes [degrees].
 
     Without tilt x is right and y up.
@@ -119,10 +119,10 @@ def tilted_view(
     for axis, angle in zip(np.eye(3), np.deg2rad(tilt_deg), strict=True):
         R = np.asarray(cv2.Rodrigues(axis * angle)[0], dtype=np.float64) @ R
     distance = 1e-3 * mm_per_px * focal_px
-    return DrawnView(size_px, matrix, R, np.array([0.0, 0.0, distance]), distortion)
+    return SyntheticView(size_px, matrix, R, np.array([0.0, 0.0, distance]), distortion)
 
 
-def disc_box(view: DrawnView, path_m: Floats, radius_m: float) -> Box:
+def disc_box(view: SyntheticView, path_m: Floats, radius_m: float) -> Box:
     """The pixels that a disc may touch while its centre moves along a path [m], (n_moments, 2)."""
     angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
     rim = 1.02 * radius_m * np.column_stack([np.cos(angle), np.sin(angle)])  # the rim between the 32 points
@@ -131,7 +131,7 @@ def disc_box(view: DrawnView, path_m: Floats, radius_m: float) -> Box:
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
 
-def disc_coverage(view: DrawnView, box: Box, path_m: Floats, radius_m: float) -> Floats:
+def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float) -> Floats:
     """The share of each pixel of the box that a disc covers, averaged over the moments of its path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
@@ -149,7 +149,7 @@ def disc_coverage(view: DrawnView, box: Box, path_m: Floats, radius_m: float) ->
     return np.asarray(by_pixel / len(path_m), dtype=np.float64)
 
 
-def _plane_samples(view: DrawnView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
+def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
     """Where on the plane, x and y from the origin [m], lie the box's sub-samples; each (n_rows, n_columns).
 
     Rays are traced at Chebyshev nodes and interpolated between: the map is smooth, and tracing all costs 20 times more.

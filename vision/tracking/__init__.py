@@ -3,13 +3,13 @@
 What may enter: what remembers earlier frames.
 """
 
-from vision.tracking.association import Identified, identify
+from vision.tracking.association import AssociatedMark, associate_marks
 from vision.tracking.finder import MarkFinder
-from vision.tracking.hue_tracking import FollowedHue
+from vision.tracking.hue_tracking import AdaptiveHue
 
 __all__ = [
-    "FollowedHue",
-    "Identified",
+    "AdaptiveHue",
+    "AssociatedMark",
     "MarkFinder",
-    "identify",
+    "associate_marks",
 ]

@@ -60,7 +60,7 @@ BLENDS = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class AppearanceMatch:
     """Where a picture looks most like a mark.
 
     center_px: [px], (2,)
@@ -100,7 +100,7 @@ class _Look:
         return max(1.0 - float(_squared(self.behind, self.core, self.sd)), -1.0)
 
 
-class Appearance:
+class AppearanceModel:
     """What one mark looked like in the last frames that showed it whole.
 
     hue_deg: of its kind; unseen: frames since then, for its owner to count
@@ -135,7 +135,7 @@ class Appearance:
         *,
         within_px: float | None = None,
         another: bool = False,
-    ) -> Place | None:
+    ) -> AppearanceMatch | None:
         """Where it looks most like the mark about where that is expected.
 
         there_px: another place, whose score is asked for, (2,); within_px: only so near to that is looked
@@ -178,7 +178,9 @@ class Appearance:
             x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
             if 0 <= x < told.shape[2] and 0 <= y < told.shape[1]:
                 there = _score(told[:, y, x])
-        return Place(center, _score(told[:, j, i]), share, around, tuple(color.tolist()), float(weighed[j, i]), there)
+        return AppearanceMatch(
+            center, _score(told[:, j, i]), share, around, tuple(color.tolist()), float(weighed[j, i]), there
+        )
 
     def _look(self, outline: Outline) -> _Look:
         """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""

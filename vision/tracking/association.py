@@ -22,7 +22,7 @@ SAME_CLASS_DEG = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Identified:
+class AssociatedMark:
     """A detection and the name of the node that its mark sits on."""
 
     name: str
@@ -36,7 +36,9 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
     return float((vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv))
 
 
-def identify(detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = GATE) -> list[Identified]:
+def associate_marks(
+    detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = GATE
+) -> list[AssociatedMark]:
     """The most likely pairs of all, in the order of expected; a mark without a detection is absent.
 
     A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Of all sets of pairs
@@ -64,4 +66,6 @@ def identify(detections: Sequence[Detection], expected: Sequence[Expected], *, g
     # A forbidden pair costs more than any set of allowed ones differs by, so that it is taken only where none is left.
     forbidden = cost[allowed].max() + (1.0 + np.ptp(cost[allowed])) * min(cost.shape)
     rows, columns = linear_sum_assignment(np.where(allowed, cost, forbidden))
-    return [Identified(expected[i].name, detections[j]) for i, j in zip(rows, columns, strict=True) if allowed[i, j]]
+    return [
+        AssociatedMark(expected[i].name, detections[j]) for i, j in zip(rows, columns, strict=True) if allowed[i, j]
+    ]

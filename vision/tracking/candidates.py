@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
 from vision.detection.rim import fit_rim
-from vision.tracking.appearance import Place
+from vision.tracking.appearance import AppearanceMatch
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -44,14 +44,14 @@ TOGETHER = 1.6
 """What a centre by outline and a place have in common makes the variance of their mean so much larger; measured."""
 
 
-def is_mark(place: Place, free_score: float) -> bool:
+def is_mark(place: AppearanceMatch, free_score: float) -> bool:
     """Whether a place is a mark of known looks; free_score: what it needs where nothing around it looks like it."""
     if place.around < FREE:
         return place.score >= free_score and place.share >= FREE_SHARE
     return place.score >= SCORE and place.share >= SHARE
 
 
-def missed_mark(place: Place, one: Expected, off: Callable[[Detection], float]) -> Detection | None:
+def missed_mark(place: AppearanceMatch, one: Expected, off: Callable[[Detection], float]) -> Detection | None:
     """A mark of known looks that nothing else found; off: how far a colour is off its kind's, as `FollowedHue.off`."""
     if not is_mark(place, SCORE) or (place.score < DOUBTFUL_SCORE and place.around > DOUBTFUL):
         return None
@@ -60,7 +60,7 @@ def missed_mark(place: Place, one: Expected, off: Callable[[Detection], float]) 
 
 
 def mark_in_other_light(
-    frame_bgr: Image, place: Place, one: Expected, off: Callable[[Detection], float]
+    frame_bgr: Image, place: AppearanceMatch, one: Expected, off: Callable[[Detection], float]
 ) -> Detection | None:
     """A mark whose colour was not known, where it is even and apart from what is around it: by its rim, too.
 
@@ -81,14 +81,14 @@ def mark_in_other_light(
     return _moved(seen, (place.center_px + rim) / 2.0, variance * np.eye(2))
 
 
-def seen_at(place: Place, one: Expected, sd: tuple[float, float] = KNOWN_SD) -> Detection:
+def seen_at(place: AppearanceMatch, one: Expected, sd: tuple[float, float] = KNOWN_SD) -> Detection:
     """A mark at a place; sd: score and growth that its standard deviation [px] follows, as KNOWN_SD."""
     assert one.outline is not None
     area = place.share * one.outline.area_px
     return Detection(place.center_px, _sd(place, sd) ** 2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
 
 
-def together(seen: Detection, place: Place) -> Detection:
+def together(seen: Detection, place: AppearanceMatch) -> Detection:
     """What was found, its centre and that of the place that looks like it [px] weighed by their covariances [px²]."""
     variance = _sd(place, KNOWN_SD) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
@@ -102,13 +102,13 @@ def _moved(seen: Detection, center_px: Floats, cov_px2: Floats) -> Detection:
     )
 
 
-def _sd(place: Place, by_score: tuple[float, float]) -> float:
+def _sd(place: AppearanceMatch, by_score: tuple[float, float]) -> float:
     """Standard deviation of the centre of a place [px]."""
     best, growth = by_score
     return min(LEAST_SD_PX * exp(growth * max(best - place.score, 0.0)), MOST_SD_PX)
 
 
-def _rim(frame_bgr: Image, place: Place, one: Expected) -> Floats | None:
+def _rim(frame_bgr: Image, place: AppearanceMatch, one: Expected) -> Floats | None:
     """The centre of the rim about a place [px], (2,); None where there is none."""
     assert one.outline is not None
     reach = int(2.0 * (one.outline.area_px / np.pi) ** 0.5 + 8.0)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from vision.detection.components import detect_marks
 from vision.detection.coverage import PAD_PX
 from vision.detection.expected import Expected
-from vision.detection.fast_path import mark_alone
+from vision.detection.fast_path import detect_isolated
 from vision.detection.hue import MarkHue
 from vision.detection.outline import Outline
 from vision.detection.records import Detection, HueError
-from vision.detection.rim_search import look_at
-from vision.tracking.association import GATE, Identified, identify, squared_distance
-from vision.tracking.hue_tracking import FollowedHue
-from vision.tracking.templates import KnownLooks
+from vision.detection.rim_search import detect_by_rim
+from vision.tracking.association import GATE, AssociatedMark, associate_marks, squared_distance
+from vision.tracking.hue_tracking import AdaptiveHue
+from vision.tracking.templates import AppearanceTemplates
 
 Floats = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -38,7 +38,7 @@ SURE = 16.0
 BLOW_GATE = 9.21
 """Squared Mahalanobis distance at which one of many is given up as a mark after a blow: chi-square, 99 %; chosen."""
 REGION_SDS = 4.3
-"""How far from where it is expected a mark is looked for; as far as the gate of `identify`."""
+"""How far from where it is expected a mark is looked for; as far as the gate of `associate_marks`."""
 SMALL_SHARE = 0.2
 """Regions that take more of the picture than this are no quicker to search than all of it; chosen."""
 
@@ -53,26 +53,29 @@ class MarkFinder:
     """
 
     def __init__(self, hues: Iterable[MarkHue]) -> None:
-        self.hues = {hue.hue_deg: FollowedHue(hue) for hue in hues}
+        self.hues = {hue.hue_deg: AdaptiveHue(hue) for hue in hues}
         self.missed: set[str] | None = None
-        self._looks = KnownLooks()
+        self._looks = AppearanceTemplates()
 
     def find(
-        self, frame_bgr: Image, expected: Sequence[Expected], struck: Callable[[str], Expected] | None = None
-    ) -> list[Identified]:
+        self,
+        frame_bgr: Image,
+        expected: Sequence[Expected],
+        expected_after_impulse: Callable[[str], Expected] | None = None,
+    ) -> list[AssociatedMark]:
         """The marks seen, in no order; one that is not seen is absent.
 
         frame_bgr: (height, width, 3) uint8
         expected: where each mark is expected
         struck: the same for one mark by its name, were it struck since it was last seen
         """
-        found: list[Identified] = []
+        found: list[AssociatedMark] = []
         if self.missed is not None and not self.missed:
             regions = _regions(expected, frame_bgr.shape[:2])
             if sum(width * height for _, _, width, height in regions) < SMALL_SHARE * frame_bgr[..., 0].size:
                 found = self._near(frame_bgr, expected, regions)
         if len(found) < len(expected):
-            found = self._anywhere(self._in_all(frame_bgr, expected), expected, struck)
+            found = self._anywhere(self._in_all(frame_bgr, expected), expected, expected_after_impulse)
         found = self._looks.compared(frame_bgr, expected, found, lambda seen: self.hues[seen.hue_deg].off(seen))
         if len(found) < len(expected):
             found += self._by_rim(frame_bgr, expected, found)
@@ -82,16 +85,20 @@ class MarkFinder:
             followed.follow([f.detection for f in found if f.detection.hue_deg == nominal])
         return found
 
-    def _by_rim(self, frame_bgr: Image, expected: Sequence[Expected], found: Sequence[Identified]) -> list[Identified]:
+    def _by_rim(
+        self, frame_bgr: Image, expected: Sequence[Expected], found: Sequence[AssociatedMark]
+    ) -> list[AssociatedMark]:
         """Marks that are missing and of unknown looks, where a rim of their colour is about where they are expected."""
         names = {f.name for f in found}
         missing = [one for one in expected if one.name not in names and one.name not in self._looks]
         if not missing:
             return []
-        seen = [d for one in missing if (d := look_at(frame_bgr, one)) is not None and self.hues[d.hue_deg].fits(d)]
+        seen = [
+            d for one in missing if (d := detect_by_rim(frame_bgr, one)) is not None and self.hues[d.hue_deg].fits(d)
+        ]
         taken = [f.detection.center_px for f in found]
         apart = [d for d in seen if all(np.hypot(*(d.center_px - place)) > PAD_PX for place in taken)]
-        return identify(apart, missing)
+        return associate_marks(apart, missing)
 
     def _in_all(self, frame_bgr: Image, expected: Sequence[Expected]) -> list[Detection]:
         """What is found in all of the picture; nothing where a hand before the camera takes most of it.
@@ -106,38 +113,41 @@ class MarkFinder:
             return []
 
     def _anywhere(
-        self, detections: Sequence[Detection], expected: Sequence[Expected], struck: Callable[[str], Expected] | None
-    ) -> list[Identified]:
+        self,
+        detections: Sequence[Detection],
+        expected: Sequence[Expected],
+        expected_after_impulse: Callable[[str], Expected] | None,
+    ) -> list[AssociatedMark]:
         """The marks among the detections, looked for where they are expected, and what is missing as if struck."""
-        found = identify(detections, expected)
-        if struck is None:
+        found = associate_marks(detections, expected)
+        if expected_after_impulse is None:
             return found
         names = {f.name for f in found}
         missing = [one.name for one in expected if one.name not in names]
         left = [d for d in detections if not any(d is f.detection for f in found)]
         if len(left) <= len(missing):
             # nothing else could be the mark
-            return found + identify(left, [struck(name) for name in missing])
+            return found + associate_marks(left, [expected_after_impulse(name) for name in missing])
         missing = [name for name in missing if self.missed is not None and name in self.missed]
-        return found + identify(left, [struck(name) for name in missing], gate=BLOW_GATE)
+        return found + associate_marks(left, [expected_after_impulse(name) for name in missing], gate=BLOW_GATE)
 
-    def _near(self, frame_bgr: Image, expected: Sequence[Expected], regions: Sequence[Box]) -> list[Identified]:
+    def _near(self, frame_bgr: Image, expected: Sequence[Expected], regions: Sequence[Box]) -> list[AssociatedMark]:
         """The marks in these parts of the picture, of which none overlap."""
         hues = [followed.now for followed in self.hues.values()]
-        found: list[Identified] = []
+        found: list[AssociatedMark] = []
         unclear: list[Detection] = []
         for region in regions:
             own = [one for one in expected if _inside(one.center_px, region)]
-            alone = mark_alone(frame_bgr, hues, region, own[0]) if len(own) == 1 else None
+            alone = detect_isolated(frame_bgr, hues, region, own[0]) if len(own) == 1 else None
             # alone in a part of its own: whose mark it is, is no question
             if alone is not None and self.hues[alone.hue_deg].fits(alone) and squared_distance(own[0], alone) <= GATE:
-                found.append(Identified(own[0].name, alone))
+                found.append(AssociatedMark(own[0].name, alone))
             else:
                 unclear += self._detected(frame_bgr, expected, region)
         if not unclear:
             return found
         names = {f.name for f in found}
-        return found + identify(unclear, [one for one in expected if one.name not in names])
+        return found + associate_marks(unclear, [one for one in expected if one.name not in names])
 
     def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
         own = [one for one in expected if region is None or _inside(one.center_px, region)]
@@ -155,7 +165,7 @@ class MarkFinder:
         return [d for d in detections if self.hues[d.hue_deg].fits(d)]
 
 
-def _certain(found: Sequence[Identified], expected: Sequence[Expected]) -> list[Identified]:
+def _certain(found: Sequence[AssociatedMark], expected: Sequence[Expected]) -> list[AssociatedMark]:
     """Without those that touch another of their hue and might as well be it: better unseen than swapped."""
     where = {one.name: one for one in expected}
     sizes = {one.name: 0.0 if one.outline is None else (one.outline.area_px / np.pi) ** 0.5 for one in expected}

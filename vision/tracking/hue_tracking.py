@@ -31,7 +31,7 @@ GATE = 13.815510557964274
 """Squared distance in these scatters at which a colour is not the mark's: chi-square, 2 degrees of freedom, 0.1 %."""
 
 
-class FollowedHue:
+class AdaptiveHue:
     """A kind of mark whose colour is followed from frame to frame.
 
     now: what counts as this kind now
@@ -56,7 +56,7 @@ class FollowedHue:
         """How far a detection's colour is off, squared, by how far a mark's may be; 0 until some were seen."""
         if self._n_frames < KNOWN_AFTER:
             return 0.0
-        hue, saturation, _ = _told(tuple(detection.color_bgr), self._first.middle_deg)
+        hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
         (mean_hue, mean_saturation, _), (scatter_hue, scatter_saturation, _) = self._color, self._scatter
         squared = (hue - mean_hue) ** 2 / max(scatter_hue, LEAST_SDS[0] ** 2)
         squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, LEAST_SDS[1] ** 2)
@@ -65,7 +65,7 @@ class FollowedHue:
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly covered or cut do not count."""
         first = self._first
-        colors = [_told(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.covered or d.clipped)]
+        colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.covered or d.clipped)]
         if not colors:
             return
         self._n_frames += 1
@@ -88,7 +88,7 @@ class FollowedHue:
 
 
 @lru_cache(maxsize=64)
-def _told(color_bgr: tuple[float, ...], middle_deg: float) -> tuple[float, float, float]:
+def _reported(color_bgr: tuple[float, ...], middle_deg: float) -> tuple[float, float, float]:
     blue, green, red = color_bgr
     hue, saturation, value = colorsys.rgb_to_hsv(max(red, 1.0) / 255.0, max(green, 1.0) / 255.0, max(blue, 1.0) / 255.0)
     return (360.0 * hue - middle_deg + 180.0) % 360.0 - 180.0, saturation, log(value)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from vision.detection.coverage import PAD_PX
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
-from vision.tracking.appearance import Appearance, Place
-from vision.tracking.association import Identified
+from vision.tracking.appearance import AppearanceMatch, AppearanceModel
+from vision.tracking.association import AssociatedMark
 from vision.tracking.candidates import (
     FREE,
     FREE_SCORE,
@@ -52,14 +52,14 @@ WORTHLESS_PX2 = 3.0**2
 """With more variance than this something is anywhere near; chosen."""
 
 
-class KnownLooks:
+class AppearanceTemplates:
     """What the marks of a scene looked like, by name, those of one even colour whose outline is known.
 
     State: an appearance for each that was clearly seen in the last FORGOTTEN frames.
     """
 
     def __init__(self) -> None:
-        self._known: dict[str, Appearance] = {}
+        self._known: dict[str, AppearanceModel] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self._known
@@ -68,16 +68,16 @@ class KnownLooks:
         self,
         frame_bgr: Image,
         expected: Sequence[Expected],
-        found: Sequence[Identified],
+        found: Sequence[AssociatedMark],
         off: Callable[[Detection], float],
-    ) -> list[Identified]:
+    ) -> list[AssociatedMark]:
         """The marks found, put right or left out where the picture does not look like them, and those missed.
 
         off: how far a detection's colour is off that of its kind, squared, by how far it may be
         """
         where = {one.name: one for one in expected}
-        kept: list[Identified] = []
-        odd: list[Identified] = []
+        kept: list[AssociatedMark] = []
+        odd: list[AssociatedMark] = []
         for one in found:
             clear = _is_clear(one.detection)
             (kept if clear or not _is_even(where[one.name]) else odd).append(one)
@@ -86,7 +86,7 @@ class KnownLooks:
         for one in odd:
             better = self._checked(frame_bgr, where[one.name], one.detection, off)
             if better is not None:
-                kept.append(Identified(one.name, better))
+                kept.append(AssociatedMark(one.name, better))
                 if better.covered == one.detection.covered:
                     # by its outline alone: with the place that looks like it, looks would learn their own errors
                     self._remember(frame_bgr, one, where[one.name])
@@ -94,18 +94,18 @@ class KnownLooks:
         for each in expected:
             seen = None if each.name in names else self._sought(frame_bgr, each, off)
             if seen is not None and all(_apart(seen, other.detection) for other in kept):
-                kept.append(Identified(each.name, seen))
+                kept.append(AssociatedMark(each.name, seen))
         self._forget()
         return kept
 
-    def _remember(self, frame_bgr: Image, one: Identified, expected: Expected) -> None:
+    def _remember(self, frame_bgr: Image, one: AssociatedMark, expected: Expected) -> None:
         seen, look = one.detection, self._known.get(one.name)
         if look is not None and look.unseen < REFRESHED and look.is_full:
             return
         if seen.covered or seen.clipped or _variance(seen) > WHOLE_PX2 or not _is_even(expected):
             return
         if look is None:
-            look = self._known[one.name] = Appearance(expected.hue_deg)
+            look = self._known[one.name] = AppearanceModel(expected.hue_deg)
         assert expected.outline is not None
         look.remember(frame_bgr, seen.center_px, expected.outline)
 
@@ -159,7 +159,7 @@ class KnownLooks:
             return None
         return together(seen, place)
 
-    def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> Place | None:
+    def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> AppearanceMatch | None:
         """Where it looks most like a mark of this kind, in whatever light."""
         looks = [look for look in self._known.values() if look.hue_deg == one.hue_deg]
         places = [look.place(frame_bgr, one, another=True) for look in looks]
@@ -167,12 +167,12 @@ class KnownLooks:
 
     def _place(
         self, frame_bgr: Image, one: Expected, there_px: Floats | None = None, within_px: float | None = None
-    ) -> Place | None:
+    ) -> AppearanceMatch | None:
         """Where it looks like this mark as it was."""
         look = self._known.get(one.name)
         return None if look is None else look.place(frame_bgr, one, there_px, within_px=within_px)
 
-    def _score_there(self, frame_bgr: Image, one: Expected, seen: Detection, best: Place) -> float:
+    def _score_there(self, frame_bgr: Image, one: Expected, seen: Detection, best: AppearanceMatch) -> float:
         """How much the place of something looks like the mark, though it be further away than was looked."""
         if np.isfinite(best.there):
             return best.there
@@ -195,7 +195,7 @@ def _variance(seen: Detection) -> float:
     return max(uu, vv)
 
 
-def _near(place: Place, seen: Detection) -> bool:
+def _near(place: AppearanceMatch, seen: Detection) -> bool:
     return float(np.hypot(*(place.center_px - seen.center_px))) <= NEAR_PX
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.errors import shown
 from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, read_camera_toml
 from experiments.formats.scene.schema import CameraTable
-from vision import PlaneCamera, posed
+from vision import PlaneCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 """Takes points of the plane in metres, homogeneous, to the millimetres of a scene file's homography."""
@@ -24,7 +24,7 @@ def camera_of(table: CameraTable, folder: Path) -> PlaneCamera:
     """
     if table.file is not None:
         c = read_camera_toml(folder / table.file)
-        seen = posed(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
+        seen = posed_camera(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
         return replace(seen, calibration_sd_px=table.calibration_sd_px)
     assert table.name is not None
     assert table.size_px is not None
@@ -45,7 +45,7 @@ def camera_of(table: CameraTable, folder: Path) -> PlaneCamera:
     lens, pose = checked_lens(table.matrix, table.distortion), checked_pose(table.rotation, table.translation_mm)
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
     try:
-        seen = posed(table.name, size_px, lens, pose, calibration=calibration)
+        seen = posed_camera(table.name, size_px, lens, pose, calibration=calibration)
     except ValueError:
         raise ValueError(
             f"translation_mm: expected a pose before the plane z = 0, found {shown(table.translation_mm)}"

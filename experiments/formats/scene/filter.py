@@ -10,9 +10,9 @@ from dynamics import (
     KINDS,
     MassSpringNetwork,
     NetworkError,
-    Uncertainty,
-    independent,
-    label,
+    ParameterUncertainty,
+    independent_uncertainty,
+    parameter_label,
     parameter_named,
     parameters,
 )
@@ -23,21 +23,21 @@ ADAPTED = (0.25, 4.0)
 """Factors on the variances of the marks between which they adapt: half and twice the standard deviation; chosen."""
 
 
-def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> Uncertainty | None:
+def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> ParameterUncertainty | None:
     """How well the network's constants are known; raises NetworkError, `uncertainty…: …`."""
     if table is None:
         return None
     if table.parameters is None or table.directions is None:
         sds = {kind: sd for kind in KINDS if (sd := getattr(table, kind)) is not None}
         which = parameters(network, tuple(sds))
-        return independent(which, [sds[parameter.kind] for parameter in which])
+        return independent_uncertainty(which, [sds[parameter.kind] for parameter in which])
     named = []
     for i, text in enumerate(table.parameters):
         try:
             named.append(parameter_named(network, text))
         except NetworkError as error:
             raise NetworkError(f"uncertainty.parameters[{i}]: {error}") from None
-    return Uncertainty(tuple(named), np.array(table.directions, dtype=float).reshape(-1, len(named)))
+    return ParameterUncertainty(tuple(named), np.array(table.directions, dtype=float).reshape(-1, len(named)))
 
 
 def settings_of(table: FilterTable | None) -> FilterSettings:
@@ -73,6 +73,6 @@ def filter_table(settings: FilterSettings) -> dict[str, float | bool]:
     return keys
 
 
-def uncertainty_names(network: MassSpringNetwork, uncertainty: Uncertainty) -> list[str]:
+def uncertainty_names(network: MassSpringNetwork, uncertainty: ParameterUncertainty) -> list[str]:
     """The names of the constants, as `[uncertainty]` has them."""
-    return [label(network, parameter) for parameter in uncertainty.parameters]
+    return [parameter_label(network, parameter) for parameter in uncertainty.parameters]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, NetworkError, Uncertainty
+from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
 from experiments.formats.outputs import write_whole
@@ -76,7 +76,7 @@ class Scene:
     marks: tuple[Mark, ...]
     target: Target
     cameras: tuple[PlaneCamera, ...]
-    uncertainty: Uncertainty | None = None
+    uncertainty: ParameterUncertainty | None = None
     settings: FilterSettings = field(default_factory=FilterSettings)
 
     def __post_init__(self) -> None:

@@ -195,7 +195,7 @@ def read_toml(path: Path, model: type[Model]) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path}: {_told(error.errors(include_url=False)[0])}") from None
+        raise InputError(f"{path}: {_reported(error.errors(include_url=False)[0])}") from None
 
 
 def _not_toml(path: Path, text: str, message: str) -> InputError:
@@ -235,7 +235,7 @@ EXPECTED = {
 """What to say was expected, by pydantic's type of error."""
 
 
-def _told(error: ErrorDetails) -> str:
+def _reported(error: ErrorDetails) -> str:
     kind, context, loc = error["type"], error.get("ctx", {}), error["loc"]
     if kind == "unknown_key":
         return f"{key_path((*loc, context['key']))}: expected one of {context['keys']}, found an unknown key"

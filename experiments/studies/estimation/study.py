@@ -24,15 +24,15 @@ from dynamics import (
     HIDDEN,
     KINDS,
     OUTER,
-    Uncertainty,
-    at_rest_where_seen,
+    ParameterUncertainty,
+    fit_rest_lengths,
     four_mass_phantom,
-    independent,
+    independent_uncertainty,
+    parameter_value,
     parameters,
-    scaled,
-    value,
+    scale_parameters,
 )
-from estimators import FilterSettings, ForceMode, identify, principal
+from estimators import FilterSettings, ForceMode, identify_constants, principal_uncertainty
 from experiments.formats.outputs import write_whole
 from experiments.studies.estimation.limits import bound, hard, lost, optimum, overturned
 from experiments.studies.estimation.runs import Row, Study, by_scenario
@@ -48,17 +48,17 @@ NOISES_MM = (0.1, 0.3, 1.0, 4.14, 8.0)
 RATES = (5, 10, 30, 60, 120)
 
 
-def perturbed(seed: int, sds: dict[str, float], uncertainty: Uncertainty | None = None) -> Model:
+def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertainty | None = None) -> Model:
     """The phantom with constants off at random by these relative standard deviations."""
     network = four_mass_phantom()
     which = parameters(network, tuple(sds))
     change = np.random.default_rng([seed, 1]).normal(size=len(which)) * [sds[one.kind] for one in which]
-    return Model(scaled(network, which, change), uncertainty)
+    return Model(scale_parameters(network, which, change), uncertainty)
 
 
 def resting(model: Model) -> Model:
     """The model with rest lengths corrected by a picture of the true phantom at rest."""
-    return replace(model, network=at_rest_where_seen(model.network, four_mass_phantom().positions))
+    return replace(model, network=fit_rest_lengths(model.network, four_mass_phantom().positions))
 
 
 def calibration(seed: int, cache: Path) -> Frames:
@@ -70,10 +70,10 @@ def calibration(seed: int, cache: Path) -> Frames:
 def identified_run(seed: int, cache: Path) -> dict[str, object]:
     """One phantom whose constants are off, identified from a calibration recording, then tracked in all scenarios."""
     model = perturbed(seed, OFF)
-    found = identify(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=OFF)
+    found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=OFF)
     known = Model(found.network, found.uncertainty)
     network = four_mass_phantom()
-    true = np.log([value(network, one) / value(model.network, one) for one in found.parameters])
+    true = np.log([parameter_value(network, one) / parameter_value(model.network, one) for one in found.parameters])
     error = found.change - true
     return {
         "outcomes": {name: run(Trial(name, seed), known, cache) for name in ("quiet", "poked", "shoved")},
@@ -99,7 +99,7 @@ def unidentified(study: Study) -> dict[str, Row]:
     """10 % off and not identified: the covariance is told so, and not told."""
     network = four_mass_phantom()
     which = parameters(network)
-    known = independent(which, [OFF[one.kind] for one in which])
+    known = independent_uncertainty(which, [OFF[one.kind] for one in which])
     rows: dict[str, Row] = {}
     for label, uncertainty in (("told", known), ("not told", None)):
         outcomes = {
@@ -114,8 +114,8 @@ def grid(study: Study) -> dict[str, Row]:
     """Mark noise by frame rate, constants 2 % off and known to so much, rest seen; half the runs quiet, half shoved."""
     network = four_mass_phantom()
     which = parameters(network, tuple(LEFT))
-    wide = independent(which, [LEFT[one.kind] for one in which])
-    few = principal(network, wide, calibration(0, study.cache), OUTER, HIDDEN)
+    wide = independent_uncertainty(which, [LEFT[one.kind] for one in which])
+    few = principal_uncertainty(network, wide, calibration(0, study.cache), OUTER, HIDDEN)
     rows: dict[str, Row] = {}
     for noise in NOISES_MM:
         for rate in RATES:

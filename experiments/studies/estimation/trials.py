@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, Uncertainty, four_mass_phantom
-from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_squared
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, four_mass_phantom
+from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_error_squared
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
@@ -45,7 +45,7 @@ class Model:
     """What the methods are told of the tissue."""
 
     network: MassSpringNetwork = field(default_factory=four_mass_phantom)
-    uncertainty: Uncertainty | None = None
+    uncertainty: ParameterUncertainty | None = None
     settings: FilterSettings = field(default_factory=FilterSettings)
 
 
@@ -137,7 +137,7 @@ def outcome(
         times_s,
         np.linalg.norm(paper - hidden, axis=1),
         np.linalg.norm(errors, axis=1),
-        normalised_squared(errors, covs),
+        normalised_error_squared(errors, covs),
         np.sqrt(np.trace(covs, axis1=1, axis2=2)),
         tuple(estimate.status.value for estimate in ours),
         tissue.refused,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import NetworkError, at_rest_where_seen, four_mass_phantom, parameters, rest_shape, scaled
+from dynamics import NetworkError, fit_rest_lengths, four_mass_phantom, parameters, rest_shape, scale_parameters
 
 PHANTOM = four_mass_phantom()
 
@@ -14,7 +14,7 @@ def tissue(seed, off=0.03):
     """A phantom whose rest lengths are off at random, relative, and its other constants by 10 %."""
     which = parameters(PHANTOM)
     sds = [off if one.kind == "rest_length" else 0.1 for one in which]
-    return scaled(PHANTOM, which, np.array(sds) * np.random.default_rng(seed).normal(size=len(which)))
+    return scale_parameters(PHANTOM, which, np.array(sds) * np.random.default_rng(seed).normal(size=len(which)))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -22,7 +22,7 @@ def test_the_model_rests_where_the_tissue_was_seen_to_rest(seed):
     """Forces are linear in the rest lengths: one solve is exact. 1e-9 of shapes some centimetres apart: rounding."""
     seen = rest_shape(tissue(seed))
     assert np.linalg.norm(seen - PHANTOM.positions, axis=1).max() > 3e-3
-    corrected = at_rest_where_seen(PHANTOM, seen)
+    corrected = fit_rest_lengths(PHANTOM, seen)
     np.testing.assert_allclose(rest_shape(corrected), seen, rtol=0, atol=1e-9)
     np.testing.assert_allclose(corrected.positions, seen, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(corrected.stiffness, PHANTOM.stiffness)
@@ -30,7 +30,7 @@ def test_the_model_rests_where_the_tissue_was_seen_to_rest(seed):
 
 def test_of_all_corrections_it_is_the_smallest():
     """Ten rest lengths, eight balances of force: moving along the two that make no force makes it larger."""
-    corrected = at_rest_where_seen(PHANTOM, rest_shape(tissue(3)))
+    corrected = fit_rest_lengths(PHANTOM, rest_shape(tissue(3)))
     change = corrected.rest_lengths / PHANTOM.rest_lengths - 1.0
     x = corrected.positions
     apart = x[PHANTOM.springs[:, 1]] - x[PHANTOM.springs[:, 0]]
@@ -45,7 +45,7 @@ def test_of_all_corrections_it_is_the_smallest():
 
 
 def test_a_shape_at_rest_needs_no_correction():
-    corrected = at_rest_where_seen(PHANTOM, PHANTOM.positions)
+    corrected = fit_rest_lengths(PHANTOM, PHANTOM.positions)
     np.testing.assert_allclose(corrected.rest_lengths, PHANTOM.rest_lengths, rtol=1e-9)
 
 
@@ -61,7 +61,7 @@ def test_noise_is_not_followed_further_than_rest_lengths_are_known():
         seen = true.copy()
         seen[PHANTOM.free] += rng.normal(0.0, 0.004, (4, 2))
         for errors, known in ((firm, 0.01), (loose, 10.0)):
-            errors.append(at_rest_where_seen(PHANTOM, seen, sd_m=0.004, known=known).positions[1] - true[1])
+            errors.append(fit_rest_lengths(PHANTOM, seen, sd_m=0.004, known=known).positions[1] - true[1])
         before.append(PHANTOM.positions[1] - true[1])
         pictured.append(seen[1] - true[1])
     rms = [np.sqrt(np.mean(np.square(errors))) for errors in (firm, loose, before, pictured)]
@@ -75,9 +75,9 @@ def test_a_picture_of_another_network_is_refused():
     with pytest.raises(
         NetworkError, match=r"rest_length .*: expected to rest where it was seen with a change below 50 %"
     ):
-        at_rest_where_seen(PHANTOM, seen)
+        fit_rest_lengths(PHANTOM, seen)
     with pytest.raises(NetworkError, match=r"positions: expected finite numbers of shape \(7, 2\)"):
-        at_rest_where_seen(PHANTOM, seen[:6])
+        fit_rest_lengths(PHANTOM, seen[:6])
 
 
 def test_what_no_spring_can_hold_is_refused():
@@ -95,5 +95,5 @@ def test_what_no_spring_can_hold_is_refused():
         rest_lengths=np.array([0.3]),
         damping=np.zeros(1),
     )
-    corrected = at_rest_where_seen(pendulum, [[0.0, 0.0], [0.05, -0.3]])
+    corrected = fit_rest_lengths(pendulum, [[0.0, 0.0], [0.05, -0.3]])
     assert abs(corrected.positions[1, 0]) < 1e-9  # it rests below its anchor, whatever was seen

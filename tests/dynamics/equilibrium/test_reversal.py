@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import four_mass_phantom, pack
-from dynamics.equilibrium.reversal import reversed_springs
+from dynamics.equilibrium.reversal import inverted_springs
 
 PHANTOM = four_mass_phantom()
 REST = PHANTOM.positions[PHANTOM.free]
@@ -17,7 +17,7 @@ def states(*positions):
 def test_a_shape_moved_turned_a_little_and_stretched_has_none_turned():
     spin = np.radians(30.0)
     turn = np.array([[np.cos(spin), -np.sin(spin)], [np.sin(spin), np.cos(spin)]])
-    assert not reversed_springs(PHANTOM, states(REST + 0.01, (REST - REST[1]) @ turn.T + REST[1], 1.2 * REST))[0]
+    assert not inverted_springs(PHANTOM, states(REST + 0.01, (REST - REST[1]) @ turn.T + REST[1], 1.2 * REST))[0]
 
 
 @pytest.mark.parametrize(("degrees", "found"), [(89.0, False), (91.0, True)])
@@ -27,16 +27,16 @@ def test_a_right_angle_is_the_limit(degrees, found):
     angle = np.radians(90.0 + degrees)
     moved[2] = REST[1] + 0.19 * np.array([np.cos(angle), np.sin(angle)])
     moved[0] = [-10.0, REST[0, 1]]  # far off, so that its springs do not turn
-    assert reversed_springs(PHANTOM, states(moved))[0] == found
+    assert inverted_springs(PHANTOM, states(moved))[0] == found
 
 
 def test_springs_to_anchors_count():
     moved = REST.copy()
     moved[0, 1] = -0.1  # below In1, which stands at 0
-    assert reversed_springs(PHANTOM, states(moved))[0]
+    assert inverted_springs(PHANTOM, states(moved))[0]
 
 
 def test_sets_are_told_apart_and_what_follows_the_state_is_not_looked_at():
     two = np.concatenate([states(REST), states(-REST)])
     more = np.concatenate([two, np.full((2, 2, 6), 1e3)], axis=2)
-    assert reversed_springs(PHANTOM, more).tolist() == [False, True]
+    assert inverted_springs(PHANTOM, more).tolist() == [False, True]

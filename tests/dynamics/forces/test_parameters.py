@@ -8,17 +8,17 @@ from dynamics import (
     NetworkError,
     Parameter,
     ParameterForces,
-    Uncertainty,
+    ParameterUncertainty,
     four_mass_phantom,
-    independent,
-    label,
+    independent_uncertainty,
     node_forces,
     pack,
     parameter_forces,
+    parameter_label,
     parameter_named,
+    parameter_value,
     parameters,
-    scaled,
-    value,
+    scale_parameters,
 )
 
 PHANTOM = four_mass_phantom()
@@ -35,7 +35,7 @@ def moving():
 
 def test_all_positive_constants_have_a_name_and_are_found_by_it():
     assert len(ALL) == 3 * 10 + 2 * 4
-    names = [label(PHANTOM, one) for one in ALL]
+    names = [parameter_label(PHANTOM, one) for one in ALL]
     assert len(set(names)) == 38
     assert names[0] == "stiffness M1-M2"
     assert names[-1] == "friction M4"
@@ -48,11 +48,11 @@ def test_all_positive_constants_have_a_name_and_are_found_by_it():
 def test_scaling_is_on_a_log_scale_and_touches_nothing_else():
     """Value exp(change); the rest to the bit."""
     which = (parameter_named(PHANTOM, "rest_length M2-M3"), parameter_named(PHANTOM, "drag M2"))
-    changed = scaled(PHANTOM, which, [np.log(1.5), -np.log(2.0)])
-    assert value(changed, which[0]) == pytest.approx(0.3, rel=1e-14)
-    assert value(changed, which[1]) == pytest.approx(0.1, rel=1e-14)
+    changed = scale_parameters(PHANTOM, which, [np.log(1.5), -np.log(2.0)])
+    assert parameter_value(changed, which[0]) == pytest.approx(0.3, rel=1e-14)
+    assert parameter_value(changed, which[1]) == pytest.approx(0.1, rel=1e-14)
     same = [one for one in ALL if one not in which]
-    assert [value(changed, one) for one in same] == [value(PHANTOM, one) for one in same]
+    assert [parameter_value(changed, one) for one in same] == [parameter_value(PHANTOM, one) for one in same]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -61,7 +61,10 @@ def test_forces_of_a_change_are_differences_of_the_forces(moving, kind):
     which = parameters(PHANTOM, (kind,))
     found = parameter_forces(PHANTOM, which, *moving)
     for k, one in enumerate(which):
-        ends = [node_forces(scaled(PHANTOM, [one], [s * 1e-5]), *moving)[PHANTOM.free].ravel() for s in (1.0, -1.0)]
+        ends = [
+            node_forces(scale_parameters(PHANTOM, [one], [s * 1e-5]), *moving)[PHANTOM.free].ravel()
+            for s in (1.0, -1.0)
+        ]
         np.testing.assert_allclose(found[k], (ends[0] - ends[1]) / 2e-5, rtol=0, atol=1e-8)
         assert np.abs(found[k]).max() > 1e-4
 
@@ -73,10 +76,10 @@ def test_the_compiled_form_is_the_plain_one(moving):
 
 
 def test_uncertainty_is_checked_and_has_a_covariance():
-    both = Uncertainty(ALL[:2], np.array([[0.1, 0.2], [0.0, 0.3]]))
+    both = ParameterUncertainty(ALL[:2], np.array([[0.1, 0.2], [0.0, 0.3]]))
     np.testing.assert_allclose(both.cov, [[0.01, 0.02], [0.02, 0.13]], rtol=1e-14)
-    np.testing.assert_allclose(independent(ALL[:3], 0.1).cov, 0.01 * np.eye(3), rtol=1e-14)
+    np.testing.assert_allclose(independent_uncertainty(ALL[:3], 0.1).cov, 0.01 * np.eye(3), rtol=1e-14)
     with pytest.raises(NetworkError, match=r"directions: expected shape \(n_directions, 2\), found \(1, 3\)"):
-        Uncertainty(ALL[:2], np.ones((1, 3)))
+        ParameterUncertainty(ALL[:2], np.ones((1, 3)))
     with pytest.raises(NetworkError, match="expected finite numbers"):
-        Uncertainty(ALL[:2], np.array([[0.1, np.nan]]))
+        ParameterUncertainty(ALL[:2], np.array([[0.1, np.nan]]))

@@ -5,9 +5,9 @@ import pytest
 
 from dynamics import (
     Stepper,
-    adaptive,
     all_positions,
     derivative,
+    integrate_adaptive,
     kinetic_energy,
     pack,
     potential_energy,
@@ -90,7 +90,7 @@ def test_observed_order_is_four(tangled, dim):
     """Error against DOP853 at 1e-13 halves by 2⁴; three halvings, from steps small enough for the leading term."""
     network = tangled(dim, friction=0.0)
     state, t = thrown(network), 0.4
-    exact = adaptive(network, state, [0.0, t], rtol=1e-13, atol=1e-15)[-1]
+    exact = integrate_adaptive(network, state, [0.0, t], rtol=1e-13, atol=1e-15)[-1]
     steps = t / np.array([160, 320, 640])
     errors = [np.abs(one(Stepper(network, h), state, t) - exact).max() for h in steps]
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
@@ -141,7 +141,7 @@ def test_the_phantom_moves_as_the_adaptive_integrator_says(phantom):
     state, t = thrown(phantom), 0.5
     force = np.random.default_rng(9).normal(size=8)
     times = np.linspace(0.0, t, 6)
-    exact = adaptive(phantom, state, times, force=lambda _t: force.reshape(4, 2), rtol=1e-11, atol=1e-13)
+    exact = integrate_adaptive(phantom, state, times, force=lambda _t: force.reshape(4, 2), rtol=1e-11, atol=1e-13)
     stepper, moving = Stepper(phantom, 1.0 / 16000.0), state
     assert exact.shape == (6, 16)
     np.testing.assert_array_equal(exact[0], state)
@@ -153,14 +153,14 @@ def test_the_phantom_moves_as_the_adaptive_integrator_says(phantom):
 def test_the_default_step_is_accurate_enough_for_marks_seen_to_a_tenth_of_a_millimetre(phantom):
     """Error of the default steps over half a second of motion at 0.5 m/s against DOP853: under 0.01 mm."""
     state = thrown(phantom)
-    exact = adaptive(phantom, state, [0.0, 0.5])[-1]
+    exact = integrate_adaptive(phantom, state, [0.0, 0.5])[-1]
     assert np.abs(one(Stepper(phantom), state, 0.5) - exact)[:8].max() < 1e-5
 
 
 def test_both_adaptive_methods_agree(phantom):
     """RK45 against DOP853, each to its tolerance 1e-9 a step over some hundred steps."""
     state = thrown(phantom)
-    ends = [adaptive(phantom, state, [0.0, 0.5], method=method)[-1] for method in ("RK45", "DOP853")]
+    ends = [integrate_adaptive(phantom, state, [0.0, 0.5], method=method)[-1] for method in ("RK45", "DOP853")]
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=2e-8)
 
 
@@ -172,13 +172,13 @@ def test_a_short_force_is_seen_where_the_longest_step_says_so(build):
     def push(t):
         return [[1.0 if 0.05 <= t < 0.051 else 0.0, 0.0]]
 
-    seen = adaptive(mass, start, [0.0, 0.051], force=push, max_step_s=2e-5)[-1]
+    seen = integrate_adaptive(mass, start, [0.0, 0.051], force=push, max_step_s=2e-5)[-1]
     assert seen[2] == pytest.approx(5e-3, rel=5e-3)  # a step across either edge: 2e-5 of 1e-3 s each
 
 
 def test_an_integration_that_gives_up_is_an_error(phantom):
     with pytest.raises(RuntimeError, match="integration from 0 to 1 s: "):
-        adaptive(phantom, thrown(phantom), [0.0, 1.0], force=lambda t: np.nan if t > 0.5 else 0.0)
+        integrate_adaptive(phantom, thrown(phantom), [0.0, 1.0], force=lambda t: np.nan if t > 0.5 else 0.0)
 
 
 def test_derivative_is_velocity_and_force_over_mass(build):

@@ -7,16 +7,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dynamics import (
-    Needle,
+    NeedleMechanics,
     all_positions,
     force_on_free,
-    insert_needle,
+    forced_states,
     kinetic_energy,
     motion,
     needle_load,
     pack,
     potential_energy,
-    pushed_states,
+    simulate_insertion,
     straight_insertion,
     unpack,
 )
@@ -41,7 +41,9 @@ def test_a_mass_pushed_slowly_goes_as_far_as_force_by_stiffness(one_mass):
     """
     entry = np.array([0.2, 0.0])
     pose = straight_insertion(entry, [0.4, 0.0], 0.005, depth_m=0.005)
-    done = insert_needle(one_mass, Needle(pose, entry, contact_N_m=400.0, reach_m=0.01), at_rest(one_mass), [0.0, 5.0])
+    done = simulate_insertion(
+        one_mass, NeedleMechanics(pose, entry, contact_N_m=400.0, reach_m=0.01), at_rest(one_mass), [0.0, 5.0]
+    )
     force = 0.005 / (1.0 / 160.0 + 1.0 / 400.0)
     assert done.punctured_s is None
     assert done.pushes[-1] == pytest.approx(force, rel=1e-6)
@@ -56,9 +58,9 @@ def test_the_skin_gives_way_when_the_contact_reaches_the_puncture_force(one_mass
     """
     entry = np.array([0.2, 0.0])
     forces = {"puncture_N": 0.5, "cutting_N": 0.2, "friction_N_m": 5.0}
-    needle = Needle(straight_insertion(entry, [0.4, 0.0], 0.002), entry, reach_m=0.01, slip_m_s=2e-4, **forces)
+    needle = NeedleMechanics(straight_insertion(entry, [0.4, 0.0], 0.002), entry, reach_m=0.01, slip_m_s=2e-4, **forces)
     times = np.linspace(0.0, 4.0, 401)
-    done = insert_needle(one_mass, needle, at_rest(one_mass), times)
+    done = simulate_insertion(one_mass, needle, at_rest(one_mass), times)
     assert done.punctured_s == pytest.approx(2.1875, abs=0.03)
     before = done.pushes[~done.punctured]
     assert before.max() == pytest.approx(0.5, abs=0.003)
@@ -78,12 +80,12 @@ def test_fourth_order_where_nothing_jumps(phantom, punctured):
     network = replace(phantom, friction=np.zeros(phantom.n_nodes))
     entry = np.array([0.02, 0.45])
     pose = straight_insertion(entry, [0.0, 0.2], 0.2, start_s=-0.1)
-    needle = Needle(pose, entry, contact_N_m=100.0, slip_m_s=0.1, friction_N_m=5.0)
+    needle = NeedleMechanics(pose, entry, contact_N_m=100.0, slip_m_s=0.1, friction_N_m=5.0)
     force, rate = force_on_free(network, needle, punctured=punctured), motion(network)
     start = at_rest(network)
     told = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
     exact = solve_ivp(lambda t, y: rate(y, force(t, y)), (0.0, 0.2), start, **told).y[:, -1]
-    errors = [np.abs(pushed_states(network, start, force, [0.0, 0.2], n)[-1] - exact).max() for n in (160, 320)]
+    errors = [np.abs(forced_states(network, start, force, [0.0, 0.2], n)[-1] - exact).max() for n in (160, 320)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
 
 
@@ -93,9 +95,9 @@ def test_work_of_the_hand_is_energy_of_the_tissue_and_what_was_lost(phantom):
     Losses of node friction, drag and dashpots are summed along the way; trapezoid rule over 1 ms, 1 % of the work.
     """
     entry = np.array([0.0, 0.45])
-    needle = Needle(straight_insertion(entry, [0.0, 0.2], 0.03), entry, puncture_N=50.0)
+    needle = NeedleMechanics(straight_insertion(entry, [0.0, 0.2], 0.03), entry, puncture_N=50.0)
     times = np.linspace(0.0, 0.8, 801)
-    done = insert_needle(phantom, needle, at_rest(phantom), times)
+    done = simulate_insertion(phantom, needle, at_rest(phantom), times)
     work = np.trapezoid(done.pushes * 0.03, times)
 
     def energies(y):

@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import Needle, Pose, dent, needle_load, shared_force, shares, straight_insertion
+from dynamics import (
+    NeedleMechanics,
+    NeedlePose,
+    distributed_force,
+    indentation,
+    needle_load,
+    node_weights,
+    straight_insertion,
+)
 
 SLIP = 2e-3
 
@@ -19,7 +27,7 @@ def needle_into(network, **changes):
     """A needle pushed at 20 mm/s towards the middle of a network, in contact with the skin from 0 s on."""
     entry = network.positions.max(axis=0) + 0.05
     pose = straight_insertion(entry, network.positions.mean(axis=0), 0.02)
-    return Needle(pose, entry, **({"slip_m_s": SLIP} | changes))
+    return NeedleMechanics(pose, entry, **({"slip_m_s": SLIP} | changes))
 
 
 @pytest.mark.parametrize("punctured", [False, True])
@@ -39,8 +47,8 @@ def test_the_nodes_share_by_a_gaussian_of_their_distance(network):
     """w_i proportional to exp(-d_i² / 2 reach²), written out; from far off the nearest node takes all."""
     point = network.positions.mean(axis=0) + 0.01
     plain = np.array([np.exp(-np.sum((x - point) ** 2) / (2 * 0.1**2)) for x in network.positions])
-    np.testing.assert_allclose(shares(network, point, 0.1), plain / plain.sum(), rtol=1e-12)
-    far = shares(network, np.full(network.dim, 50.0), 0.01)
+    np.testing.assert_allclose(node_weights(network, point, 0.1), plain / plain.sum(), rtol=1e-12)
+    far = node_weights(network, np.full(network.dim, 50.0), 0.01)
     assert far.sum() == 1.0
     assert far.max() == 1.0
 
@@ -64,7 +72,7 @@ def test_the_contact_is_the_slope_of_its_energy(network, slope):
     needle, still = needle_into(network), np.zeros_like(network.positions)
 
     def energy(x):
-        return np.array([0.5 * needle.contact_N_m * float(dent(network, needle, 1.0, x)) ** 2])
+        return np.array([0.5 * needle.contact_N_m * float(indentation(network, needle, 1.0, x)) ** 2])
 
     force = needle_load(network, needle, 1.0, network.positions, still, punctured=False).nodes
     expected = -slope(energy, network.positions, 1e-4)[0].reshape(force.shape)
@@ -85,7 +93,7 @@ def test_after_the_puncture_it_cuts_at_the_tip_and_rubs_along_the_shaft(network)
 def test_drawn_back_it_rubs_the_other_way_and_cuts_nothing(network):
     needle = needle_into(network)
     pose = needle.pose(3.0)
-    back = replace(needle, pose=lambda _t: Pose(pose.tip, pose.direction, -pose.speed, pose.inserted_m))
+    back = replace(needle, pose=lambda _t: NeedlePose(pose.tip, pose.direction, -pose.speed, pose.inserted_m))
     still = np.zeros_like(network.positions)
     forward, backward = (needle_load(network, n, 3.0, network.positions, still, punctured=True) for n in (needle, back))
     assert backward.cutting == 0.0
@@ -124,14 +132,14 @@ def test_a_measured_push_lands_where_the_model_says(network, punctured):
     needle = needle_into(network)
     still = np.zeros_like(network.positions)
     load = needle_load(network, needle, 2.0, network.positions, still, punctured=punctured)
-    told = shared_force(network, needle, 2.0, float(np.linalg.norm(load.on_needle)), punctured=punctured)
+    told = distributed_force(network, needle, 2.0, float(np.linalg.norm(load.on_needle)), punctured=punctured)
     np.testing.assert_allclose(told, load.nodes[network.free], rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("key", ["radius_m", "puncture_N", "contact_N_m", "reach_m", "slip_m_s", "cutting_N"])
 def test_no_needle_with_such_numbers(key):
     with pytest.raises(ValueError, match=f"needle {key}: expected"):
-        Needle(lambda _t: None, np.zeros(2), **{key: -1.0})
+        NeedleMechanics(lambda _t: None, np.zeros(2), **{key: -1.0})
 
 
 def test_it_stands_at_its_depth_and_needs_a_way_to_go():

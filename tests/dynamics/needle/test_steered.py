@@ -7,16 +7,16 @@ import pytest
 
 from dynamics import (
     HIDDEN,
-    Drive,
-    Knots,
-    Needle,
-    Pose,
+    ForceKnots,
+    NeedleDrive,
+    NeedleMechanics,
+    NeedlePose,
+    advance_steered,
     four_mass_phantom,
-    insert_needle,
     needle_load,
     pack,
-    sliding_forces,
-    steered,
+    simulate_insertion,
+    sliding_friction,
     straight_insertion,
 )
 
@@ -27,7 +27,7 @@ SPEED = 0.05
 def drive(towards, depth):
     """The needle from ENTRY towards a point, so deep [m]."""
     u = (towards - ENTRY) / np.linalg.norm(towards - ENTRY)
-    return Drive(ENTRY + depth * u, SPEED * u, u, depth)
+    return NeedleDrive(ENTRY + depth * u, SPEED * u, u, depth)
 
 
 @pytest.mark.parametrize("pieces", [1, 20])
@@ -38,7 +38,9 @@ def test_an_insertion_is_that_of_dop853(pieces):
     """
     network = four_mass_phantom()
     target = network.positions[network.index(HIDDEN)]
-    needle = Needle(straight_insertion(ENTRY, target, SPEED), ENTRY, puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0)
+    needle = NeedleMechanics(
+        straight_insertion(ENTRY, target, SPEED), ENTRY, puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0
+    )
     t = np.arange(0.0, 0.51, 1e-3)
     forces = np.zeros((len(t), 4, 2))
     forces[:, 0, 0] = np.sin(8.0 * t)
@@ -48,17 +50,23 @@ def test_an_insertion_is_that_of_dop853(pieces):
     def outside(now):
         return np.array([[np.interp(now, t, forces[:, i, d]) for d in range(2)] for i in range(4)])
 
-    exact = insert_needle(network, needle, rest, [0.0, 0.5], outside=outside)
+    exact = simulate_insertion(network, needle, rest, [0.0, 0.5], outside=outside)
     state, punctured = rest, False
     edges = np.linspace(0.0, 0.5, pieces + 1)
     for a, b in pairwise(edges):
         told = drive(target, SPEED * a)
-        state, punctured = steered(
-            network, needle, state, told, outside=Knots(forces, 1e-3), between_s=(a, b), punctured=punctured
+        state, punctured = advance_steered(
+            network, needle, state, told, outside=ForceKnots(forces, 1e-3), between_s=(a, b), punctured=punctured
         )
     assert punctured
-    still, _ = steered(
-        network, needle, rest, drive(target, -1.0), outside=Knots(forces, 1e-3), between_s=(0.0, 0.5), punctured=False
+    still, _ = advance_steered(
+        network,
+        needle,
+        rest,
+        drive(target, -1.0),
+        outside=ForceKnots(forces, 1e-3),
+        between_s=(0.0, 0.5),
+        punctured=False,
     )
     place = network.coordinates(HIDDEN)
     assert np.linalg.norm((exact.states[-1] - still)[place]) > 1e-3
@@ -69,23 +77,23 @@ def test_a_needle_that_slides_pushes_as_its_load_says():
     """`needle_load` of a needle a thousand times as fast as its slip, in tissue at rest: 1e-6."""
     network = four_mass_phantom()
     told = drive(network.positions[network.index(HIDDEN)], 0.02)
-    needle = Needle(lambda _t: Pose(told.tip, told.direction, 2.0, 0.02), ENTRY)
+    needle = NeedleMechanics(lambda _t: NeedlePose(told.tip, told.direction, 2.0, 0.02), ENTRY)
     still = np.zeros_like(network.positions)
     exact = needle_load(network, needle, 0.0, network.positions, still, punctured=True).nodes[network.free]
-    found = sliding_forces(network, needle, told.tip[None], told.direction, np.array([0.02]))
+    found = sliding_friction(network, needle, told.tip[None], told.direction, np.array([0.02]))
     np.testing.assert_allclose(found[0], exact, rtol=1e-6, atol=1e-12)
 
 
 def test_time_does_not_go_back():
     network = four_mass_phantom()
-    needle = Needle(lambda _t: Pose(ENTRY, ENTRY, 0.0, 0.0), ENTRY)
+    needle = NeedleMechanics(lambda _t: NeedlePose(ENTRY, ENTRY, 0.0, 0.0), ENTRY)
     with pytest.raises(ValueError, match="between_s: expected times that rise"):
-        steered(
+        advance_steered(
             network,
             needle,
             np.zeros(16),
             drive(np.zeros(2), 0.0),
-            outside=Knots(np.zeros((2, 4, 2)), 1.0),
+            outside=ForceKnots(np.zeros((2, 4, 2)), 1.0),
             between_s=(1.0, 0.5),
             punctured=False,
         )

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import Identity, TissueFilter
+from estimators import AssociationFilter, TissueFilter
 from estimators.association.exchanges import seen_from
 from estimators.association.identity import DOUBT, RARE
-from estimators.filters.kernels import names_in_doubt, naming_costs
+from estimators.filters.kernels import ambiguous_exchanges, association_costs
 
 EVERY = 4
 """Steps of the truth, of 1/120 s, to a frame."""
@@ -41,7 +41,7 @@ def means(phantom, frames):
 
 def followed(phantom, frames, names_at, alike=(OUTER,)):
     """Identity after these frames with names_at(frame) exchanged, and what it made of each."""
-    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), alike)
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), alike)
     made = []
     for k, (time_s, marks) in enumerate(frames):
         identity.tissue.predict(time_s)
@@ -143,7 +143,7 @@ def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames
 def test_a_fix_reaches_the_rivals(phantom, frames):
     """Wrong from the start, and the target sighted in the second frame: as if the names had been right all the time."""
     plain = TissueFilter(phantom, HIDDEN, OUTER)
-    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
     place, cov = phantom.positions[phantom.index(HIDDEN)] + 0.003, 1e-6 * np.eye(2)
     for k, (time_s, marks) in enumerate(frames[:8]):
         plain.predict(time_s)
@@ -168,14 +168,14 @@ def test_costs_of_names_are_gaussian():
     off = z[None] - means_m[:, None]
     squared = np.einsum("ijk,ijk->ij", off, np.linalg.solve(S, off[..., None])[..., 0])
     expected = 0.5 * (squared + np.linalg.slogdet(S)[1])
-    np.testing.assert_allclose(naming_costs(means_m, covs[:n], z, covs[n:]), expected, rtol=1e-12)
+    np.testing.assert_allclose(association_costs(means_m, covs[:n], z, covs[n:]), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("order", [("M4", "M3", "M1"), ("M3", "M4", "M1"), ("M4", "M1", "M3")])
 def test_a_swap_that_slipped_by_is_mended(phantom, frames, order):
     """Wrong names fed past the identity for a second: innovations tell, and right names start anew, within 0.2 s."""
     wrong = dict(zip(OUTER, order, strict=True))
-    identity = Identity(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
     for k, (time_s, marks) in enumerate(frames):
         identity.tissue.predict(time_s)
         if k < 30:
@@ -233,5 +233,5 @@ def test_doubt_is_an_exchange_that_costs_little():
             if costs[:, i].any() or costs[:, j].any()
         ]
         found.append(min(rises, default=np.inf) < -4.0)
-        assert names_in_doubt(costs, pairs, -4.0) == found[-1]
+        assert ambiguous_exchanges(costs, pairs, -4.0) == found[-1]
     assert 20 < sum(found) < 180

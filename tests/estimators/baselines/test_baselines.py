@@ -20,7 +20,7 @@ from estimators import (
     TissueFilter,
     TissueModel,
 )
-from estimators.baselines.particles import fewer
+from estimators.baselines.particles import resample
 
 R = 1e-6 * np.eye(2)
 MODE = ForceMode(white=0.2, poke=0.3, lasting_s=0.2)
@@ -183,13 +183,13 @@ def test_fewer_weights_are_unbiased_distinct_and_no_more_than_asked_for():
     weights = np.array([0.5, 0.2, 0.1, 0.06, 0.05, 0.04, 0.03, 0.02])
     total, rng = np.zeros(8), np.random.default_rng(0)
     for _ in range(4000):
-        kept, new = fewer(weights, 4, rng)
+        kept, new = resample(weights, 4, rng)
         assert len(set(kept.tolist())) == len(kept) <= 4
         assert new.sum() == pytest.approx(1.0, abs=1e-12)
         assert {0, 1} <= set(kept.tolist())
         total[kept] += new
     np.testing.assert_allclose(total / 4000, weights, rtol=0, atol=0.012)
-    kept, new = fewer(np.array([0.0, 0.3, 0.7]), 5, rng)
+    kept, new = resample(np.array([0.0, 0.3, 0.7]), 5, rng)
     assert kept.tolist() == [1, 2]
     np.testing.assert_allclose(new, [0.3, 0.7])
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics import OUTER, adaptive, pack
+from dynamics import OUTER, integrate_adaptive, pack
 from estimators import MarkMeasurement, OpenLoop, Status
 
 SECONDS = 1.2
@@ -18,7 +18,7 @@ def path(phantom, rest_state):
         return push * np.array([[0.4, 0.3], [0.0, 0.0], [-1.2, 0.5], [0.0, 0.0]])
 
     times = np.linspace(0.0, SECONDS, 1153)
-    return times, adaptive(phantom, rest_state, times, force=force, rtol=1e-10, atol=1e-12, max_step_s=0.02)
+    return times, integrate_adaptive(phantom, rest_state, times, force=force, rtol=1e-10, atol=1e-12, max_step_s=0.02)
 
 
 def followed(phantom, path, marks_of, every, nodes=OUTER):
@@ -80,7 +80,7 @@ def test_a_mark_lost_on_the_way_goes_on_with_the_speed_it_had(phantom, path, mar
 
 
 def test_with_all_marks_lost_it_is_the_free_simulation(phantom, marks_of):
-    """From any state, `adaptive` from the same state. Steps of 1/240 s over 0.6 s: 20 µm, 1 mm/s of friction's bend."""
+    """From any state, as `integrate_adaptive`. Steps of 1/240 s over 0.6 s: 20 µm, 1 mm/s of friction's bend."""
     rng = np.random.default_rng(0)
     start = phantom.positions[phantom.free] + 0.02 * rng.normal(size=(4, 2))
     speed = 0.3 * rng.normal(size=(4, 2))
@@ -88,7 +88,7 @@ def test_with_all_marks_lost_it_is_the_free_simulation(phantom, marks_of):
     loop.update(5.0, [])
     loop.positions[phantom.free], loop.velocities[phantom.free] = start, speed
     times = np.array([0.0, 0.1, 0.25, 0.6])
-    for t, expected in list(zip(times, adaptive(phantom, pack(start, speed), times), strict=True))[1:]:
+    for t, expected in list(zip(times, integrate_adaptive(phantom, pack(start, speed), times), strict=True))[1:]:
         estimate = loop.update(5.0 + t, [])
         found = pack(loop.positions[phantom.free], loop.velocities[phantom.free])
         np.testing.assert_allclose(found[:8], expected[:8], rtol=0, atol=2e-5)

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_are
 
 from dynamics import OUTER, MassSpringNetwork, pack
-from estimators import ForceMode, grown_covariance, posterior_bound
+from estimators import ForceMode, accumulated_noise, posterior_bound
 
 R = 1e-6 * np.eye(2)
 
@@ -38,7 +38,7 @@ DENSITY = np.diag([0.0, 0.0, 0.09, 0.09])
 
 def textbook(marks, dt, start):
     """Kalman's covariances with the matrices of `A`, exponentials by SciPy: marks taken in where there are any."""
-    F, Q = expm(A * dt), grown_covariance(A, DENSITY, dt)
+    F, Q = expm(A * dt), accumulated_noise(A, DENSITY, dt)
     P, H, found = start, np.eye(4)[:2], []
     for k, seen in enumerate(marks):
         P = F @ P @ F.T + Q if k else P

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, parameters, scaled
+from dynamics import HIDDEN, OUTER, parameters, scale_parameters
 from estimators import LeaveOneOut, Status, TissueFilter, chi_square_bounds
 
 SD = 0.001
@@ -38,7 +38,7 @@ def wrong(phantom, motion, marks_of):
     which = parameters(phantom, ("stiffness", "rest_length"))
     off = np.array([0.3 if one.kind == "stiffness" else 0.03 for one in which])
     change = off * np.random.default_rng(0).normal(size=len(which))
-    return followed(phantom, scaled(phantom, which, change), motion, marks_of)
+    return followed(phantom, scale_parameters(phantom, which, change), motion, marks_of)
 
 
 def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, rest_state, marks_of):

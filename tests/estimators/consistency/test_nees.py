@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators import anees, chi_square_bounds, coverage, mean_bounds, normalised_squared, over_runs
+from estimators import anees, chi_square_bounds, coverage, coverage_over_runs, mean_bounds, normalised_error_squared
 
 # Printed tables (Abramowitz and Stegun, 26.8): upper points of chi-square, five figures.
 TABLE = {1: (0.00098207, 5.02389), 2: (0.0506356, 7.37776), 6: (1.237344, 14.4494), 100: (74.2219, 129.561)}
@@ -43,7 +43,7 @@ def test_coverage_counts_up_to_the_tables_95_percent_point(degrees, inside, outs
 def test_normalised_squared_is_the_quadratic_form():
     """By hand: (3, 4) with variances 9 and 4 is 1 + 4; with covariance [[2, 1], [1, 2]] (1, 1) gives 2/3. Rounding."""
     covs = [np.diag([9.0, 4.0]), np.array([[2.0, 1.0], [1.0, 2.0]])]
-    np.testing.assert_allclose(normalised_squared([[3.0, 4.0], [1.0, 1.0]], covs), [5.0, 2.0 / 3.0], rtol=1e-14)
+    np.testing.assert_allclose(normalised_error_squared([[3.0, 4.0], [1.0, 1.0]], covs), [5.0, 2.0 / 3.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])
@@ -51,7 +51,7 @@ def test_drawn_errors_are_covered_as_they_should(share):
     """40,000 Gaussian errors of two correlated coordinates: share inside to three deviations, 0.75 % at most."""
     cov = np.array([[2.0, 1.2], [1.2, 1.0]])
     errors = np.random.default_rng(1).multivariate_normal(np.zeros(2), cov, size=40_000)
-    squared = normalised_squared(errors, np.broadcast_to(cov, (40_000, 2, 2)))
+    squared = normalised_error_squared(errors, np.broadcast_to(cov, (40_000, 2, 2)))
     assert coverage(squared, 2, share) == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / 40_000))
     # A filter that believes itself twice as sure covers 1 - exp(-x / 4) of it, by the law of two degrees.
     bold = coverage(4.0 * squared, 2, share)
@@ -60,13 +60,13 @@ def test_drawn_errors_are_covered_as_they_should(share):
 
 def test_a_singular_covariance_is_an_error():
     with pytest.raises(np.linalg.LinAlgError):
-        normalised_squared([[1.0, 1.0]], [np.ones((2, 2))])
+        normalised_error_squared([[1.0, 1.0]], [np.ones((2, 2))])
 
 
 def test_over_runs_is_the_mean_at_each_time_with_the_bounds_of_that_mean():
     """40 runs of 3 times, two degrees: the mean of 40 lies in the bounds of 80 degrees; one time is too large."""
     squared = np.random.default_rng(7).chisquare(2, size=(40, 3)) * [1.0, 1.0, 3.0]
-    means, (low, high) = over_runs(squared, 2)
+    means, (low, high) = coverage_over_runs(squared, 2)
     np.testing.assert_allclose(means, [squared[:, k].sum() / 40 for k in range(3)], rtol=1e-14)
     assert (low, high) == mean_bounds(2, 40)
     assert low < means[0] < high < means[2]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from estimators import calibration, clopper_pearson
+from estimators import clopper_pearson, reliability_bins
 
 
 @pytest.mark.parametrize(("hits", "n"), [(1, 10), (5, 10), (37, 40), (200, 1000)])
@@ -22,7 +22,7 @@ def test_none_and_all_leave_one_side_open():
 
 
 def test_tenths_hold_their_lower_edge_and_the_last_one_holds_one():
-    rows = calibration([0.0, 0.05, 0.1, 0.3, 0.9, 1.0], [0, 1, 0, 1, 1, 1])
+    rows = reliability_bins([0.0, 0.05, 0.1, 0.3, 0.9, 1.0], [0, 1, 0, 1, 1, 1])
     assert [(row.n, row.hits) for row in rows] == [(2, 1), (1, 0), (0, 0), (1, 1), *[(0, 0)] * 5, (2, 2)]
     assert [row.low for row in rows] == pytest.approx(np.arange(10) / 10)
     assert rows[0].mean == pytest.approx(0.025)
@@ -34,8 +34,8 @@ def test_what_is_true_is_inside_and_what_is_too_sure_is_not():
     """20,000 draws: hits with the probability predicted; then with 0.1 less."""
     rng = np.random.default_rng(0)
     p = rng.uniform(size=20_000)
-    assert all(row.inside for row in calibration(p, rng.uniform(size=20_000) < p))
-    off = calibration(p, rng.uniform(size=20_000) < p - 0.1)
+    assert all(row.inside for row in reliability_bins(p, rng.uniform(size=20_000) < p))
+    off = reliability_bins(p, rng.uniform(size=20_000) < p - 0.1)
     assert not any(row.inside for row in off[1:])
     assert sum(row.n for row in off) == 20_000
 
@@ -46,4 +46,4 @@ def test_what_is_true_is_inside_and_what_is_too_sure_is_not():
 )
 def test_no_probabilities_are_refused(p, hit, message):
     with pytest.raises(ValueError, match=message):
-        calibration(p, hit)
+        reliability_bins(p, hit)

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from estimators import calibration_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
+from estimators import coverage_curve, crps_normal, energy_score, pit_normal, pit_squared, uniformity
 
 
 @pytest.mark.parametrize(("mean", "sd", "truth"), [(0.0, 1.0, 0.0), (1.0, 0.5, 2.0), (-3.0, 2.0, -10.0)])
@@ -71,6 +71,6 @@ def test_the_calibration_curve_of_two_degrees():
     squared = (np.random.default_rng(4).normal(size=(20_000, 2)) ** 2).sum(axis=1)
     shares = np.array([0.1, 0.5, 0.9, 0.99])
     spread = 3.3 * np.sqrt(shares * (1.0 - shares) / 20_000)
-    assert (np.abs(calibration_curve(squared, 2, shares) - shares) < spread).all()
+    assert (np.abs(coverage_curve(squared, 2, shares) - shares) < spread).all()
     expected = 1.0 - np.sqrt(1.0 - shares)
-    assert (np.abs(calibration_curve(2.0 * squared, 2, shares) - expected) < 0.012).all()
+    assert (np.abs(coverage_curve(2.0 * squared, 2, shares) - expected) < 0.012).all()

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from estimators import RunningScale
+from estimators import VarianceScale
 
 PART, REST = np.diag([2.0, 0.5]), np.array([[0.3, 0.1], [0.1, 0.2]])
 
 
 def learnt(true, rng, n=4000, bounds=(0.01, 100.0), part=PART, rest=REST):
     """The scale after n innovations of covariance rest + true part, one each 1/30 s."""
-    scales = RunningScale(bounds)
+    scales = VarianceScale(bounds)
     root = np.linalg.cholesky(rest + true * part)
     for _ in range(n):
         scales.learn(root @ rng.normal(size=2), part, rest, 1.0 / 30.0)
@@ -43,14 +43,14 @@ def test_bounds_of_one_leave_it_alone():
 
 def test_where_the_part_plays_no_role_nothing_is_learnt():
     """With the part a millionth of S the Fisher information of an innovation is below 1e-12; six sigma move nothing."""
-    scales = RunningScale((0.01, 100.0))
+    scales = VarianceScale((0.01, 100.0))
     for _ in range(300):
         scales.learn(np.array([6.0, 0.0]), 1e-6 * np.eye(2), np.eye(2), 1.0 / 30.0)
     assert scales.scale == pytest.approx(1.0, abs=5e-3)
 
 
 def test_one_wild_innovation_moves_the_logarithm_by_one_at_most():
-    scales = RunningScale((1e-6, 1e6), start_information=0.1)
+    scales = VarianceScale((1e-6, 1e6), start_information=0.1)
     scales.learn(np.array([1e3, 1e3]), PART, REST, 0.1)
     assert scales.scale == pytest.approx(np.e, rel=1e-12)
 
@@ -68,4 +68,4 @@ def test_what_is_old_is_forgotten():
 @pytest.mark.parametrize("bounds", [(0.0, 1.0), (2.0, 1.0), (-1.0, 1.0)])
 def test_bounds_that_are_none_are_refused(bounds):
     with pytest.raises(ValueError, match="expected 0 < low <= high"):
-        RunningScale(bounds)
+        VarianceScale(bounds)

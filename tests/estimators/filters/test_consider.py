@@ -14,7 +14,7 @@ from estimators.filters.kernels import (
     symmetric_points_each,
     with_columns,
 )
-from estimators.filters.mixture import Move, definite_of
+from estimators.filters.mixture import Move, nearest_definite
 
 DT = 0.1
 F = np.array([[1.0, DT, 0.0, 0.0], [-0.4, 0.98, 0.3, 0.0], [0.0, 0.0, 1.0, DT], [0.3, 0.0, -0.5, 0.97]])
@@ -172,9 +172,11 @@ def test_mending_lifts_what_is_below_rounding_and_keeps_the_rest():
     """Scales of 1e-6 and 1e3 side by side: of the correlations, so that a small unit is no small eigenvalue."""
     units = np.array([1e-6, 1.0, 1e3])
     good = np.array([[1.0, 0.5, 0.2], [0.5, 1.0, 0.1], [0.2, 0.1, 1.0]])
-    np.testing.assert_allclose(definite_of(good * np.outer(units, units)) / np.outer(units, units), good, atol=1e-12)
+    np.testing.assert_allclose(
+        nearest_definite(good * np.outer(units, units)) / np.outer(units, units), good, atol=1e-12
+    )
     bad = np.array([[1.0, 1.0, 0.0], [1.0, 1.0 - 1e-10, 0.0], [0.0, 0.0, 1.0]])
-    mended = definite_of(bad * np.outer(units, units))
+    mended = nearest_definite(bad * np.outer(units, units))
     np.linalg.cholesky(mended)
     np.testing.assert_allclose(mended / np.outer(units, units), bad, atol=1e-9)
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
-from estimators import InteractingMixture, UnscentedKalmanFilter, mixed
+from estimators import InteractingMixture, UnscentedKalmanFilter, moment_matched
 
 RATES = np.array([[-0.4, 0.3, 0.1], [2.0, -3.0, 1.0], [0.5, 1.5, -2.0]])
 MU = np.array([0.6, 0.3, 0.1])
@@ -165,7 +165,7 @@ def test_moments_of_a_mixture_of_two():
     rng = np.random.default_rng(2)
     means, roots = rng.normal(size=(2, 3)), rng.normal(size=(2, 3, 3))
     covs = roots @ roots.transpose(0, 2, 1)
-    mean, cov = mixed(np.array([0.3, 0.7]), means, covs)
+    mean, cov = moment_matched(np.array([0.3, 0.7]), means, covs)
     apart = means[0] - means[1]
     np.testing.assert_allclose(mean, 0.3 * means[0] + 0.7 * means[1], rtol=0, atol=1e-15)
     expected = 0.3 * covs[0] + 0.7 * covs[1] + 0.21 * np.outer(apart, apart)
@@ -174,7 +174,7 @@ def test_moments_of_a_mixture_of_two():
 
 
 def test_moments_of_equal_parts_are_theirs():
-    mean, cov = mixed(MU, np.tile([1.0, 2.0], (3, 1)), np.tile(np.diag([3.0, 4.0]), (3, 1, 1)))
+    mean, cov = moment_matched(MU, np.tile([1.0, 2.0], (3, 1)), np.tile(np.diag([3.0, 4.0]), (3, 1, 1)))
     np.testing.assert_allclose(mean, [1.0, 2.0], rtol=1e-15)
     np.testing.assert_allclose(cov, np.diag([3.0, 4.0]), rtol=0, atol=1e-14)
 

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from dynamics import OUTER, Stepper, plain_step, state_matrix
-from estimators import CovarianceError, UnscentedKalmanFilter, mean_bounds, normalised_squared, positive_points
+from estimators import CovarianceError, UnscentedKalmanFilter, mean_bounds, normalised_error_squared, positive_points
 
 MERWE = [(1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (0.5, 2.0, 1.0)]
 
@@ -280,6 +280,6 @@ def test_errors_of_the_unseen_mass_and_innovations_are_as_large_as_the_filter_sa
         covs.append(f.P[2:4, 2:4])
         nis.append(f.nis)
     low, high = mean_bounds(2, n_runs, 0.999)
-    assert low < normalised_squared(errors, covs).mean() < high
+    assert low < normalised_error_squared(errors, covs).mean() < high
     low, high = mean_bounds(6, n_runs, 0.999)
     assert low < np.mean(nis) < high

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from estimators import (
     Advice,
     AdviceSettings,
-    Belief,
+    GaussianMixture,
     Hit,
     Insertion,
     Lesion,
@@ -93,8 +93,8 @@ def test_go_at_a_target_that_rests_on_the_needles_line():
     assert said.depth_m == pytest.approx(0.06, abs=1e-9)
     assert said.lateral_m == pytest.approx(0.0, abs=1e-12)
     assert said.turn_rad == pytest.approx(0.0, abs=1e-9)
-    target = Belief.gaussian(np.array([0.0, 0.04]), 1e-6 * np.eye(2))
-    tip = Belief.gaussian(np.array([0.0, 0.04]), TIP.tip_cov(DOWN.axis, 0.06))
+    target = GaussianMixture.gaussian(np.array([0.0, 0.04]), 1e-6 * np.eye(2))
+    tip = GaussianMixture.gaussian(np.array([0.0, 0.04]), TIP.tip_cov(DOWN.axis, 0.06))
     assert said.probability == pytest.approx(hit_probability(target, tip, DOWN.axis, DISC, needle=TIP), abs=1e-9)
     np.testing.assert_allclose(said.aim, [0.0, 0.04], atol=1e-12)
     np.testing.assert_allclose(said.cov, 1e-6 * np.eye(2), rtol=1e-9)
@@ -128,8 +128,8 @@ def test_turned_to_a_target_beside_the_line():
     assert said.lateral_m == pytest.approx(0.045)
     assert said.turn_rad == pytest.approx(np.arctan(0.75), abs=1e-9)
     np.testing.assert_allclose(said.turned_axis, [0.6, -0.8], atol=1e-9)
-    tip = Belief.gaussian(np.array([0.045, 0.04]), TIP.tip_cov(said.turned_axis, 0.075))
-    target = Belief.gaussian(np.array([0.045, 0.04]), 1e-6 * np.eye(2))
+    tip = GaussianMixture.gaussian(np.array([0.045, 0.04]), TIP.tip_cov(said.turned_axis, 0.075))
+    target = GaussianMixture.gaussian(np.array([0.045, 0.04]), 1e-6 * np.eye(2))
     known = hit_probability(target, tip, said.turned_axis, DISC, needle=TIP)
     assert said.turned_probability == pytest.approx(known, abs=1e-9)
     assert f"turned by {np.degrees(np.arctan(0.75)):.1f} deg" in said.reason

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators import Breathing, BreathingSettings, coverage, normalised_squared
+from estimators import Breathing, BreathingSettings, coverage, normalised_error_squared
 
 FRAME_S = 1.0 / 30.0
 TURN = np.array([0.3, 0.95])
@@ -46,7 +46,7 @@ def test_the_scatter_is_the_target_s_own():
         true = wave(t, 4.2) + 0.8e-3 * rng.normal(size=2)
         if t > 20.0:
             mean, cov = breathing.predict(np.array([t]))
-            squared.append(normalised_squared(true - mean, cov)[0])
+            squared.append(normalised_error_squared(true - mean, cov)[0])
         breathing.update(float(t), true + 0.6e-3 * rng.normal(size=2), 0.36e-6 * np.eye(2))
     assert 0.8e-3 <= breathing.breath().scatter_m <= 0.96e-3
     assert 0.92 <= coverage(squared, 2) <= 0.99

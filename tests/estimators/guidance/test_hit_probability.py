@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import simpson
 from scipy.stats import chi2, ncx2, norm, special_ortho_group
 
-from estimators import Aim, Belief, Hit, Lesion, Needle, best_aim, hit_probability
+from estimators import Aim, GaussianMixture, Hit, Lesion, Needle, best_aim, hit_probability
 
 TIP = Needle(hit=Hit.TIP)
 NOWHERE = 1e-9
@@ -16,8 +16,8 @@ def of_tip(offset, cov, lesion, needle=TIP, axis=None):
     """Probability for a known tip at this offset [mm] from the target's mean, cov [mm²]."""
     dim = len(offset)
     axis = np.eye(dim)[0] if axis is None else axis
-    tip = Belief.gaussian(1e-3 * np.asarray(offset), NOWHERE**2 * np.eye(dim))
-    target = Belief.gaussian(np.zeros(dim), 1e-6 * np.asarray(cov))
+    tip = GaussianMixture.gaussian(1e-3 * np.asarray(offset), NOWHERE**2 * np.eye(dim))
+    target = GaussianMixture.gaussian(np.zeros(dim), 1e-6 * np.asarray(cov))
     return hit_probability(target, tip, axis, lesion, needle=needle)
 
 
@@ -98,8 +98,8 @@ def test_an_ellipsoid_is_a_ball_seen_through_a_linear_map(dim):
 
 def test_target_and_tip_add_their_covariances():
     """N(0, 3² I) and N(0, 4² I): Rayleigh of 5 mm."""
-    tip = Belief.gaussian(np.zeros(2), 16e-6 * np.eye(2))
-    target = Belief.gaussian(np.zeros(2), 9e-6 * np.eye(2))
+    tip = GaussianMixture.gaussian(np.zeros(2), 16e-6 * np.eye(2))
+    target = GaussianMixture.gaussian(np.zeros(2), 9e-6 * np.eye(2))
     got = hit_probability(target, tip, np.array([0.0, 1.0]), Lesion.ball(5e-3, 2), needle=TIP)
     assert got == pytest.approx(1 - np.exp(-0.5), abs=1e-5)
 
@@ -152,9 +152,9 @@ def test_against_counting_ten_million(name):
     rng, dim = np.random.default_rng(5), len(axes)
     needle = Needle(hit=kind, notch_offset_m=5e-3, notch_length_m=8e-3, core_m=3e-3)
     axis = np.ones(dim) / np.sqrt(dim)
-    target = Belief.gaussian(np.zeros(dim), 1e-6 * turned_cov(np.linspace(1.0, 2.0, dim), rng))
+    target = GaussianMixture.gaussian(np.zeros(dim), 1e-6 * turned_cov(np.linspace(1.0, 2.0, dim), rng))
     middle = 1e-3 * rng.normal(size=dim)
-    tip = Belief.gaussian(middle + needle.reach_m * axis, 1e-6 * turned_cov(np.linspace(0.3, 1.2, dim), rng))
+    tip = GaussianMixture.gaussian(middle + needle.reach_m * axis, 1e-6 * turned_cov(np.linspace(0.3, 1.2, dim), rng))
     lesion = Lesion(1e-3 * axes)
     got = hit_probability(target, tip, axis, lesion, needle=needle)
     L = np.linalg.cholesky(target.covs[0] + tip.covs[0])
@@ -175,11 +175,11 @@ def test_a_single_gaussian_is_aimed_at_in_its_middle():
     axis, lesion = np.array([0.0, 0.6, 0.8]), Lesion(1e-3 * np.diag([3.0, 4.0, 5.0]))
     needle = Needle(hit=Hit.CORE)
     mean, cov, tip_cov = rng.normal(size=3), 1e-6 * turned_cov([1.0, 2.0, 3.0], rng), 1e-6 * np.eye(3)
-    aim = best_aim(Belief.gaussian(mean, cov), tip_cov, axis, lesion, needle=needle)
+    aim = best_aim(GaussianMixture.gaussian(mean, cov), tip_cov, axis, lesion, needle=needle)
     np.testing.assert_array_equal(aim.point, mean)
     for way in np.vstack([np.eye(3), -np.eye(3)]):
-        tip = Belief.gaussian(mean + 1e-3 * way + needle.reach_m * axis, tip_cov)
-        beside = hit_probability(Belief.gaussian(mean, cov), tip, axis, lesion, needle=needle)
+        tip = GaussianMixture.gaussian(mean + 1e-3 * way + needle.reach_m * axis, tip_cov)
+        beside = hit_probability(GaussianMixture.gaussian(mean, cov), tip, axis, lesion, needle=needle)
         assert beside < aim.probability - 1e-4
 
 
@@ -190,7 +190,7 @@ def scanned(target, tip_cov, lesion) -> Aim:
     for x in xs:
         for y in 1e-3 * np.arange(-1, 1.05, 0.5):
             p = hit_probability(
-                target, Belief.gaussian(np.array([x, y]), tip_cov), np.array([1.0, 0.0]), lesion, needle=TIP
+                target, GaussianMixture.gaussian(np.array([x, y]), tip_cov), np.array([1.0, 0.0]), lesion, needle=TIP
             )
             best = max(best, Aim(np.array([x, y]), p), key=lambda aim: aim.probability)
     return best
@@ -199,7 +199,7 @@ def scanned(target, tip_cov, lesion) -> Aim:
 @pytest.mark.parametrize("apart_mm", [1.5, 6.0])
 def test_of_two_places_the_likelier_one_or_between(apart_mm):
     """Two Gaussians, 0.6 and 0.4: near by, between them; far apart, at the likelier. Against a scan, to its step."""
-    target = Belief(
+    target = GaussianMixture(
         np.array([0.6, 0.4]), 1e-3 * np.array([[-apart_mm, 0.0], [apart_mm, 0.0]]), np.tile(1e-6 * np.eye(2), (2, 1, 1))
     )
     lesion, tip_cov = Lesion.ball(2.5e-3, 2), 0.04e-6 * np.eye(2)
@@ -213,7 +213,7 @@ def test_of_two_places_the_likelier_one_or_between(apart_mm):
 def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_another():
     """0.3 at -9 mm, 0.3 at -3, 0.4 at 12: their mean is 1.2 mm, and uphill from there lies the one at -3."""
     places = 1e-3 * np.array([[-9.0, 0.0], [-3.0, 0.0], [12.0, 0.0]])
-    target = Belief(np.array([0.3, 0.3, 0.4]), places, np.tile(0.5e-6 * np.eye(2), (3, 1, 1)))
+    target = GaussianMixture(np.array([0.3, 0.3, 0.4]), places, np.tile(0.5e-6 * np.eye(2), (3, 1, 1)))
     aim = best_aim(target, 0.5e-6 * np.eye(2), np.array([1.0, 0.0]), Lesion.ball(2.5e-3, 2), needle=TIP)
     np.testing.assert_allclose(aim.point, places[2], rtol=0, atol=0.05e-3)
     assert aim.probability == pytest.approx(0.4 * (1 - np.exp(-(2.5**2) / 2)), abs=1e-5)
@@ -228,7 +228,10 @@ def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_anothe
         (lambda: Needle(tip_sd_m=-1.0), "needle tip_sd_m: expected 0 or more, found -1.0"),
         (lambda: Needle(notch_length_m=0.0), "needle notch_length_m: expected more than 0"),
         (lambda: Needle(hit=Hit.CORE, core_m=0.03), "needle core_m: expected no more than notch_length_m"),
-        (lambda: Belief(np.array([0.5, 0.4]), np.zeros((2, 2)), np.zeros((2, 2, 2))), "belief weights: expected"),
+        (
+            lambda: GaussianMixture(np.array([0.5, 0.4]), np.zeros((2, 2)), np.zeros((2, 2, 2))),
+            "belief weights: expected",
+        ),
         (lambda: of_tip([0, 0, 0], np.eye(3), Lesion.ball(1.0, 2)), "dimensions: expected target, tip and axis of"),
     ],
 )
@@ -241,8 +244,8 @@ def test_a_sure_hit_is_no_more_than_certain():
     """A case whose sums came to 1 + 4e-8."""
     cov = np.array([[1.8102169434260163e-06, -5.982736874948036e-08], [-5.982736874948037e-08, 1.5650777512215573e-06]])
     target, tip = (
-        Belief.gaussian(np.zeros(2), 0.5 * cov),
-        Belief.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov),
+        GaussianMixture.gaussian(np.zeros(2), 0.5 * cov),
+        GaussianMixture.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov),
     )
     axis = np.array([-0.55485502, -0.83194706])
     assert (

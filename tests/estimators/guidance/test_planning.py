@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, MassSpringNetwork, Needle, Pose, needle_load, rest_shape
+from dynamics import HIDDEN, MassSpringNetwork, NeedleMechanics, NeedlePose, needle_load, rest_shape
 from estimators import (
-    Belief,
+    GaussianMixture,
     Hit,
     Lesion,
     Obstacle,
@@ -16,13 +16,13 @@ from estimators import (
     PlannedTarget,
     Skin,
     ball,
+    candidate_paths,
     compliance,
-    displaced,
     hit_probability,
-    paths,
+    needle_displacement,
     plan,
 )
-from estimators import Needle as Sampler
+from estimators import NeedleMechanics as Sampler
 
 SKIN = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 1.0], np.radians(60.0), 0.25)
 SOFT = PlannedNeedle(cutting_N=0.2, friction_N_m=3.0)
@@ -34,7 +34,7 @@ def lesion(phantom):
 
 
 def planned(phantom, lesion, needle=SOFT, skin=SKIN, obstacles=(), n=40):
-    entries, tips = paths(phantom, HIDDEN, lesion, needle, skin.entries(n), 5)
+    entries, tips = candidate_paths(phantom, HIDDEN, lesion, needle, skin.entries(n), 5)
     return plan(phantom, HIDDEN, lesion, needle, skin, obstacles, entries=entries, tips=tips)
 
 
@@ -47,11 +47,13 @@ def test_the_push_that_is_foreseen_is_the_equilibrium_under_the_needle(phantom, 
     tip = lesion.mean[None]
     length = float(np.linalg.norm(tip - entry))
     direction = (tip - entry)[0] / length
-    moved = Needle(lambda _t: Pose(tip[0], direction, 1.0, length), entry[0], cutting_N=0.2, friction_N_m=3.0)
+    moved = NeedleMechanics(
+        lambda _t: NeedlePose(tip[0], direction, 1.0, length), entry[0], cutting_N=0.2, friction_N_m=3.0
+    )
     still = np.zeros_like(phantom.positions)
     load = needle_load(phantom, moved, 0.0, phantom.positions, still, punctured=True)
     exact = rest_shape(phantom, load.nodes[phantom.free])[phantom.index(HIDDEN)] - lesion.mean
-    found = displaced(phantom, compliance(phantom, HIDDEN), SOFT, tip, entry)[0]
+    found = needle_displacement(phantom, compliance(phantom, HIDDEN), SOFT, tip, entry)[0]
     assert np.linalg.norm(exact) > 1e-3
     np.testing.assert_allclose(found, exact, rtol=0, atol=0.05 * np.linalg.norm(exact))
 
@@ -108,7 +110,9 @@ def test_the_order_is_that_of_the_hits_among_the_allowed(phantom, lesion):
     assert sorted(found.order) == list(range(len(found.hits)))
     disc, tip = Lesion.ball(lesion.radius_m, 2), Sampler(hit=Hit.TIP)
     again = [
-        hit_probability(Belief.gaussian(mean, cov), Belief.gaussian(at, np.zeros((2, 2))), at, disc, needle=tip)
+        hit_probability(
+            GaussianMixture.gaussian(mean, cov), GaussianMixture.gaussian(at, np.zeros((2, 2))), at, disc, needle=tip
+        )
         for mean, cov, at in zip(found.means, found.covs, found.tips, strict=True)
     ]
     np.testing.assert_allclose(found.hits, again, rtol=0, atol=1e-12)
@@ -131,7 +135,7 @@ def test_every_rejection_has_its_reason(phantom, lesion):
 
 def test_more_doubt_of_the_forces_is_more_doubt_along_the_push(phantom, lesion):
     """Covariance with force_sd 0.6 less that with 0: 0.36 u u'."""
-    entries, tips = paths(phantom, HIDDEN, lesion, SOFT, SKIN.entries(7), 1)
+    entries, tips = candidate_paths(phantom, HIDDEN, lesion, SOFT, SKIN.entries(7), 1)
     unsure, sure = (
         plan(phantom, HIDDEN, lesion, replace(SOFT, force_sd=sd), SKIN, (), entries=entries, tips=tips)
         for sd in (0.6, 0.0)
@@ -171,7 +175,7 @@ def test_in_space_it_plans_as_well():
     lesion = PlannedTarget(np.zeros(3), 1e-6 * np.eye(3), 0.005)
     entries = skin.entries(25)
     assert entries.shape == (25, 3)
-    from_, tips = paths(cube, "T", lesion, SOFT, entries, 5)
+    from_, tips = candidate_paths(cube, "T", lesion, SOFT, entries, 5)
     found = plan(cube, "T", lesion, SOFT, skin, (), entries=from_, tips=tips)
     assert found.hits[2::5].min() > 0.95
     assert (found.hits[2::5] >= found.hits[0::5]).all()

@@ -5,15 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import MassSpringNetwork, Parameter, independent, pack, parameters, rest_shape, scaled
+from dynamics import (
+    MassSpringNetwork,
+    Parameter,
+    independent_uncertainty,
+    pack,
+    parameters,
+    rest_shape,
+    scale_parameters,
+)
 from estimators import (
     FilterSettings,
     ForceMode,
     IdentificationError,
     MarkMeasurement,
     TissueFilter,
-    identify,
-    principal,
+    identify_constants,
+    principal_uncertainty,
 )
 from estimators.identification.constants import KEPT
 from estimators.identification.noise_levels import log_likelihood
@@ -68,13 +76,13 @@ def wrong(network, seed=3):
     which = parameters(network, tuple(PRIOR))
     sd = np.array([0.2 if one.kind == "stiffness" else 0.02 for one in which])
     change = sd * np.random.default_rng(seed).normal(size=len(which))
-    return scaled(network, which, change), change
+    return scale_parameters(network, which, change), change
 
 
 @pytest.fixture(scope="module")
 def found(recorded):
     told, change = wrong(chain())
-    return identify(told, recorded[0], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS), change
+    return identify_constants(told, recorded[0], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS), change
 
 
 def test_constants_are_found_to_their_standard_errors(found):
@@ -106,7 +114,7 @@ def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found
 
 def test_more_frames_make_it_surer(recorded, found):
     told, _ = wrong(chain())
-    short = identify(told, recorded[0][:60], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS)
+    short = identify_constants(told, recorded[0][:60], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS)
     assert (found[0].sd < short.sd).all()
 
 
@@ -115,10 +123,10 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
 
     Directions are by prior standard deviations, equal here: (1, -1) / sqrt 2 on the two stiffnesses.
     """
-    identified = identify(
+    identified = identify_constants(
         chain(double=True), recorded[0][:80], ("near",), "far", prior_sd={"stiffness": 0.3}, settings=SETTINGS
     )
-    left, directions = identified.told_apart()
+    left, directions = identified.identifiable()
     assert left[0] == pytest.approx(1.0, abs=1e-6)
     assert left[1] < 0.5
     expected = np.array([0.0, 1.0, 0.0, -1.0]) / np.sqrt(2.0)
@@ -130,8 +138,8 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
 def test_the_directions_kept_carry_the_targets_variance(recorded, found):
     """What is left out of the covariance is nothing to the target: its columns' variance falls by 1 - KEPT at most."""
     frames, _ = recorded
-    wide = independent(found[0].parameters, found[0].prior_sd)
-    few = principal(found[0].network, wide, frames[:40], ("near",), "far", SETTINGS)
+    wide = independent_uncertainty(found[0].parameters, found[0].prior_sd)
+    few = principal_uncertainty(found[0].network, wide, frames[:40], ("near",), "far", SETTINGS)
     assert len(few.directions) < len(wide.directions)
     lost = wide.cov - few.cov
     assert np.linalg.eigvalsh(lost)[0] > -1e-12
@@ -150,7 +158,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
 def test_a_target_that_is_never_seen_is_refused(recorded):
     frames = [(t, marks[:1]) for t, marks in recorded[0][:5]]
     with pytest.raises(IdentificationError, match="expected the mark of far to be seen, found it in none of 5 frames"):
-        identify(chain(), frames, ("near",), "far")
+        identify_constants(chain(), frames, ("near",), "far")
 
 
 def test_constants_without_a_prior_stay_as_they_are(found):
@@ -168,11 +176,11 @@ def test_what_is_found_is_most_probable_with_its_prior(recorded):
     told, _ = wrong(chain())
     prior = {"stiffness": 0.1, "rest_length": 0.003}
     frames = recorded[0][:25]
-    identified = identify(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS)
+    identified = identify_constants(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS)
 
     def posterior(share):
         change = share * identified.change
-        tissue = TissueFilter(scaled(told, identified.parameters, change), "far", ("near",), SETTINGS)
+        tissue = TissueFilter(scale_parameters(told, identified.parameters, change), "far", ("near",), SETTINGS)
         return log_likelihood(tissue, frames) - 0.5 * np.sum((change / identified.prior_sd) ** 2)
 
     best = posterior(1.0)

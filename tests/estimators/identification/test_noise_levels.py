@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dynamics import MassSpringNetwork, pack
-from estimators import FilterSettings, ForceMode, MarkMeasurement, TissueFilter, tune
-from estimators.identification.noise_levels import leveled, log_likelihood, noisier
+from estimators import FilterSettings, ForceMode, MarkMeasurement, TissueFilter, tune_noise
+from estimators.identification.noise_levels import log_likelihood, with_noise_levels, with_scaled_noise
 
 SD = 0.0005
 WHITE = 0.12
@@ -48,7 +48,7 @@ def frames(pair, driven):
 
 @pytest.fixture(scope="module")
 def tuned(pair, frames):
-    return tune(pair, frames, ("near",), "far")
+    return tune_noise(pair, frames, ("near",), "far")
 
 
 def test_the_level_that_made_the_marks_is_found(tuned):
@@ -65,8 +65,8 @@ def test_the_level_that_made_the_marks_is_found(tuned):
 
 def test_the_levels_found_are_more_probable_than_those_before_and_than_their_neighbours(pair, frames, tuned):
     def at(values):
-        tissue = TissueFilter(pair, "far", ("near",), leveled(FilterSettings(), values))
-        return log_likelihood(tissue, noisier(frames, values[2]))
+        tissue = TissueFilter(pair, "far", ("near",), with_noise_levels(FilterSettings(), values))
+        return log_likelihood(tissue, with_scaled_noise(frames, values[2]))
 
     assert tuned.log_likelihood == pytest.approx(at(tuned.values), rel=1e-9)
     assert tuned.log_likelihood_before == pytest.approx(at([0.043, 5.0, 1.0]), rel=1e-9)

@@ -13,10 +13,9 @@ from estimators import (
     UnscentedKalmanFilter,
     coverage,
     fixed_interval,
-    mixed,
-    normalised_squared,
+    moment_matched,
 )
-from estimators.filters.mixture import Beliefs
+from estimators.filters.mixture import ModeBeliefs
 from estimators.smoothing.smoother import smoothed_before
 
 H, R = np.array([[1.0, 0.0]]), np.array([[0.09]])
@@ -132,12 +131,12 @@ def test_of_modes_that_mix_it_is_near_the_sum_over_all_histories():
         means += w * mean
         weights[np.arange(5), history] += w
     means, weights = means / total, weights / total
-    found = np.array([mixed(b.mu, b.means, b.covs)[0] for b in known])
-    sigma = np.sqrt(np.array([np.diag(mixed(b.mu, b.means, b.covs)[1]) for b in known]))
+    found = np.array([moment_matched(b.mu, b.means, b.covs)[0] for b in known])
+    sigma = np.sqrt(np.array([np.diag(moment_matched(b.mu, b.means, b.covs)[1]) for b in known]))
     assert np.abs((found - means) / sigma).max() < 0.2
     assert np.abs((found - means) / sigma)[:-2].max() < 0.03
     np.testing.assert_allclose([b.mu for b in known[1:]], weights, rtol=0, atol=0.06)
-    alone = np.array([mixed(b.mu, b.means, b.covs)[0] for b in filtered])
+    alone = np.array([moment_matched(b.mu, b.means, b.covs)[0] for b in filtered])
     assert np.abs((alone[:-1] - means[:-1]) / sigma[:-1]).max() > 0.5
 
 
@@ -165,7 +164,7 @@ def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden
         off = [np.array([e.mean for e in each]) - states[:, hidden] for each in (filtered, smooth)]
         errors.append([np.linalg.norm(o, axis=1).mean() for o in off])
         spreads.append([np.sqrt([np.trace(e.cov) for e in each]).mean() for each in (filtered, smooth)])
-        nees.append(normalised_squared(off[1], [e.cov for e in smooth]))
+        nees.append(nees(off[1], [e.cov for e in smooth]))
         np.testing.assert_allclose(smooth[-1].mean, filtered[-1].mean, rtol=0, atol=1e-12)
     errors, spreads = np.mean(errors, axis=0), np.mean(spreads, axis=0)
     assert errors[1] < 0.95 * errors[0]
@@ -199,6 +198,6 @@ def test_nothing_is_told_across_a_new_start(phantom, runs):
 def test_beliefs_are_what_the_modes_believe():
     trace, filtered = passed([0.1, 1.0], np.zeros((3, 1)), np.zeros((2, 2)))
     assert len(trace) == 2
-    assert isinstance(trace[0].arrived, Beliefs)
+    assert isinstance(trace[0].arrived, ModeBeliefs)
     assert filtered[0].means.shape == (2, 2)
     np.testing.assert_allclose(trace[0].F, [F, F], rtol=0, atol=1e-12)

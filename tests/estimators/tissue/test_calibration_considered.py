@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, independent, parameters
+from dynamics import HIDDEN, OUTER, independent_uncertainty, parameters
 from estimators import (
     FilterSettings,
     InteractingMixture,
@@ -14,9 +14,9 @@ from estimators import (
     TissueFilter,
     UnscentedKalmanFilter,
     coverage,
+    fast_prediction_tables,
     mean_bounds,
-    quick_path,
-    quick_tables,
+    predict_fast,
 )
 from estimators.filters.mixture import Move
 
@@ -141,7 +141,7 @@ def test_columns_are_what_shifted_marks_make_of_the_mean(phantom, rest_state, dr
     Places, at the start 1e-6 of the largest, 2 s later 1 %: springs turn, and gains hang on the mean. Those of the
     network's constants stand first and are no part of it.
     """
-    unsure = independent(parameters(phantom, ("stiffness",))[:2], 1e-6)
+    unsure = independent_uncertainty(parameters(phantom, ("stiffness",))[:2], 1e-6)
 
     def made(theta, n):
         given, _ = frames_of(phantom, rest_state, driven, poke_forces, marks_of, theta=theta, seconds=n / 30.0)
@@ -188,7 +188,7 @@ def test_paths_by_tables_know_of_the_calibration(phantom, rest_state, driven, po
     frames, _ = frames_of(phantom, rest_state, driven, poke_forces, marks_of)
     tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=4)
     list(run_through(tissue, frames))
-    times, _, covs = quick_path(quick_tables(tissue, 1.0), tissue)
+    times, _, covs = predict_fast(fast_prediction_tables(tissue, 1.0), tissue)
     exact = tissue.predict_path(times)[1]
     np.testing.assert_allclose(covs[0], exact[0], rtol=1e-6, atol=1e-12)
     own, sigma = (np.sqrt(np.trace(each, axis1=1, axis2=2)) for each in (covs, exact))
@@ -211,7 +211,7 @@ def test_a_mark_is_looked_for_where_the_calibration_has_it(phantom, rest_state, 
     node, mark = tissue.expected("M1")[1], tissue.expected("M1", shared)[1]
     np.testing.assert_allclose(node, poked + columns @ columns.T, rtol=1e-12)
     np.testing.assert_allclose(mark, poked + (columns + shared) @ (columns + shared).T, rtol=1e-12)
-    wide = tissue.struck("M1", shared)[1] - mark
+    wide = tissue.expected_after_impulse("M1", shared)[1] - mark
     np.testing.assert_allclose(wide, (1.0 * 0.02) ** 2 * np.eye(2), rtol=1e-9, atol=1e-15)
 
 
@@ -221,7 +221,7 @@ def test_the_gate_stands_where_the_calibration_has_the_mark(phantom, rest_state,
     list(run_through(tissue, frames))
     tissue.predict(frames[-1][0] + 0.02)
     mark = replace(frames[-1][1][0], position=frames[-1][1][0].position + 0.1)
-    mean, cov = tissue.struck("M1", mark.shared)
+    mean, cov = tissue.expected_after_impulse("M1", mark.shared)
     y = mark.position - mean
     assert tissue._distance(mark) == pytest.approx(y @ np.linalg.solve(cov + mark.cov, y), rel=1e-12)
 
@@ -233,7 +233,7 @@ def test_marks_with_and_without_go_together(phantom):
         MarkMeasurement(n, phantom.positions[phantom.index(n)], 1e-6 * np.eye(2), None if n == "M1" else shared[n])
         for n in OUTER
     ]
-    unsure = independent(parameters(phantom, ("stiffness",))[:3], 0.1)
+    unsure = independent_uncertainty(parameters(phantom, ("stiffness",))[:3], 0.1)
     tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=unsure, n_calibration=4)
     _, _, own, stacked = tissue._stacked(marks)
     np.testing.assert_array_equal(own, 1e-6 * np.eye(6))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, independent, parameters, rest_shape
-from estimators import TissueFilter, quick_path, quick_tables
+from dynamics import HIDDEN, OUTER, independent_uncertainty, parameters, rest_shape
+from estimators import TissueFilter, fast_prediction_tables, predict_fast
 
 FRAME_S = 4 / 120.0
 
@@ -28,8 +28,8 @@ def test_a_path_is_that_of_the_filter(phantom, rest_state, driven, poke_forces, 
     """
     means_off, sigmas_off, tables = [], [], None
     for tissue in followed(phantom, rest_state, driven, poke_forces, marks_of):
-        tables = quick_tables(tissue, 1.0) if tables is None else tables
-        times, means, covs = quick_path(tables, tissue)
+        tables = fast_prediction_tables(tissue, 1.0) if tables is None else tables
+        times, means, covs = predict_fast(tables, tissue)
         exact, exact_covs = tissue.predict_path(times)
         sigma, own = (np.sqrt(np.trace(c, axis1=1, axis2=2)) for c in (exact_covs, covs))
         means_off.append(np.linalg.norm(means - exact, axis=1) / sigma)
@@ -49,8 +49,8 @@ def test_under_a_steady_push_it_comes_to_rest_where_the_tissue_does(phantom):
     force[phantom.free.tolist().index(phantom.index(HIDDEN))] = [0.3, -0.1]
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     tissue.predict(0.0)
-    tables = quick_tables(tissue, 4.0)
-    _, means, _ = quick_path(tables, tissue, np.tile(force, (tables.n_times - 1, 1, 1)))
+    tables = fast_prediction_tables(tissue, 4.0)
+    _, means, _ = predict_fast(tables, tissue, np.tile(force, (tables.n_times - 1, 1, 1)))
     here = phantom.index(HIDDEN)
     exact = rest_shape(phantom, force)[here] - rest_shape(phantom)[here]
     np.testing.assert_allclose(means[-1] - means[0], exact, rtol=0, atol=0.02 * np.linalg.norm(exact))
@@ -58,12 +58,14 @@ def test_under_a_steady_push_it_comes_to_rest_where_the_tissue_does(phantom):
 
 def test_what_the_tables_cannot_tell_is_said(phantom):
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
-    tables = quick_tables(tissue, 0.1)
+    tables = fast_prediction_tables(tissue, 0.1)
     with pytest.raises(ValueError, match="quick_path: expected a filter after its first frame"):
-        quick_path(tables, tissue)
+        predict_fast(tables, tissue)
     tissue.predict(0.0)
     with pytest.raises(ValueError, match=r"push: expected shape \(3, n_free, dim\)"):
-        quick_path(tables, tissue, np.zeros((2, 4, 2)))
-    unsure = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=independent(parameters(phantom, ("stiffness",)), 0.1))
+        predict_fast(tables, tissue, np.zeros((2, 4, 2)))
+    unsure = TissueFilter(
+        phantom, HIDDEN, OUTER, uncertainty=independent_uncertainty(parameters(phantom, ("stiffness",)), 0.1)
+    )
     with pytest.raises(ValueError, match="expected a filter without unknown constants, found 10"):
-        quick_tables(unsure, 0.1)
+        fast_prediction_tables(unsure, 0.1)

@@ -13,10 +13,10 @@ from estimators import (
     OpenLoop,
     Status,
     TissueFilter,
+    accumulated_noise,
     coverage,
-    grown_covariance,
     mean_bounds,
-    normalised_squared,
+    normalised_error_squared,
 )
 
 MARK_SD = 4.14e-3
@@ -100,7 +100,8 @@ def test_its_covariance_can_be_believed(runs):
     with up to 99.5 % of the frames inside.
     """
     squared = {
-        kind: np.concatenate([normalised_squared(run.errors, run.covs) for run in some]) for kind, some in runs.items()
+        kind: np.concatenate([normalised_error_squared(run.errors, run.covs) for run in some])
+        for kind, some in runs.items()
     }
     assert 0.90 <= coverage(np.concatenate(list(squared.values())), 2) <= 0.99
     for some in squared.values():
@@ -127,7 +128,7 @@ def test_with_three_marks_in_ten_missing_it_is_still_to_be_believed(phantom, mak
     """Each mark missing with 30 %, poked: under half of the open loop's error, 95 % regions hold 90 to 99.5 %."""
     run = follow(phantom, make, 3, True, seen=0.7)
     assert size(run.errors).mean() < 0.5 * size(run.open_loop).mean()
-    assert 0.90 <= coverage(normalised_squared(run.errors, run.covs), 2) <= 0.995
+    assert 0.90 <= coverage(normalised_error_squared(run.errors, run.covs), 2) <= 0.995
     assert size(run.errors).max() < 0.015
 
 
@@ -201,7 +202,7 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
     largest = [np.linalg.eigvalsh(e.cov)[-1] for e in estimates]
     assert all(b > a for a, b in pairwise(largest[:10]))
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
-    assert 4.0 * largest[0] < largest[-1] < 1.5 * np.linalg.eigvalsh(grown_covariance(A, density, 5.0)[2:4, 2:4])[-1]
+    assert 4.0 * largest[0] < largest[-1] < 1.5 * np.linalg.eigvalsh(accumulated_noise(A, density, 5.0)[2:4, 2:4])[-1]
     ours.predict(last + 46 / 30.0)
     found = ours.update(marks_of(phantom, rest_state, MARK_SD, np.random.default_rng(2), nodes=("M3",)))
     assert found.status is Status.INITIALISING
@@ -210,7 +211,7 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
 
 
 def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
-    """There it is believed at rest, as unsure as settle_s of unseen pokes leave it: `grown_covariance`. Rounding."""
+    """There it is believed at rest, as unsure as settle_s of unseen pokes leave it: `accumulated_noise`. Rounding."""
     ours = TissueFilter(phantom, HIDDEN, OUTER)
     ours.predict(7.0)
     estimate = ours.update([])
@@ -218,7 +219,7 @@ def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
     assert (estimate.time_s, estimate.status) == (7.0, Status.INITIALISING)
     np.testing.assert_allclose(estimate.mean, rest_state[hidden], rtol=0, atol=1e-12)
-    expected = grown_covariance(A, density, settings.settle_s)[2:4, 2:4]
+    expected = accumulated_noise(A, density, settings.settle_s)[2:4, 2:4]
     np.testing.assert_allclose(estimate.cov, expected, rtol=1e-9, atol=1e-15)
 
 
@@ -259,14 +260,16 @@ def test_a_struck_mark_is_looked_for_as_far_as_a_blow_carries_it(phantom, rest_s
     fresh = TissueFilter(phantom, HIDDEN, OUTER)
     fresh.predict(0.0)
     reach = np.ptp(phantom.positions, axis=0).max()
-    np.testing.assert_allclose(fresh.struck("M1")[1] - fresh.expected("M1")[1], reach**2 * np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(
+        fresh.expected_after_impulse("M1")[1] - fresh.expected("M1")[1], reach**2 * np.eye(2), atol=1e-12
+    )
     ours = warmed(phantom, rest_state, marks_of)  # all marks last seen at 14/30 s
     ours.predict(14 / 30 + 0.02)
     ours.update(marks_of(phantom, rest_state, MARK_SD, np.random.default_rng(0), nodes=("M3",)))
     for t, off_m1, off_m3 in ((0.03, 0.03, 0.01), (0.06, 0.05, 0.04), (0.5, 0.05, 0.05)):
         ours.predict(14 / 30 + t)
         for node, off in (("M1", off_m1), ("M3", off_m3)):
-            mean, cov = ours.struck(node)
+            mean, cov = ours.expected_after_impulse(node)
             np.testing.assert_array_equal(mean, ours.expected(node)[0])
             np.testing.assert_allclose(cov - ours.expected(node)[1], off**2 * np.eye(2), rtol=0, atol=1e-12)
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, independent, parameters, scaled
-from estimators import FilterSettings, OpenLoopBelief, TissueFilter, coverage, fixed_interval
+from dynamics import HIDDEN, OUTER, independent_uncertainty, parameters, scale_parameters
+from estimators import FilterSettings, OpenLoopCovariance, TissueFilter, coverage, fixed_interval
 
 USUAL = FilterSettings()
 ONE_MODE = replace(USUAL, quiet=USUAL.poked)
@@ -45,9 +45,9 @@ def test_a_mark_carries_what_the_target_is_less_sure_of_without_it(phantom, rest
 
 
 def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, marks_of):
-    """1 - trace by trace of an `OpenLoopBelief` that got the same frames; 4 mm marks leave a few per cent of it."""
+    """1 - trace by trace of an `OpenLoopCovariance` that got the same frames; 4 mm marks leave a few per cent of it."""
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
-    belief = OpenLoopBelief(phantom, HIDDEN, OUTER, USUAL.quiet.white)
+    belief = OpenLoopCovariance(phantom, HIDDEN, OUTER, USUAL.quiet.white)
     estimate = followed(tissue, phantom, rest_state, marks_of, frames=60)
     for k in range(60):
         belief.take(1 / 30.0 if k else 0.0, dict.fromkeys(OUTER, 0.00414**2 * np.eye(2)))
@@ -100,8 +100,8 @@ def wrong_runs(phantom, rest_state, driven, poke_forces, marks_of):
         rng = np.random.default_rng(seed)
         states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
         frames = [(k / 30.0, marks_of(phantom, s, 0.001, rng)) for k, s in enumerate(states)]
-        runs.append((scaled(phantom, which, 0.15 * rng.normal(size=10)), frames, states[:, 2:4]))
-    return independent(which, 0.15), runs
+        runs.append((scale_parameters(phantom, which, 0.15 * rng.normal(size=10)), frames, states[:, 2:4]))
+    return independent_uncertainty(which, 0.15), runs
 
 
 def covered(wrong_runs, uncertainty):

@@ -9,16 +9,16 @@ from scipy.interpolate import interp1d
 from dynamics import (
     HIDDEN,
     OUTER,
-    Needle,
+    NeedleMechanics,
+    distributed_force,
     force_on_free,
-    independent,
-    insert_needle,
+    independent_uncertainty,
     parameters,
     rest_shape,
-    shared_force,
+    simulate_insertion,
     straight_insertion,
 )
-from estimators import TissueFilter, coverage, normalised_squared
+from estimators import TissueFilter, coverage, normalised_error_squared
 
 FRAME_S = 1.0 / 30.0
 
@@ -91,7 +91,7 @@ def test_unknown_constants_make_the_same_columns_of_the_error_under_a_push(phant
     Against `rest_shape` of the network with that one stiffness 1 % off, scaled; second order is left, 5 %.
     """
     which = parameters(phantom, ("stiffness",))
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=independent(which, 0.01))
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=independent_uncertainty(which, 0.01))
     force = on_target(phantom, 1.0)
     tissue.predict(0.0)
     tissue.predict(8.0, force)
@@ -119,16 +119,16 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
         rng = np.random.default_rng(seed)
         entry = np.array([0.1, 0.33]) + rng.uniform(-0.03, 0.03, 2)
         pose = straight_insertion(entry, rest_state[hidden], 0.15, start_s=0.1)
-        needle = Needle(pose, entry, puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0)
+        needle = NeedleMechanics(pose, entry, puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0)
         tremor = masses * 0.05 / np.sqrt(FRAME_S) * rng.normal(size=(n, 4, 2))
         shaking = interp1d(times, tremor, axis=0, assume_sorted=True)
-        truth = insert_needle(phantom, needle, rest_state, times, outside=shaking, rtol=1e-4, atol=1e-8)
+        truth = simulate_insertion(phantom, needle, rest_state, times, outside=shaking, rtol=1e-4, atol=1e-8)
         read = truth.pushes * (1.0 + 0.02 * rng.normal(size=n))
         frames = [marks_of(phantom, state, 2e-3, rng) for state in truth.states]
         pushes = [None]
         for k in range(1, n):
             middle, both = times[k] - 0.5 * FRAME_S, 0.5 * (read[k] + read[k - 1])
-            pushes.append(shared_force(phantom, needle, middle, both, punctured=bool(truth.punctured[k])))
+            pushes.append(distributed_force(phantom, needle, middle, both, punctured=bool(truth.punctured[k])))
         after = truth.punctured
         where = truth.states[after][:, hidden]
         means, own = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
@@ -139,15 +139,17 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
     told, untold = (np.linalg.norm(np.concatenate(e), axis=1).mean() for e in (errors, blind))
     assert min(pushed) > 3e-3
     assert told < 0.5 * untold
-    assert 0.90 <= coverage(normalised_squared(np.concatenate(errors), np.concatenate(covs)), 2) <= 0.99
+    assert 0.90 <= coverage(normalised_error_squared(np.concatenate(errors), np.concatenate(covs)), 2) <= 0.99
 
 
 def test_the_needle_itself_may_be_the_function(phantom, rest_state, hidden, marks_of):
     """No sensor: the needle's model, asked with every sigma point: the target within 1 mm after the puncture."""
     pose = straight_insertion([0.1, 0.33], rest_state[hidden], 0.15)
-    needle = Needle(pose, np.array([0.1, 0.33]), puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0, slip_m_s=0.02)
+    needle = NeedleMechanics(
+        pose, np.array([0.1, 0.33]), puncture_N=0.8, cutting_N=0.4, friction_N_m=5.0, slip_m_s=0.02
+    )
     times = np.arange(30) * FRAME_S
-    truth = insert_needle(phantom, needle, rest_state, times, rtol=1e-4, atol=1e-8)
+    truth = simulate_insertion(phantom, needle, rest_state, times, rtol=1e-4, atol=1e-8)
     frames = [marks_of(phantom, state, 1e-3, np.random.default_rng(k)) for k, state in enumerate(truth.states)]
     pushes = [force_on_free(phantom, needle, punctured=bool(punctured)) for punctured in truth.punctured]
     means, _ = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, pack, unpack
-from estimators import MarkMeasurement, OpenLoop, OpenLoopBelief, chi_square_bounds
+from estimators import MarkMeasurement, OpenLoop, OpenLoopCovariance, chi_square_bounds
 
 SD = 1e-4
 """Noise of the marks [m]: so small that the phantom answers in proportion."""
@@ -40,7 +40,7 @@ def test_its_covariance_is_that_of_the_open_loops_errors(smooth, rate):
     Marks 0.1 mm off: the phantom's second order is a thousandth of its first.
     """
     times = np.arange(40) / rate
-    belief = OpenLoopBelief(smooth, HIDDEN, OUTER, white=0.0)
+    belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
     for dt in np.diff(times, prepend=0.0):
         belief.take(float(dt), dict.fromkeys(OUTER, R))
     errors = np.array([open_loop_errors(smooth, times, np.random.default_rng(s))[-1] for s in range(60)])
@@ -55,7 +55,7 @@ def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
     Variance of the target by the open loop whose unseen masses are put where they were seen first: mean NEES of 60.
     """
     times = np.arange(60) / 10.0
-    belief = OpenLoopBelief(smooth, HIDDEN, OUTER, white=0.0)
+    belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
     for k, dt in enumerate(np.diff(times, prepend=0.0)):
         belief.take(float(dt), dict.fromkeys(OUTER if k == 0 else ("M3",), R))
     errors = []
@@ -76,7 +76,7 @@ def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
 def test_unknown_force_adds_what_it_does_to_the_hidden_mass(smooth, driven):
     """Marks without noise, white force on the hidden mass alone, truth by DOP853: mean NEES of 80 inside 99.9 %."""
     white, seconds = 0.05, 1.0
-    belief = OpenLoopBelief(smooth, HIDDEN, OUTER, white=white)
+    belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=white)
     for _ in range(10):
         belief.take(seconds / 10, dict.fromkeys(OUTER, np.zeros((2, 2))))
     held = replace(smooth, fixed=[name in (*OUTER, "In1", "In2", "In3") for name in smooth.names])
@@ -96,7 +96,7 @@ def test_frames_of_any_length_give_the_same_when_nothing_is_seen(smooth):
     """Marks held: dx/dt = A x in closed form, however time is cut. Rounding of matrix exponentials."""
     beliefs = []
     for n in (1, 7):
-        belief = OpenLoopBelief(smooth, HIDDEN, OUTER, white=0.05)
+        belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.05)
         belief.take(0.0, dict.fromkeys(OUTER, R))
         for _ in range(n):
             belief.take(0.5 / n, {})

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from dynamics import HIDDEN, OUTER
-from estimators import TissueFilter, coverage, mixed, normalised_squared
+from estimators import TissueFilter, coverage, moment_matched, normalised_error_squared
 
 FRAME_S = 4 / 120.0
 AHEAD_S = 0.2
@@ -71,7 +71,7 @@ def test_where_it_will_be_can_be_believed(phantom, rest_state, driven, poke_forc
             tissue.update(marks_of(phantom, state, 4.14e-3, rng))
             said = tissue.predict_at((k + ahead) * FRAME_S)
             off = said.mean - states[k + ahead][phantom.coordinates(HIDDEN)]
-            squared.append(normalised_squared(off[None], said.cov[None])[0])
+            squared.append(normalised_error_squared(off[None], said.cov[None])[0])
     assert 0.90 <= coverage(squared, 2) <= 0.99
 
 
@@ -119,7 +119,7 @@ def test_the_modes_together_are_the_mixture(followed):
     Were the tissue linear they would be the same: what is merged keeps its moments.
     """
     said, whole = (tell(followed.time_s + 0.1) for tell in (followed.predict_modes, followed.predict_at))
-    mean, cov = mixed(said.weights, said.means, said.covs)
+    mean, cov = moment_matched(said.weights, said.means, said.covs)
     sigma = np.sqrt(np.trace(whole.cov))
     np.testing.assert_allclose(mean, whole.mean, rtol=0, atol=0.01 * sigma)
     np.testing.assert_allclose(cov, whole.cov, rtol=0, atol=0.01 * sigma**2)

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from dynamics import OUTER, MassSpringNetwork, adaptive
-from estimators import ForceMode, TissueModel, grown_covariance
+from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
+from estimators import ForceMode, TissueModel, accumulated_noise
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
 
@@ -49,7 +49,7 @@ def test_a_fading_poke_moves_the_tissue_to_second_order(phantom, rest_state):
     model, force = TissueModel(smooth, OUTER), np.zeros(8)
     force[4:6] = [1.5, -1.0]
     push = force.reshape(4, 2)
-    exact = adaptive(smooth, rest_state, [0.0, 0.2], force=lambda t: np.exp(-t / 0.2) * push, rtol=1e-11)[-1]
+    exact = integrate_adaptive(smooth, rest_state, [0.0, 0.2], force=lambda t: np.exp(-t / 0.2) * push, rtol=1e-11)[-1]
     errors = []
     for n in (48, 96, 192):
         point = np.r_[rest_state, force[model.poked_rows]][None]
@@ -157,7 +157,7 @@ def test_leaving_springs_and_losses_out_of_one_step_costs_little(model, phantom,
     """
     keep = phantom if losses else replace(phantom, drag=np.zeros(7), friction=np.zeros(7), damping=np.zeros(10))
     A, density = TissueModel(keep, OUTER).linearised(phantom.positions, MODE)
-    found, free = grown_covariance(A, density, 1 / 240).diagonal(), model.noise(1 / 240, MODE).diagonal()
+    found, free = accumulated_noise(A, density, 1 / 240).diagonal(), model.noise(1 / 240, MODE).diagonal()
     np.testing.assert_allclose(found, free, rtol=share)
     np.testing.assert_allclose(found[16:], free[16:], rtol=1e-10)
 
@@ -174,9 +174,9 @@ def test_linearised_motion_is_the_slope_of_the_model(model, phantom, rest_state)
 
 
 def test_linearised_noise_is_that_of_a_short_step(model, phantom):
-    """Over 1e-6 s springs do nothing: `grown_covariance` of `linearised` is `noise` to 43/s times 1e-6 s."""
+    """Over 1e-6 s springs do nothing: `accumulated_noise` of `linearised` is `noise` to 43/s times 1e-6 s."""
     A, density = model.linearised(phantom.positions, MODE)
-    grown, noise = grown_covariance(A, density, 1e-6), model.noise(1e-6, MODE)
+    grown, noise = accumulated_noise(A, density, 1e-6), model.noise(1e-6, MODE)
     scale = np.sqrt(np.outer(noise.diagonal(), noise.diagonal()))
     np.testing.assert_allclose(grown / scale, noise / scale, rtol=0, atol=1e-4)
 
@@ -186,7 +186,7 @@ def test_covariance_of_free_motion_grows_by_its_closed_form(t):
     """White acceleration of density q: q [[t³/3, t²/2], [t²/2, t]], with no damping at all. Rounding of doublings."""
     A, density = np.array([[0.0, 1.0], [0.0, 0.0]]), np.diag([0.0, 0.7])
     expected = 0.7 * np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]])
-    np.testing.assert_allclose(grown_covariance(A, density, t), expected, rtol=1e-11)
+    np.testing.assert_allclose(accumulated_noise(A, density, t), expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize("t", [0.01, 0.3])
@@ -195,7 +195,7 @@ def test_covariance_grows_as_quadrature_says(model, phantom, t):
     A, density = model.linearised(phantom.positions, MODE)
     expected = integrated(A, density, t)
     scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
-    found = grown_covariance(A, density, t)
+    found = accumulated_noise(A, density, t)
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(found, found.T)
 
@@ -205,6 +205,6 @@ def test_covariance_settles_where_lyapunov_says(model, phantom):
     A, density = model.linearised(phantom.positions, MODE)
     expected = solve_continuous_lyapunov(A, -density)
     scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
-    np.testing.assert_allclose(grown_covariance(A, density, 10.0) / scale, expected / scale, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(accumulated_noise(A, density, 10.0) / scale, expected / scale, rtol=0, atol=1e-10)
     # The poke settles at its own deviation: 5 m/s² by 0.2 kg.
     np.testing.assert_allclose(expected.diagonal()[16:], 1.0, rtol=1e-12)

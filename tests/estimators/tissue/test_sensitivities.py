@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import OUTER, adaptive, independent, pack, parameters, rest_shape, scaled, shape_held
+from dynamics import (
+    OUTER,
+    equilibrium_with_held,
+    independent_uncertainty,
+    integrate_adaptive,
+    pack,
+    parameters,
+    rest_shape,
+    scale_parameters,
+)
 from estimators import FixBias, ForceMode, TissueModel
 
 SMALL = 1e-3
@@ -16,7 +25,7 @@ MODE = ForceMode(white=0.0, poke=0.0, lasting_s=0.2)
 @pytest.mark.parametrize("constants", [0, 2])
 def test_columns_of_a_calibration_move_as_errors_do(phantom, rest_state, constants):
     """Under no force of their own: what is put beside a moving state stays the difference of two motions."""
-    unsure = independent(parameters(phantom, ("stiffness",))[:2], 0.1) if constants else None
+    unsure = independent_uncertainty(parameters(phantom, ("stiffness",))[:2], 0.1) if constants else None
     model = TissueModel(phantom, OUTER, uncertainty=unsure, n_calibration=3)
     mean = np.r_[rest_state + np.random.default_rng(0).normal(0.0, 0.02, 16), np.zeros(6)]
     columns = np.random.default_rng(1).normal(0.0, 1e-3, (22, constants + 3))
@@ -40,14 +49,16 @@ def test_columns_are_what_changed_constants_do_to_the_motion(phantom, kind):
     x = phantom.positions[phantom.free] + rng.normal(0.0, 0.02, (4, 2))
     start = pack(x, rng.normal(0.0, 0.3, (4, 2)))
     which = parameters(phantom, (kind,))
-    model = TissueModel(phantom, OUTER, uncertainty=independent(which, SMALL))
+    model = TissueModel(phantom, OUTER, uncertainty=independent_uncertainty(which, SMALL))
     mean, columns = np.r_[start, np.zeros(6)], np.zeros((1, 22, len(which)))
     for _ in range(12):
         columns = model.carried(mean[None], columns, 0.1 / 12, (MODE,))
         mean = model.propagate(mean[None], 0.1 / 12, MODE)[0]
-    usual = adaptive(phantom, start, [0.0, 0.1])[-1]
+    usual = integrate_adaptive(phantom, start, [0.0, 0.1])[-1]
     for k in range(len(which)):
-        changed = adaptive(scaled(phantom, which[k : k + 1], [SMALL]), start, [0.0, 0.1])[-1] - usual
+        changed = (
+            integrate_adaptive(scale_parameters(phantom, which[k : k + 1], [SMALL]), start, [0.0, 0.1])[-1] - usual
+        )
         scale = np.abs(changed).max()
         rows = slice(0, 8 if kind == "friction" else 16)
         np.testing.assert_allclose(columns[0, rows, k] / scale, changed[rows] / scale, rtol=0, atol=0.08)
@@ -57,14 +68,14 @@ def test_columns_are_what_changed_constants_do_to_the_motion(phantom, kind):
 def test_columns_of_a_rest_shape_are_those_of_other_rest_shapes(phantom):
     """d(rest)/d(log constant) by central differences of `rest_shape`, free and with marked nodes held. 1e-5 of it."""
     which = parameters(phantom, ("stiffness", "rest_length"))
-    model = TissueModel(phantom, OUTER, uncertainty=independent(which, 1.0))
+    model = TissueModel(phantom, OUTER, uncertainty=independent_uncertainty(which, 1.0))
     held = {node: phantom.positions[phantom.index(node)] for node in OUTER}
     free, kept = model.resting_columns(phantom.positions), model.resting_columns(phantom.positions, [0, 1, 4, 5, 6, 7])
     for k in range(len(which)):
-        ends = [scaled(phantom, which[k : k + 1], [sign * SMALL]) for sign in (1.0, -1.0)]
+        ends = [scale_parameters(phantom, which[k : k + 1], [sign * SMALL]) for sign in (1.0, -1.0)]
         for found, shapes in (
             (free, [rest_shape(end) for end in ends]),
-            (kept, [shape_held(end, held) for end in ends]),
+            (kept, [equilibrium_with_held(end, held) for end in ends]),
         ):
             moved = (shapes[0] - shapes[1])[phantom.free].ravel() / (2.0 * SMALL)
             np.testing.assert_allclose(found[:8, k], moved, rtol=0, atol=1e-5 * max(np.abs(moved).max(), 1e-3))
@@ -73,7 +84,9 @@ def test_columns_of_a_rest_shape_are_those_of_other_rest_shapes(phantom):
 
 
 def test_damping_moves_no_rest_shape(phantom):
-    model = TissueModel(phantom, OUTER, uncertainty=independent(parameters(phantom, ("damping", "drag")), 1.0))
+    model = TissueModel(
+        phantom, OUTER, uncertainty=independent_uncertainty(parameters(phantom, ("damping", "drag")), 1.0)
+    )
     assert np.abs(model.resting_columns(phantom.positions)).max() == 0.0
 
 

@@ -19,7 +19,7 @@ from experiments.formats.recording import (
     write_truth_csv,
 )
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
-from vision import VideoWriter, squarely
+from vision import VideoWriter, fronto_parallel_camera
 
 SIZE_PX = (32, 24)
 MARKED = ("M1", "M2", "M3")
@@ -27,7 +27,9 @@ MARKED = ("M1", "M2", "M3")
 
 def scene() -> Scene:
     marks = tuple(Mark(name, 0.0, 0.03, measured=name != "M2") for name in MARKED)
-    return Scene(four_mass_phantom(), marks, Target("M2", 0.005), (squarely("front", SIZE_PX, (20.0, 20.0)),))
+    return Scene(
+        four_mass_phantom(), marks, Target("M2", 0.005), (fronto_parallel_camera("front", SIZE_PX, (20.0, 20.0)),)
+    )
 
 
 def scene_in_space() -> Scene:

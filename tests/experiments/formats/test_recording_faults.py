@@ -11,7 +11,7 @@ from dynamics import four_mass_phantom
 from experiments.errors import InputError
 from experiments.formats.recording import open_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
-from vision import VideoWriter, squarely
+from vision import VideoWriter, fronto_parallel_camera
 
 SIZE_PX = (32, 24)
 FRAMES = "frame,exposure_s\n0,0.0\n1,0.1\n2,0.2\n"
@@ -26,7 +26,7 @@ def folder(tmp_path: Path) -> Path:
     folder = tmp_path / "rec"
     folder.mkdir()
     marks = (Mark("M1", 0.0, 0.03), Mark("M2", 0.0, 0.03, measured=False))
-    camera = squarely("front", SIZE_PX, (20.0, 20.0))
+    camera = fronto_parallel_camera("front", SIZE_PX, (20.0, 20.0))
     write_scene(Scene(four_mass_phantom(), marks, Target("M2", 0.005), (camera,)), folder / "scene.toml")
     return folder
 

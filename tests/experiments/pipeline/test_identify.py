@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scaled
+from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
 from experiments.commands.app import main
 from experiments.formats.recording import open_recording
 from experiments.formats.scenario import read_scenario
@@ -34,7 +34,7 @@ def told(network, off):
     """The network with constants off at random by these relative standard deviations of all and of rest lengths."""
     which = parameters(network)
     sds = np.array([off[1] if one.kind == "rest_length" else off[0] for one in which])
-    return scaled(network, which, sds * np.random.default_rng(7).normal(size=len(which)))
+    return scale_parameters(network, which, sds * np.random.default_rng(7).normal(size=len(which)))
 
 
 def recorded(folder: Path, trial: Trial, cache: Path, nodes) -> Path:

@@ -28,7 +28,7 @@ class Clocked(vision.EveryFrame):
 
     def __init__(self, frames: list[tuple[float, Frame]], events: list[SourceEvent], end_s: float) -> None:
         self.now, self.end_s = 100.0, end_s
-        self._arrivals, self._told = deque(frames), deque(events)
+        self._arrivals, self._reported = deque(frames), deque(events)
 
     @property
     def ended(self) -> bool:
@@ -44,8 +44,8 @@ class Clocked(vision.EveryFrame):
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         due = []
-        while self._told and self._told[0].time_s <= self.now:
-            due.append(self._told.popleft())
+        while self._reported and self._reported[0].time_s <= self.now:
+            due.append(self._reported.popleft())
         return tuple(due)
 
 

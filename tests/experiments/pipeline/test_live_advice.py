@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import vision
-from dynamics import HIDDEN, OUTER, four_mass_phantom, independent, parameters
+from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate, TissueFilter, guide
 from experiments.commands import app as cli
 from experiments.formats.needle_file import NeedlePlan, read_needle
@@ -171,7 +171,7 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
 def test_a_filter_with_unknown_constants_is_asked_itself(tmp_path, plan):
     """No tables are made for it: its row is that of `guide`, to the last digit."""
     network = four_mass_phantom()
-    unsure = independent(parameters(network, ("stiffness",))[:1], 0.1)
+    unsure = independent_uncertainty(parameters(network, ("stiffness",))[:1], 0.1)
     tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=unsure)
     marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
     advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")

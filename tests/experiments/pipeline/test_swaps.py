@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dynamics import OUTER
-from estimators import MarkMeasurement, Swap
+from estimators import IdentitySwap, MarkMeasurement
 from experiments.commands import app as cli
 from experiments.formats.recording import Fix, MarkRow, write_marks_csv
 from experiments.formats.scenario import read_scenario
@@ -94,7 +94,7 @@ def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, monkeypatch,
 def test_live_tells_a_swap(scene, places, tmp_path, monkeypatch, capsys):
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None)
     made = Line(scene, baseline=False).take(3.2, marks(places, 0))
-    swapped = replace(made, swap=Swap(3.2, 2.1, ("M1", "M3", "M4")))
+    swapped = replace(made, swap=IdentitySwap(3.2, 2.1, ("M1", "M3", "M4")))
     monkeypatch.setattr(session.line, "see", lambda _time_s, _image: swapped)
     width, height = scene.cameras[0].size_px
     session.take(Frame(0, 3.2, np.zeros((height, width, 3), dtype=np.uint8)))

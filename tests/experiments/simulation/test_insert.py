@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from dynamics import HIDDEN, OUTER, Drive, sliding_forces
+from dynamics import HIDDEN, OUTER, NeedleDrive, sliding_friction
 from estimators import Breathing, TissueFilter, compliance
 from experiments.commands.app import app
 from experiments.errors import InputError
@@ -68,7 +68,7 @@ def test_a_breathing_target_is_foretold_half_a_second_ahead():
     for seed in (1, 2):
         world = world_of(Case(read_scenario("breathing"), seed, warm_s=18.0, patience_s=0.5))
         tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
-        away, state = Drive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
+        away, state = NeedleDrive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
         truth, said = [], {}
         for k in range(18 * 30):
             t = world.frame_s(k)
@@ -139,7 +139,7 @@ def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
     shifts = []
     for _ in range(4000):
         true = {key: BELIEVED[key] * rng.uniform(1.0 - FORCES_OFF, 1.0 + FORCES_OFF) for key in BELIEVED}
-        shifts.append(gives @ sliding_forces(world.network, needle_with(world.entry, true), tip, axis, depth).ravel())
+        shifts.append(gives @ sliding_friction(world.network, needle_with(world.entry, true), tip, axis, depth).ravel())
     drawn, told = np.cov(np.array(shifts).T), off_by_forces(gives, believed_parts(*where, 0.05, 1)[:, 0])
     assert np.abs(told - drawn).max() < 0.06 * np.abs(drawn).max()
 
@@ -149,7 +149,7 @@ def test_a_needle_drawn_back_cuts_nothing():
     world, axis = world_of(case("poked")), np.array([0.0, -1.0])
     depths = 0.02 + 0.05 * np.array([0.5, 1.5, 2.5]) / 30.0
     tips = world.entry + depths[:, None] * axis
-    whole = sliding_forces(world.network, needle_with(world.entry, BELIEVED), tips, axis, depths)
+    whole = sliding_friction(world.network, needle_with(world.entry, BELIEVED), tips, axis, depths)
     assert believed_push(world, axis, 0.02, 0.0, 0.05, 3) == pytest.approx(whole)
     cutting, friction = believed_parts(world, axis, 0.02, 0.0, -0.05, 3)
     assert not cutting.any()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision import Lens, PlaneCamera, Pose, posed, squarely
+from vision import Lens, PlaneCamera, Pose, fronto_parallel_camera, posed_camera
 
 TILTED = np.array([[900.0, 40.0, 310.0], [-30.0, -860.0, 250.0], [0.15, -0.25, 1.0]])
 """A camera that looks at the plane from the side: metres to pixels."""
@@ -17,7 +17,7 @@ def tilted() -> PlaneCamera:
 
 
 def test_a_square_camera_has_its_centre_scale_and_axes() -> None:
-    camera = squarely("front", (640, 480), (4.24, 4.56), (0.1, 0.2))
+    camera = fronto_parallel_camera("front", (640, 480), (4.24, 4.56), (0.1, 0.2))
     # The middle of 640 x 480 pixels, the first of which is centred on (0, 0), is (319.5, 239.5).
     np.testing.assert_allclose(camera.project([[0.1, 0.2]]), [[319.5, 239.5]], atol=1e-9)
     # 42.4 mm right is 10 px right, 45.6 mm up is 10 px up: v falls.
@@ -104,7 +104,7 @@ def on_plane(n: int = 20) -> np.ndarray:
 
 
 def test_a_camera_with_a_lens_sees_what_opencv_projects() -> None:
-    camera = posed("a", (640, 480), LENS, POSE)
+    camera = posed_camera("a", (640, 480), LENS, POSE)
     points = on_plane()
     turn = cv2.Rodrigues(POSE.rotation)[0]
     space = np.column_stack([points, np.zeros(len(points))])
@@ -116,7 +116,7 @@ def test_a_camera_with_a_lens_sees_what_opencv_projects() -> None:
 
 
 def test_covariances_go_through_a_lens_by_its_slope() -> None:
-    camera, points, step = posed("a", (640, 480), LENS, POSE), on_plane(), 1e-6
+    camera, points, step = posed_camera("a", (640, 480), LENS, POSE), on_plane(), 1e-6
     J = np.stack([(camera.project(points + d) - camera.project(points - d)) / (2 * step) for d in step * np.eye(2)], -1)
     there = camera.cov_to_px(points, np.tile(np.eye(2), (len(points), 1, 1)))
     np.testing.assert_allclose(there, J @ J.transpose(0, 2, 1), rtol=1e-6)
@@ -126,7 +126,7 @@ def test_covariances_go_through_a_lens_by_its_slope() -> None:
 
 
 def test_a_discs_middle_is_seen_off_the_middle_of_its_picture() -> None:
-    bent, straight, radius = posed("a", (640, 480), LENS, POSE), PlaneCamera("b", (640, 480), TILTED), 0.02
+    bent, straight, radius = posed_camera("a", (640, 480), LENS, POSE), PlaneCamera("b", (640, 480), TILTED), 0.02
     at = np.linspace(-1.0, 1.0, 801)
     inside = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
     disc = radius * inside[np.hypot(*inside.T) < 1.0]
@@ -151,11 +151,11 @@ def test_a_discs_middle_is_seen_off_the_middle_of_its_picture() -> None:
 def test_what_a_calibration_is_off_by_moves_all_points_together() -> None:
     directions = np.random.default_rng(2).normal(0.0, 1e-4, (4, 15))
     directions[:, 12:] *= 0.1
-    camera, points = posed("a", (640, 480), LENS, POSE, calibration=directions), on_plane()
+    camera, points = posed_camera("a", (640, 480), LENS, POSE, calibration=directions), on_plane()
     moved = camera.calibration_error(points)
     assert moved.shape == (20, 2, 4)
     for k, direction in enumerate(directions):
-        other = posed("b", (640, 480), LENS.moved(direction[:9]), POSE.moved(direction[9:]))
+        other = posed_camera("b", (640, 480), LENS.moved(direction[:9]), POSE.moved(direction[9:]))
         expected = camera.to_plane(other.project(points)) - points
         np.testing.assert_allclose(moved[:, :, k], expected, atol=2e-3 * np.abs(expected).max())
     assert PlaneCamera("c", (640, 480), TILTED).calibration_error(points).shape == (20, 2, 0)

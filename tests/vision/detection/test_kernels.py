@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vision import Disc, Lighting, MarkHue, compress, draw_frame
-from vision.detection.coverage import cover
+from vision.detection.coverage import measure_coverage
 from vision.detection.palette import classes_of, palette_of
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -27,7 +27,7 @@ def test_what_a_mark_covers_is_what_the_plain_version_says(seed: int) -> None:
     v, u = np.mgrid[0:110, 0:120]
     component = ((u - 60) ** 2 + (v - 50) ** 2 < (0.9 * radius) ** 2).astype(np.uint8)
     others = np.zeros_like(component)
-    expected, got = plain_coverage.cover(patch, component, others), cover(patch, component, others)
+    expected, got = plain_coverage.cover(patch, component, others), measure_coverage(patch, component, others)
     assert expected is not None
     assert got is not None
     # single precision against double
@@ -42,7 +42,7 @@ def test_alpha_is_one_inside_and_nothing_away_from_the_mark() -> None:
     patch = draw_frame((80, 80), [disc], Lighting(), np.random.default_rng(0))
     v, u = np.mgrid[0:80, 0:80]
     away = np.hypot(u - 40, v - 40)
-    seen = cover(patch, (away < 9.5).astype(np.uint8), np.zeros((80, 80), np.uint8))
+    seen = measure_coverage(patch, (away < 9.5).astype(np.uint8), np.zeros((80, 80), np.uint8))
     assert seen is not None
     assert (seen.alpha[away < 6] == 1.0).all()
     assert (seen.alpha[away > 19] == 0.0).all()
@@ -58,9 +58,9 @@ def test_pixels_on_one_line_do_not_tell_what_lies_behind(line: tuple[slice, slic
     component, others = np.zeros((30, 30), np.uint8), np.ones((30, 30), np.uint8)
     component[11:20, 11:20] = 1
     others[line] = 0
-    assert cover(patch, component, others) is None
+    assert measure_coverage(patch, component, others) is None
     others[8:22, :] = 0
-    assert cover(patch, component, others) is not None
+    assert measure_coverage(patch, component, others) is not None
 
 
 def test_every_colour_is_of_the_class_that_its_hue_saturation_and_value_say() -> None:

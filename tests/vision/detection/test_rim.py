@@ -6,7 +6,7 @@ import pytest
 
 from vision import Disc, Expected, Lighting, MarkHue, Outline, detect_marks, draw_frame
 from vision.detection.rim import fit_rim
-from vision.detection.rim_search import look_at
+from vision.detection.rim_search import detect_by_rim
 
 
 def ball(center: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_a_mark_on_blood_is_found_by_its_rim_about_where_it_is_expected() -> Non
         center = np.array([62.0, 58.0]) + rng.uniform(-1.0, 1.0, 2)
         outline = Outline(10.0 * np.eye(2), 0.05)
         expected = Expected("M1", center + rng.normal(0.0, 1.0, 2), np.eye(2), 0.0, outline)
-        found = look_at(beside_blood(rng, center), expected)
+        found = detect_by_rim(beside_blood(rng, center), expected)
         assert found is not None
         assert np.abs(found.center_px - center).max() < 0.5
         assert found.color_bgr[2] > 120.0
@@ -75,4 +75,4 @@ def test_a_mark_on_blood_is_found_by_its_rim_about_where_it_is_expected() -> Non
 )
 def test_nothing_is_looked_for_anywhere(sd: float, outline: Outline | None) -> None:
     image = beside_blood(np.random.default_rng(4), np.array([62.0, 58.0]))
-    assert look_at(image, Expected("M1", np.array([62.0, 58.0]), sd**2 * np.eye(2), 0.0, outline)) is None
+    assert detect_by_rim(image, Expected("M1", np.array([62.0, 58.0]), sd**2 * np.eye(2), 0.0, outline)) is None

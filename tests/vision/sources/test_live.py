@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vision import EventKind, LiveFrames, Playback, SourceError, told_times
+from vision import EventKind, LiveFrames, Playback, SourceError, stated_exposure_time
 from vision.sources.frames import Frame
 
 IMAGE = np.zeros((4, 6, 3), dtype=np.uint8)
@@ -293,7 +293,7 @@ def test_a_film_is_shown_at_its_own_pace() -> None:
         clock.now += seconds
 
     shown = Playback(film, clock=clock, sleep=sleep)
-    settings = {"ends": lambda _capture: True, "exposures": lambda: told_times, "frozen_s": None, "keep": 3}
+    settings = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "frozen_s": None, "keep": 3}
     with LiveFrames(lambda: shown, clock=clock, **settings) as live:  # type: ignore[arg-type]
         assert [frame.exposure_s for frame in live] == pytest.approx([100.0, 100.04, 100.12])
         assert naps == pytest.approx([0.04, 0.08])

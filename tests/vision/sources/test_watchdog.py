@@ -2,14 +2,14 @@
 
 import pytest
 
-from vision import EventKind, Watch
+from vision import EventKind, SourceWatchdog
 
 SIZE = (64, 48)
 
 
-def fed(n: int, interval_s: float, **settings: float | None) -> tuple[Watch, float]:
+def fed(n: int, interval_s: float, **settings: float | None) -> tuple[SourceWatchdog, float]:
     """A watch that saw n pictures, and when the last came [s]."""
-    watch = Watch(0.0, **({"blocked_s": 0.5, "frozen_s": 0.5} | settings))
+    watch = SourceWatchdog(0.0, **({"blocked_s": 0.5, "frozen_s": 0.5} | settings))
     for k in range(n):
         assert watch.saw_new(k * interval_s, SIZE) == []
     return watch, (n - 1) * interval_s
@@ -33,7 +33,7 @@ def test_silence_is_told_once_when_its_time_is_over_and_then_its_end() -> None:
 
 
 def test_silence_before_the_first_frame_is_told() -> None:
-    assert kinds(Watch(100.0, blocked_s=0.5, frozen_s=None).check(100.6)) == [EventKind.BLOCKED]
+    assert kinds(SourceWatchdog(100.0, blocked_s=0.5, frozen_s=None).check(100.6)) == [EventKind.BLOCKED]
 
 
 def test_the_same_picture_for_too_long_is_frozen() -> None:
@@ -88,4 +88,4 @@ def test_another_size_is_told_even_after_a_fault() -> None:
 @pytest.mark.parametrize("name", ["blocked_s", "frozen_s"])
 def test_times_are_checked(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name}: expected more than 0, found 0"):
-        Watch(0.0, **({"blocked_s": 1.0, "frozen_s": 1.0} | {name: 0.0}))
+        SourceWatchdog(0.0, **({"blocked_s": 1.0, "frozen_s": 1.0} | {name: 0.0}))

@@ -5,7 +5,17 @@ import colorsys
 import numpy as np
 import pytest
 
-from vision import Hand, Layer, Needle, blood_layer, hand_layer, hue_distance, needle_layers, plain_surface, srgb_of
+from vision import (
+    Layer,
+    OccludingHand,
+    OccludingNeedle,
+    blood_layer,
+    hand_layer,
+    hue_distance,
+    needle_layers,
+    plain_surface,
+    srgb_of,
+)
 from vision.synthetic.layers import take
 
 SIZE = (320, 240)
@@ -24,7 +34,7 @@ def cover(layers: list[Layer]) -> np.ndarray:
      ((290.0, 31.0), (60.0, 60.5))],
 )  # fmt: skip
 def test_a_needle_has_its_width_and_ends(tip: tuple[float, float], tail: tuple[float, float]) -> None:
-    layers = needle_layers(Needle(tip, tail, 5.0), SIZE)
+    layers = needle_layers(OccludingNeedle(tip, tail, 5.0), SIZE)
     length = np.hypot(tail[0] - tip[0], tail[1] - tip[1])
     # A bar of width 5 whose first 15 px are ground to a triangle; its edges are good to a tenth of a pixel.
     assert cover(layers).sum() == pytest.approx(5.0 * (length - 15.0) + 0.5 * 5.0 * 15.0, rel=0.02)
@@ -37,18 +47,18 @@ def test_a_needle_has_its_width_and_ends(tip: tuple[float, float], tail: tuple[f
 
 
 def test_a_needle_is_grey_metal_with_a_bright_streak_and_its_bands_do_not_overlap() -> None:
-    layers = needle_layers(Needle((30.0, 31.0), (290.0, 200.0), 5.0, gloss=0.9), SIZE)
+    layers = needle_layers(OccludingNeedle((30.0, 31.0), (290.0, 200.0), 5.0, gloss=0.9), SIZE)
     assert max(layer.alpha.shape[0] for layer in layers) <= 32
     assert sum(layer.alpha.sum() for layer in layers) == pytest.approx(cover(layers).sum(), rel=1e-5)
     colors = np.concatenate([layer.color_bgr[layer.alpha > 0.99] for layer in layers])
     assert np.ptp(colors, axis=1).max() < 0.05 * colors.max()
     assert colors.max() > 0.9
     assert np.median(colors) < 0.6
-    assert needle_layers(Needle((-500.0, -500.0), (-50.0, -400.0), 5.0), SIZE) == []
+    assert needle_layers(OccludingNeedle((-500.0, -500.0), (-50.0, -400.0), 5.0), SIZE) == []
 
 
 def test_a_hand_points_with_its_tip_and_is_of_skin() -> None:
-    hand = Hand((150.0, 100.0), 0.0, 12.0, n_fingers=1, softness_px=2.0)
+    hand = OccludingHand((150.0, 100.0), 0.0, 12.0, n_fingers=1, softness_px=2.0)
     layer = hand_layer(hand, SIZE)
     alpha = cover([layer])
     # Its finger is a bar of 24 px with a round end: half covered at the tip.
@@ -68,9 +78,9 @@ def test_a_hand_points_with_its_tip_and_is_of_skin() -> None:
 
 
 def test_a_hand_of_more_fingers_covers_more_and_one_beyond_covers_nothing() -> None:
-    areas = [cover([hand_layer(Hand((150.0, 120.0), 0.0, 12.0, n), SIZE)]).sum() for n in (1, 2, 3, 4)]
+    areas = [cover([hand_layer(OccludingHand((150.0, 120.0), 0.0, 12.0, n), SIZE)]).sum() for n in (1, 2, 3, 4)]
     assert np.diff(areas).min() > 500.0
-    assert cover([hand_layer(Hand((-400.0, 120.0), 0.0, 12.0), SIZE)]).sum() == 0.0
+    assert cover([hand_layer(OccludingHand((-400.0, 120.0), 0.0, 12.0), SIZE)]).sum() == 0.0
 
 
 def test_blood_is_dark_varied_red_and_drops_are_smaller_than_marks() -> None:

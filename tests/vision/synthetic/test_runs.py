@@ -5,13 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
-from vision import MarkHue, RunFrame, detect_marks, drawn_run
+from vision import MarkHue, RunFrame, detect_marks, synthetic_run
 
 SMALL = (320, 240)
 
 
 def run(seed: int, n_frames: int, level: str, **kwargs: object) -> list[RunFrame]:
-    return list(drawn_run(seed, n_frames, level, **kwargs))  # type: ignore[arg-type]
+    return list(synthetic_run(seed, n_frames, level, **kwargs))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("level", ["good light", "whole range"])
@@ -87,6 +87,6 @@ def test_hues_all_round_leave_no_strays_and_no_error() -> None:
 
 def test_bad_runs_are_refused_before_the_first_frame() -> None:
     with pytest.raises(ValueError, match="level: expected good light or whole range, found dark"):
-        drawn_run(0, 3, "dark")  # type: ignore[arg-type]
+        synthetic_run(0, 3, "dark")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="run: expected frames and at least one hue"):
-        drawn_run(0, 3, hues_deg=())
+        synthetic_run(0, 3, hues_deg=())

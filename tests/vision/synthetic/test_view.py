@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from vision import Disc, DrawnView, Lighting, draw_frame, tilted_view
+from vision import Disc, Lighting, SyntheticView, draw_frame, tilted_view
 from vision.synthetic.view import _plane_samples, disc_box, disc_coverage
 
 SIZE = (640, 480)
 BENT = (-0.28, 0.09, 0.001, -0.0015, 0.01)
 
 
-def region_on_rim(view: DrawnView, center_m: np.ndarray, radius_m: float) -> tuple[float, np.ndarray]:
+def region_on_rim(view: SyntheticView, center_m: np.ndarray, radius_m: float) -> tuple[float, np.ndarray]:
     """Area and centroid of a disc's picture [px], from 20,000 points of its rim: Green's theorem."""
     angle = np.linspace(0.0, 2.0 * np.pi, 20_000, endpoint=False)
     rim = view.project(center_m + radius_m * np.column_stack([np.cos(angle), np.sin(angle)]))
@@ -20,7 +20,7 @@ def region_on_rim(view: DrawnView, center_m: np.ndarray, radius_m: float) -> tup
     return abs(cross.sum() / 2.0), near + ((a + b) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
 
 
-def drawn_region(view: DrawnView, center_m: np.ndarray, radius_m: float) -> tuple[float, np.ndarray]:
+def drawn_region(view: SyntheticView, center_m: np.ndarray, radius_m: float) -> tuple[float, np.ndarray]:
     path = np.atleast_2d(center_m)
     box = disc_box(view, path, radius_m)
     alpha = disc_coverage(view, box, path, radius_m)
@@ -113,13 +113,13 @@ def test_a_moving_disc_has_the_variance_of_its_path() -> None:
 def test_bad_views_are_refused() -> None:
     good = tilted_view(SIZE, 600.0, 1.0)
     with pytest.raises(ValueError, match="view rotation: expected a rotation"):
-        DrawnView(SIZE, good.matrix, np.diag([1.0, 1.0, -1.0]), good.translation_m)
+        SyntheticView(SIZE, good.matrix, np.diag([1.0, 1.0, -1.0]), good.translation_m)
     with pytest.raises(ValueError, match="view matrix: expected finite numbers of shape"):
-        DrawnView(SIZE, np.eye(2), good.rotation, good.translation_m)
+        SyntheticView(SIZE, np.eye(2), good.rotation, good.translation_m)
     with pytest.raises(ValueError, match="expected the lens off the plane"):
-        DrawnView(SIZE, good.matrix, good.rotation, np.zeros(3))
+        SyntheticView(SIZE, good.matrix, good.rotation, np.zeros(3))
     with pytest.raises(ValueError, match="view distortion: expected five finite numbers"):
-        DrawnView(SIZE, good.matrix, good.rotation, good.translation_m, (0.1,))
+        SyntheticView(SIZE, good.matrix, good.rotation, good.translation_m, (0.1,))
     steep = tilted_view(SIZE, 600.0, 1.0, tilt_deg=(80.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="expected points before the lens"):
         steep.project([[0.0, -50.0], [0.0, 50.0]])

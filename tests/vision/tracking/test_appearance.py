@@ -18,7 +18,7 @@ from vision.tracking.appearance import (
     PRIOR,
     SHADE,
     WIDE_PX,
-    Appearance,
+    AppearanceModel,
 )
 
 SIZE, RADIUS = (200, 160), 9.0
@@ -38,8 +38,8 @@ def expected(at: tuple[float, float], sd: float = 3.0) -> Expected:
     return Expected("M1", np.array(at), sd**2 * np.eye(2), 0.0, OUTLINE)
 
 
-def known(rng: np.random.Generator, n: int = KEPT) -> Appearance:
-    look = Appearance(0.0)
+def known(rng: np.random.Generator, n: int = KEPT) -> AppearanceModel:
+    look = AppearanceModel(0.0)
     for k in range(n):
         at = (60.0 + 1.3 * k, 70.0 + 0.4 * k)
         look.remember(frame(rng, mark(at)), np.array(at), OUTLINE)
@@ -102,7 +102,7 @@ def test_a_darker_mark_of_the_kind_is_known_only_where_light_may_have_changed() 
 @pytest.mark.parametrize("axes_px", [(6.0, 6.0), (13.0, 13.0), (12.0, 8.0)])
 def test_looks_are_lent_to_marks_seen_as_other_shapes(axes_px: tuple[float, float]) -> None:
     rng = np.random.default_rng(11)
-    look = Appearance(0.0)
+    look = AppearanceModel(0.0)
     for k in range(KEPT):
         at = np.array([60.0 + 1.3 * k, 70.0])
         highlight = Disc(at + np.array([3.0, -3.5]), (2.5, 2.5), 0.0, saturation=0.1, value=0.95)
@@ -132,12 +132,12 @@ def test_blood_is_no_mark_in_other_light() -> None:
 def test_nothing_is_told_where_nothing_can_be() -> None:
     rng = np.random.default_rng(6)
     picture = frame(rng, mark((100.0, 80.0)))
-    assert Appearance(0.0).place(picture, expected((100.0, 80.0))) is None
+    assert AppearanceModel(0.0).place(picture, expected((100.0, 80.0))) is None
     look = known(rng)
     assert look.place(picture, expected((100.0, 80.0), sd=20.0)) is None
     assert look.place(picture, Expected("M1", np.array([100.0, 80.0]), np.eye(2), 0.0)) is None
     assert look.place(picture, expected((-60.0, 80.0))) is None
-    pale = Appearance(0.0)
+    pale = AppearanceModel(0.0)
     like_ground = Disc(np.array([60.0, 70.0]), (RADIUS, RADIUS), 0.0, saturation=0.02, value=0.8)
     pale.remember(frame(rng, like_ground), np.array([60.0, 70.0]), OUTLINE)
     assert pale.place(picture, expected((100.0, 80.0))) is None
@@ -145,7 +145,7 @@ def test_nothing_is_told_where_nothing_can_be() -> None:
 
 def test_marks_at_the_border_are_not_remembered() -> None:
     rng = np.random.default_rng(7)
-    look = Appearance(0.0)
+    look = AppearanceModel(0.0)
     look.remember(frame(rng, mark((8.0, 70.0))), np.array([8.0, 70.0]), OUTLINE)
     assert look.place(frame(rng, mark((100.0, 80.0))), expected((100.0, 80.0))) is None
 

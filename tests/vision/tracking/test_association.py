@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from vision import Detection, Expected, identify
+from vision import Detection, Expected, associate_marks
 from vision.tracking.association import GATE
 
 UNIT = np.eye(2)
@@ -21,7 +21,7 @@ def awaited(name: str, u: float, v: float, hue_deg: float = 0.0, cov: np.ndarray
 
 
 def pairs(detections: list[Detection], expected: list[Expected], **gate: float) -> dict[str, int]:
-    found = identify(detections, expected, **gate)
+    found = associate_marks(detections, expected, **gate)
     return {f.name: next(k for k, d in enumerate(detections) if d is f.detection) for f in found}
 
 
@@ -30,9 +30,9 @@ def test_the_gate_is_the_chi_square_quantile() -> None:
 
 
 def test_nothing_seen_or_nothing_expected_gives_nothing() -> None:
-    assert identify([], [awaited("M1", 0, 0)]) == []
-    assert identify([seen(0, 0)], []) == []
-    assert identify([], []) == []
+    assert associate_marks([], [awaited("M1", 0, 0)]) == []
+    assert associate_marks([seen(0, 0)], []) == []
+    assert associate_marks([], []) == []
 
 
 def test_the_assignment_is_the_best_of_all() -> None:
@@ -76,7 +76,7 @@ def test_the_gate_counts_both_covariances(factor: float, found: bool) -> None:
     direction = np.array([1.0, 0.5])
     direction *= np.sqrt(factor * GATE / (direction @ np.linalg.inv(S) @ direction))
     detections = [seen(*direction, cov=cov_seen)]
-    assert bool(identify(detections, [awaited("M1", 0, 0, cov=cov_expected)])) is found
+    assert bool(associate_marks(detections, [awaited("M1", 0, 0, cov=cov_expected)])) is found
 
 
 def test_hue_classes_are_kept_apart() -> None:
@@ -95,4 +95,4 @@ def test_more_detections_than_marks_and_the_other_way_round() -> None:
 
 def test_a_covariance_that_is_none_is_refused() -> None:
     with pytest.raises(ValueError, match="expected mark M1: expected a positive definite covariance"):
-        identify([seen(0, 0)], [awaited("M1", 0, 0, cov=-UNIT)])
+        associate_marks([seen(0, 0)], [awaited("M1", 0, 0, cov=-UNIT)])

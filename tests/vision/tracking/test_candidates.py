@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vision import Detection, Disc, Expected, Lighting, Outline, draw_frame
-from vision.tracking.appearance import Place
+from vision.tracking.appearance import AppearanceMatch
 from vision.tracking.candidates import (
     APART,
     EVEN_SCORE,
@@ -25,7 +25,7 @@ from vision.tracking.candidates import (
 RADIUS, AT = 9.0, np.array([100.0, 80.0])
 ONE = Expected("M1", AT, 9.0 * np.eye(2), 0.0, Outline(RADIUS * np.eye(2), 0.05))
 BLANK = np.full((160, 200, 3), 200, np.uint8)
-PLACE = Place(AT, score=1.3, share=0.95, around=-0.8, color_bgr=(30.0, 30.0, 150.0), weighed=1.25)
+PLACE = AppearanceMatch(AT, score=1.3, share=0.95, around=-0.8, color_bgr=(30.0, 30.0, 150.0), weighed=1.25)
 
 
 def right(_seen: Detection) -> float:

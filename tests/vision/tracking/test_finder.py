@@ -7,7 +7,7 @@ import pytest
 
 import vision.tracking.finder
 from vision import Disc, Expected, HueError, Lighting, MarkFinder, MarkHue, Outline, detect_marks, draw_frame
-from vision.detection.fast_path import mark_alone
+from vision.detection.fast_path import detect_isolated
 
 SIZE = (640, 480)
 HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
@@ -26,7 +26,7 @@ def frame(places: dict[str, np.ndarray], rng: np.random.Generator, *more: Disc) 
 
 def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.MonkeyPatch) -> None:
     rng, regions = np.random.default_rng(1), []
-    detect, alone = vision.tracking.finder.detect_marks, vision.tracking.finder.mark_alone
+    detect, alone = vision.tracking.finder.detect_marks, vision.tracking.finder.detect_isolated
 
     def watched(*given, **more):
         regions.append(more["region"])
@@ -37,7 +37,7 @@ def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.Monke
         return alone(frame_bgr, hues, region, expected)
 
     monkeypatch.setattr(vision.tracking.finder, "detect_marks", watched)
-    monkeypatch.setattr(vision.tracking.finder, "mark_alone", watched_alone)
+    monkeypatch.setattr(vision.tracking.finder, "detect_isolated", watched_alone)
     finder = MarkFinder([MarkHue(0.0)])
     for k in range(5):
         places = {name: np.array([at[0] + 3.0 * k, at[1] + 0.3]) for name, at in HOMES.items()}
@@ -54,14 +54,17 @@ def test_a_mark_that_leaves_its_place_is_looked_for_everywhere() -> None:
     rng = np.random.default_rng(2)
     finder = MarkFinder([MarkHue(0.0)])
     finder.find(frame(HOMES, rng), expected(HOMES))
-    struck = HOMES | {"M3": np.array([520.0, 260.0])}
-    assert {f.name for f in finder.find(frame(struck, rng), expected(HOMES))} == {"M1", "M4"}
+    expected_after_impulse = HOMES | {"M3": np.array([520.0, 260.0])}
+    assert {f.name for f in finder.find(frame(expected_after_impulse, rng), expected(HOMES))} == {"M1", "M4"}
 
     def anywhere(name: str) -> Expected:
         return Expected(name, np.array(HOMES[name]), 100.0**2 * np.eye(2), 0.0, Outline(10.0 * np.eye(2), 0.05))
 
-    found = {f.name: f.detection.center_px for f in finder.find(frame(struck, rng), expected(HOMES), anywhere)}
-    np.testing.assert_allclose(found["M3"], struck["M3"], atol=0.1)
+    found = {
+        f.name: f.detection.center_px
+        for f in finder.find(frame(expected_after_impulse, rng), expected(HOMES), anywhere)
+    }
+    np.testing.assert_allclose(found["M3"], expected_after_impulse["M3"], atol=0.1)
 
 
 def test_of_two_strangers_none_is_taken_for_the_missing_mark_at_once() -> None:
@@ -125,7 +128,7 @@ def test_the_quick_way_says_what_the_long_way_says() -> None:
         image = frame({"M1": at}, rng)
         (one,) = expected({"M1": at + rng.normal(0.0, 2.0, 2)})
         left, top = (int(x) - 40 for x in one.center_px)
-        quick = mark_alone(image, [MarkHue(0.0)], (left, top, 80, 80), one)
+        quick = detect_isolated(image, [MarkHue(0.0)], (left, top, 80, 80), one)
         (slow,) = detect_marks(
             image, [MarkHue(0.0)], min_area_px=100.0, region=(left, top, 80, 80), outlines=[one.outline]
         )
@@ -142,15 +145,15 @@ def test_the_quick_way_leaves_what_is_odd_to_the_long_way() -> None:
     (one,) = expected({"M1": at})
     region, hues = (255, 155, 90, 90), [MarkHue(0.0)]
     whole = frame({"M1": at}, rng)
-    assert mark_alone(whole, hues, region, one) is not None
+    assert detect_isolated(whole, hues, region, one) is not None
     half = whole.copy()
     half[:, 302:] = (150, 160, 170)
     two = frame({"M1": at, "M3": np.array([326.0, 200.0])}, rng)
     stain = Disc(at, (3.0, 3.0), 0.0)
     for image in (half, two, frame({}, rng), frame({}, rng, stain)):
-        assert mark_alone(image, hues, region, one) is None
-    assert mark_alone(whole, hues, (296, 155, 49, 90), one) is None  # cut by the region
-    assert mark_alone(whole, hues, region, replace(one, outline=replace_even(one.outline))) is None
+        assert detect_isolated(image, hues, region, one) is None
+    assert detect_isolated(whole, hues, (296, 155, 49, 90), one) is None  # cut by the region
+    assert detect_isolated(whole, hues, region, replace(one, outline=replace_even(one.outline))) is None
 
 
 def replace_even(outline: Outline | None) -> Outline:

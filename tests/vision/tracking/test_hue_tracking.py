@@ -5,7 +5,7 @@ import colorsys
 import numpy as np
 import pytest
 
-from vision import Detection, FollowedHue, MarkHue
+from vision import AdaptiveHue, Detection, MarkHue
 
 
 def seen(hue: float, saturation: float = 0.8, value: float = 0.7, **how: bool) -> Detection:
@@ -15,7 +15,7 @@ def seen(hue: float, saturation: float = 0.8, value: float = 0.7, **how: bool) -
 
 
 def test_a_drift_of_hue_is_followed_through_zero() -> None:
-    followed = FollowedHue(MarkHue(0.0))
+    followed = AdaptiveHue(MarkHue(0.0))
     for k in range(200):
         followed.follow([seen(-0.1 * k), seen(-0.1 * k)])
     # believed with a lag of the last twenty frames
@@ -24,36 +24,36 @@ def test_a_drift_of_hue_is_followed_through_zero() -> None:
 
 
 def test_a_drift_is_followed_so_far_and_no_further() -> None:
-    followed = FollowedHue(MarkHue(100.0, 20.0))
+    followed = AdaptiveHue(MarkHue(100.0, 20.0))
     for k in range(400):
         followed.follow([seen(100.0 + 0.2 * k)])
     assert followed.now.middle_deg == pytest.approx(130.0)
 
 
 def test_paler_and_darker_marks_still_count() -> None:
-    followed = FollowedHue(MarkHue(0.0))
+    followed = AdaptiveHue(MarkHue(0.0))
     for _ in range(200):
         followed.follow([seen(0.0, 0.4, 0.3)])
     assert followed.now.min_saturation == pytest.approx(0.24, abs=0.01)
     assert followed.now.min_value == pytest.approx(0.09, abs=0.01)
-    assert FollowedHue(MarkHue(0.0)).now.min_saturation == 0.4
+    assert AdaptiveHue(MarkHue(0.0)).now.min_saturation == 0.4
 
 
 def test_covered_and_cut_marks_teach_nothing() -> None:
-    followed = FollowedHue(MarkHue(0.0))
+    followed = AdaptiveHue(MarkHue(0.0))
     for _ in range(50):
         followed.follow([seen(15.0, covered=True), seen(15.0, clipped=True)])
     assert followed.now == MarkHue(0.0)
 
 
 def test_other_colours_are_refused_once_the_own_is_known() -> None:
-    followed = FollowedHue(MarkHue(0.0))
+    followed = AdaptiveHue(MarkHue(0.0))
     skin = seen(20.0, 0.5)
     assert followed.fits(skin)
     for _ in range(5):
         followed.follow([seen(0.0), seen(2.0)])
     assert not followed.fits(skin)
     assert followed.fits(seen(5.0, 0.75, 0.2))  # in shadow
-    learned = FollowedHue(MarkHue(0.0, saturation=0.8, value=0.7))
+    learned = AdaptiveHue(MarkHue(0.0, saturation=0.8, value=0.7))
     assert not learned.fits(skin)
     assert learned.fits(seen(-5.0, 0.85))

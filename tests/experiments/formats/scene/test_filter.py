@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynamics import four_mass_phantom, label, parameters
+from dynamics import four_mass_phantom, parameter_label, parameters
 from estimators import FilterSettings, FixBias, ForceMode
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
@@ -49,7 +49,10 @@ def test_directions_are_told_apart_by_name(path):
         '[uncertainty]\nparameters = ["drag M2", "stiffness M1-M2"]\n'
         "directions = [[0.1, 0.2], [0.0, 0.3], [1.0, 0.0]]\n",
     )
-    assert [label(scene.network, one) for one in scene.uncertainty.parameters] == ["drag M2", "stiffness M1-M2"]
+    assert [parameter_label(scene.network, one) for one in scene.uncertainty.parameters] == [
+        "drag M2",
+        "stiffness M1-M2",
+    ]
     np.testing.assert_allclose(scene.uncertainty.cov, [[1.01, 0.02], [0.02, 0.13]], rtol=0, atol=1e-15)
 
 
