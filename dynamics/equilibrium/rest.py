@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
 
+from dynamics.arrays import Floats
 from dynamics.forces.energy import node_forces, potential_energy
 from dynamics.forces.parameters import parameter_forces, parameter_label, parameters
 from dynamics.forces.tangent import stiffness_matrix
-from dynamics.network.mass_spring import Floats, MassSpringNetwork, NetworkError, all_positions
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions
 
 RESIDUAL = 1e-9
 """Largest force left on a node at rest, relative to weights and spring tensions."""

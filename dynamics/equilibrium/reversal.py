@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.arrays import Floats
+from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:

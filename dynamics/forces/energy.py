@@ -15,8 +15,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynamics.arrays import Floats
 from dynamics.forces.kernels import packed, spring_forces
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:

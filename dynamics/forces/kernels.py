@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.arrays import Floats
+from dynamics.network.mass_spring import MassSpringNetwork
 
 SLIP_VELOCITY = 5e-3
 """Speed over which Coulomb friction builds up [m/s]; chosen: dry friction has a jump there, a filter cannot."""

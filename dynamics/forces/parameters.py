@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dynamics.arrays import Floats
 from dynamics.forces.kernels import SLIP_VELOCITY, packed, write_parameter_forces
-from dynamics.network.mass_spring import Floats, MassSpringNetwork, NetworkError
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
 
 KINDS = ("stiffness", "rest_length", "damping", "drag", "friction")
 FIELDS = dict(zip(KINDS, ("stiffness", "rest_lengths", "damping", "drag", "friction"), strict=True))

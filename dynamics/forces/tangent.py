@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynamics.arrays import Floats
 from dynamics.forces.kernels import SLIP_VELOCITY
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.network.mass_spring import MassSpringNetwork
 
 RK4_RADIUS = 2.6
 """Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""

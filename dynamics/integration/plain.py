@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dynamics.arrays import Floats
 from dynamics.forces.kernels import SLIP_VELOCITY
-from dynamics.network.mass_spring import Floats, MassSpringNetwork, all_positions, pack, unpack
+from dynamics.network.mass_spring import MassSpringNetwork, all_positions, pack, unpack
 
 
 def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:

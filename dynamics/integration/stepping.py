@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
+from dynamics.arrays import Floats
 from dynamics.forces.kernels import packed, runge_kutta, spring_forces
 from dynamics.forces.tangent import stable_step
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.network.mass_spring import MassSpringNetwork
 
 LONGEST_STEP = 1.0 / 240.0
 """Longest Runge-Kutta step [s]; chosen: `docs/decisions.md` has the error that it makes."""

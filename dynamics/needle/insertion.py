@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
+from dynamics.arrays import Floats
 from dynamics.integration.stepping import motion
 from dynamics.needle.loads import NeedleMechanics, indentation, needle_load
-from dynamics.network.mass_spring import Floats, MassSpringNetwork, all_positions, unpack
+from dynamics.network.mass_spring import MassSpringNetwork, all_positions, unpack
 
 LONGEST_STEP = 0.01
 """Longest step of the adaptive integrator [s]: it must not step over the moment when the tip touches; chosen."""

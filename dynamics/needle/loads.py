@@ -23,7 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.arrays import Floats
+from dynamics.network.mass_spring import MassSpringNetwork
 
 GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
 """Outer diameters of needles by gauge, nominal [mm]: [iso9626]."""

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynamics.arrays import Floats
 from dynamics.forces.kernels import PackedNeedle, packed, steered_steps
 from dynamics.needle.loads import SHAFT, NeedleMechanics, node_weights
-from dynamics.network.mass_spring import Floats, MassSpringNetwork
+from dynamics.network.mass_spring import MassSpringNetwork
 
 FINEST_STEP = 1.0 / 1920.0
 """Longest step [s]; chosen: a sixteenth of the filter's."""

@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.filters.kernels import ambiguous_exchanges, association_costs
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 
-Floats = NDArray[np.float64]
 Names = tuple[int, ...]
 
 

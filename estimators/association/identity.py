@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from math import isfinite, log
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.association.exchanges import InterchangeableMarks, Names, renamed, seen_from
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import Snapshot, TissueFilter
 from estimators.tissue.health import Health, diverged
-
-Floats = NDArray[np.float64]
 
 DOUBT = log(1e3)
 """Names are in doubt that are worse than those told by less than this, by one frame; chosen: odds of 1,000 to 1."""

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from dynamics import MassSpringNetwork
+from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
-
-Floats = NDArray[np.float64]
 
 
 class Baseline(ABC):

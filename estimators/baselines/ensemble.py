@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
+from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline, sub_steps
 from estimators.tissue.settings import FilterSettings
-
-Floats = NDArray[np.float64]
 
 N_MEMBERS = 200
 """Nine times the phantom's 22 states: sample deviations err by 5 %, and nothing needs to be localised; chosen."""

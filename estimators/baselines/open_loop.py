@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
+from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-
-Floats = NDArray[np.float64]
 
 
 class OpenLoop:

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
+from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline, sub_steps
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
 from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
-
-Floats = NDArray[np.float64]
 
 N_PARTICLES = 100
 

@@ -6,9 +6,8 @@ import filterpy.kalman as filterpy
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
-
-Floats = NDArray[np.float64]
 
 ALPHA, BETA = 0.1, 2.0
 """Of the sigma points, with kappa = 3 - n: what filterpy's documentation [labbe2015] recommends."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dynamics import MassSpringNetwork, all_positions, motion, unpack
+from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update
 from estimators.tissue.process_model import ForceMode, TissueModel
-
-Floats = NDArray[np.float64]
 
 SHIFT = 1e-6
 """Of positions [m] and velocities [m/s], for the derivatives of their motion by central differences; chosen."""

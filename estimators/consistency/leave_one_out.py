@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
-
-Floats = NDArray[np.float64]
 
 MOST = 100.0
 """Factor on the target's variance at most: ten times as unsure; beyond, the model is of no use; chosen."""

@@ -6,10 +6,10 @@ Source: [barshalom2001], section 5.4.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:

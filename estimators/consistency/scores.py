@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2, kstest, norm
 
+from estimators.arrays import Floats
 from estimators.consistency.nees import coverage
-
-Floats = NDArray[np.float64]
 
 
 def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:

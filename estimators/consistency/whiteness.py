@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 
 def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:

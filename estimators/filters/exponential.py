@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 TERMS = 18
 """Of the Taylor series; with a norm of at most 1/2 the next would be below 1e-22."""

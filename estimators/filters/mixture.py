@@ -13,6 +13,7 @@ import filterpy.kalman as filterpy
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import (
     joseph_update,
@@ -24,8 +25,6 @@ from estimators.filters.kernels import (
     with_columns,
 )
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
-
-Floats = NDArray[np.float64]
 
 NARROW = 0.05
 """Spread of the sigma points, by the usual one, where the usual one would leave the model's ground; chosen."""

@@ -6,11 +6,9 @@ from collections.abc import Callable
 
 import filterpy.kalman as filterpy
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.filters.kernels import joseph_update, moments, symmetric_points
-
-Floats = NDArray[np.float64]
 
 
 class CovarianceError(ArithmeticError):

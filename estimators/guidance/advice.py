@@ -11,15 +11,13 @@ from enum import StrEnum
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
-
-Floats = NDArray[np.float64]
 
 MARGIN_S = 0.5
 """By which the path is told beyond the time at which a needle would reach a target that rests; chosen."""

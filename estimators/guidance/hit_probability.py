@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from estimators.arrays import Floats
 from estimators.guidance.kernels import hit, hit_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Needle
 from estimators.tissue.belief import GaussianMixture
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

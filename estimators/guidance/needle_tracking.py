@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from estimators.arrays import Floats
 from estimators.filters.kernels import joseph_update
 from estimators.filters.unscented import CovarianceError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

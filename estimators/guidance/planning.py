@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, node_weights, rest_shape, stiffness_matrix
+from estimators.arrays import Floats
 from estimators.guidance.kernels import ball_hits
 from estimators.guidance.obstacles import Obstacle, clearances
-
-Floats = NDArray[np.float64]
 
 AIMING = 6
 """How often a path is aimed anew at where its own push moves the target; on the phantom micrometres are left."""

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import (
     KINDS,
@@ -22,11 +21,11 @@ from dynamics import (
     parameters,
     scale_parameters,
 )
+from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
-Floats = NDArray[np.float64]
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 PRIOR_SD: Mapping[str, float] = dict(zip(KINDS, (0.3, 0.05, 0.5, 0.5, 0.5), strict=True))

@@ -6,15 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
-Floats = NDArray[np.float64]
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 NAMES = ("white", "poke", "marks")

@@ -12,14 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from estimators.arrays import Floats
 from estimators.filters.mixture import ModeBeliefs, Transition, moment_matched
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
-Floats = NDArray[np.float64]
 CERTAIN = 1.0 - 1e-12
 """Part of a variance that later marks may take away at most: the rest is rounding."""
 

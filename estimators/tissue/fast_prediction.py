@@ -15,13 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import SLIP_VELOCITY, MassSpringNetwork, rest_shape, state_matrix
+from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.tissue.filter import TissueFilter
-
-Floats = NDArray[np.float64]
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made; chosen, each twice the last."""

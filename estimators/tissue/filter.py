@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import (
     SAME_STEP,
@@ -19,6 +18,7 @@ from dynamics import (
     rest_shape,
     stiffness_matrix,
 )
+from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.filters.mixture import InteractingMixture, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
@@ -29,8 +29,6 @@ from estimators.tissue.known_force import ForceHistory, KnownForce
 from estimators.tissue.open_loop_cov import OpenLoopCovariance
 from estimators.tissue.process_model import ForceMode, TissueModel, accumulated_noise
 from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
-
-Floats = NDArray[np.float64]
 
 DOUBT = 10.0
 """Factor on the covariance of a start that is added to a belief which was refuted by ten sigma; chosen."""

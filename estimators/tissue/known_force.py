@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dynamics import MassSpringNetwork
-
-Floats = NDArray[np.float64]
+from estimators.arrays import Floats
 
 ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
 """Forces on the free nodes [N], (n_free, dim), held over the prediction; or a function of time [s] and states.

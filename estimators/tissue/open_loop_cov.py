@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, rest_shape, state_matrix
+from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.tissue.process_model import accumulated_noise
-
-Floats = NDArray[np.float64]
 
 
 class OpenLoopCovariance:

@@ -21,10 +21,9 @@ from dynamics import (
     state_matrix,
     stiffness_matrix,
 )
+from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.tissue.known_force import KnownForce
-
-Floats = NDArray[np.float64]
 
 LONGEST_STEP = 1.0 / 120.0
 """Between two additions of noise [s]; chosen: `docs/decisions.md` has the error that it makes."""

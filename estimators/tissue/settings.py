@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimators.arrays import Floats
 from estimators.tissue.process_model import FixBias, ForceMode
-
-Floats = NDArray[np.float64]
 
 N_QUIET = 2
 """Modes in which nobody pokes: calm, and between; they come first."""

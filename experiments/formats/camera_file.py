@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.schema import VERSION, Name, NotNegative, Positive, Row, Square, Strict, Three, read_toml
 from vision import Calibration, Lens, Pose
-
-Floats = NDArray[np.float64]
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
 """Takes a row of uncertainty in metres to that of the file."""

@@ -10,13 +10,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
 from vision import Lens, quiet_opencv
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

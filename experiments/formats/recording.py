@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
 from experiments.formats.scene.scene import Scene, read_scene
 from experiments.formats.tables import Table, read_table, write_table
 from vision import SourceError
-
-Floats = NDArray[np.float64]
 
 SAME_TIME_S = 1e-9
 """Times that differ by less are one time: no file is written finer than this."""

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
 
-Floats = NDArray[np.float64]
 CHUNK_ROWS = 50_000
 """Rows held as text at once; a million rows of text would take ten times the memory of their numbers."""
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import NetworkError, fit_rest_lengths, parameter_label, parameter_value
 from estimators import (
@@ -23,7 +22,6 @@ from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import measurement
 
-Floats = NDArray[np.float64]
 Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 

@@ -21,10 +21,9 @@ from estimators import (
     TargetEstimate,
     TissueFilter,
 )
+from experiments.arrays import Floats
 from experiments.formats.recording import Fix
 from experiments.formats.scene.scene import Scene
-
-Floats = NDArray[np.float64]
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
 

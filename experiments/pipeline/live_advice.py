@@ -7,7 +7,6 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import rest_shape
 from estimators import (
@@ -27,8 +26,6 @@ from estimators import (
 )
 from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.advise import header, row
-
-Floats = NDArray[np.float64]
 
 SETTLED_S = 0.5
 """The breath is learnt from so long after the first tracked frame on [s]: the first estimates are far off; chosen."""

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from dynamics import rest_shape
 from estimators import Plan, PlannedTarget, TissueModel, candidate_paths
 from estimators import plan as ranked
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import open_recording
@@ -23,7 +23,6 @@ from experiments.formats.scene.scene import Scene, read_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import measurement
 
-Floats = NDArray[np.float64]
 Advance = Callable[[float], None]
 
 SHOWN = 4

@@ -9,15 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from estimators import MarkMeasurement, Status, TargetEstimate, coverage
+from estimators import MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.recording import MarkRow, Recording
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step
 
-Floats = NDArray[np.float64]
 Advance = Callable[[float], None]
 
 

@@ -13,16 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.transforms import Bbox
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.stats import chi2
 
 from dynamics import rest_shape
 from estimators import Obstacle
+from experiments.arrays import Floats
 from experiments.pipeline.plan import Planned, next_best
 from experiments.plots.track import ellipse
-
-Floats = NDArray[np.float64]
 
 BEST, NEXT, FORBIDDEN, LESION = "#0b7a3b", "#8cc9a1", "#c8372d", "#1f6fb4"
 FILLS = {"rib": "#e9e2cf", "vessel": "#d98880", "other": "#c9c9c9"}

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from estimators import chi_square_bounds
+from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import Track, table
-
-Floats = NDArray[np.float64]
 
 TRUE, OURS, PAPERS = "black", "#1f6fb4", "#e07b16"
 N_ELLIPSES = 40

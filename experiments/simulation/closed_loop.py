@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import NeedleDrive
 from estimators import (
@@ -24,10 +23,9 @@ from estimators import (
     advise,
     hit_probability,
 )
+from experiments.arrays import Floats
 from experiments.simulation.policies import Policy, believed_parts, believed_push
 from experiments.simulation.world import World
-
-Floats = NDArray[np.float64]
 
 COMMIT_S = 2.0 / 30.0
 """The line of the needle is fixed so long before arrival [s]: two frames, for delays of camera and robot; chosen."""

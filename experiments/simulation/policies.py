@@ -9,7 +9,6 @@ from functools import cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, NeedleDrive, four_mass_phantom, sliding_friction
 from estimators import (
@@ -29,10 +28,9 @@ from estimators import (
     predict_fast,
 )
 from estimators.tissue.filter import Snapshot
+from experiments.arrays import Floats
 from experiments.formats.scenario import Scenario
 from experiments.simulation.world import BELIEVED, ENTRY_M, FORCES_OFF, World, needle_with
-
-Floats = NDArray[np.float64]
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5

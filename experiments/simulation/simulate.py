@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 import vision
 from dynamics import MassSpringNetwork, NetworkError, four_mass_phantom, integrate_adaptive, pack, rest_shape, unpack
 from dynamics.phantoms.four_mass import HIDDEN
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder
 from experiments.formats.recording import write_frames_csv, write_truth_csv
 from experiments.formats.scenario import Breathing, Pokes, Scenario, Tremor
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 
-Floats = NDArray[np.float64]
 Force = Callable[[float], Floats]
 TARGET_RADIUS_M = 0.005
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import (
     HIDDEN,
@@ -24,10 +23,9 @@ from dynamics import (
     pack,
 )
 from estimators import MarkMeasurement
+from experiments.arrays import Floats
 from experiments.formats.scenario import Scenario
 from experiments.simulation.simulate import start_and_forces
-
-Floats = NDArray[np.float64]
 
 KNOT_S = 1.0 / 480.0
 """Outside forces are straight over this time [s]: four knots for each of the tremor's."""

@@ -21,14 +21,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter, coverage, normalised_error_squared
+from experiments.arrays import Floats
 from experiments.studies.estimation.trials import Trial, seen
 from vision import Lens, PlaneCamera, Pose, posed_camera
-
-Floats = NDArray[np.float64]
 
 MARK_SD_M = 0.0005
 SEEDS = range(7000, 7100)

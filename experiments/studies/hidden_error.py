@@ -15,14 +15,13 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators import MarkMeasurement, coverage, normalised_error_squared
+from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.simulation.simulate import scene_of, true_motion
 
-Floats = NDArray[np.float64]
 MARK_SD_M = 0.00414
 N_RUNS = 20
 SEEDS = range(100, 100 + N_RUNS)

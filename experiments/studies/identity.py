@@ -33,12 +33,11 @@ from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
 from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
+from experiments.arrays import Floats
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from vision import Detection, Expected, associate_marks
-
-Floats = NDArray[np.float64]
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
 FROM, FOR = 45, 10

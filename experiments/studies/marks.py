@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.studies.px_follower import PxFollower
@@ -41,8 +40,6 @@ from vision import (
     posed_camera,
     synthetic_run,
 )
-
-Floats = NDArray[np.float64]
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000

@@ -7,11 +7,9 @@ from collections.abc import Mapping
 import filterpy.kalman as filterpy
 import numpy as np
 from filterpy.common import Q_continuous_white_noise
-from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline
-
-Floats = NDArray[np.float64]
 
 GONE = 10
 """Frames unseen after which a mark is looked for anywhere; chosen."""

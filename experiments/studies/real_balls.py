@@ -18,14 +18,12 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.studies.px_follower import PxFollower
 from vision import Outline, VideoFileFrames, learn_hue
-
-Floats = NDArray[np.float64]
 
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
 """film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by: balls labelled by eye, some twice (by 1 and 2).

@@ -35,6 +35,7 @@ from scipy.optimize import least_squares
 import vision
 from dynamics import MassSpringNetwork
 from estimators import coverage, normalised_error_squared
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder
 from experiments.formats.recording import MarkRow, Recording, open_recording, write_frames_csv, write_marks_csv
@@ -43,8 +44,6 @@ from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track, write_tables
 from experiments.plots.track import OURS, TRUE, ellipse, write_plots
 from experiments.studies.real_balls import FILMS, followed
-
-Floats = NDArray[np.float64]
 
 GRAVITY = 9.81
 HOOK_PX = (306.0, 102.0)  # read off the film: where the cord leaves the hook

@@ -10,12 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image
 from vision.sources.frames import quiet_opencv
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 WINDOW = 0.3
 """Half the window in which a corner is refined, as a share of the least distance between corners. A wider one scatters

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose
-
-Floats = NDArray[np.float64]
 
 N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
 """Parameters of a lens (fx fy cx cy k1 k2 p1 p2 k3), of a camera (these, rotation, translation), of a board."""

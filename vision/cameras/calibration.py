@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats
 from vision.cameras.board import Board, Corners
 from vision.cameras.bundle import (
     N_LENS,
@@ -26,8 +26,6 @@ from vision.cameras.bundle import (
     project,
 )
 from vision.cameras.lens import Lens, Pose
-
-Floats = NDArray[np.float64]
 
 FEWEST_VIEWS = 4
 LEAST_TILT_DEG = 10.0

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from vision.arrays import Floats
 
 NEWTON_STEPS = 20
 """Most steps to the undistorted place; four do for a lens of k1 = -0.3 at the corner of its picture."""

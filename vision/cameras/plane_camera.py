@@ -9,11 +9,10 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose
-
-Floats = NDArray[np.float64]
 
 DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]

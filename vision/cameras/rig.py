@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vision.cameras.board import Board
 from vision.cameras.bundle import N_CAMERA, Adjusted, CalibrationError, Setup, Sighting, adjust
 from vision.cameras.calibration import Calibration, View, calibrate, check_focal, rms, upright
 from vision.cameras.lens import Pose
-
-Floats = NDArray[np.float64]
 
 APART_PX, APART = 1.0, 3.0
 """Pictures of one name were not taken together where a camera's rms exceeds this [px] and so many times its own."""

@@ -11,13 +11,11 @@ from itertools import combinations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from vision.detection.coverage import Coverage, Picture
+from vision.arrays import Floats, Picture
+from vision.detection.coverage import Coverage
 from vision.detection.outline import Fitted, Outline, fit_outline
 from vision.detection.rim import fit_rim
-
-Floats = NDArray[np.float64]
 
 APART = 13.815510557964274
 """Squared distance beyond which two centres of one mark, by area and by outline, differ: chi-square, 0.1 %."""

@@ -13,17 +13,15 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Floats, Image, Picture
 from vision.detection.centers import FAINTEST, ONE_MARK, Center, Component, centers_of
-from vision.detection.coverage import PAD_PX, Picture, measure_coverage
+from vision.detection.coverage import PAD_PX, measure_coverage
 from vision.detection.hue import MarkHue
 from vision.detection.outline import Outline
 from vision.detection.palette import Palette, classes_of, equal, palette_of
 from vision.detection.records import Detection, HueError
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 LARGEST_SHARE = 0.3
 """A range of hues that takes more of the picture than this shows the scene, not marks; chosen."""

@@ -8,12 +8,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats, Picture
 from vision.detection import kernels
-
-Floats = NDArray[np.float64]
-Picture = NDArray[Any]  # as OpenCV's stubs have it: (h, w) or (h, w, 3) of whole or of floating numbers
 
 GROW_PX = 3
 """How far beyond the component the mark's blurred edge may reach; chosen for lenses up to 1.5 px blur."""

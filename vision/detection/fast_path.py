@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from vision.arrays import Image
 from vision.detection.centers import centers_agreed
 from vision.detection.coverage import measure_isolated
 from vision.detection.expected import Expected
 from vision.detection.hue import MarkHue
 from vision.detection.palette import palette_of
 from vision.detection.records import Detection
-
-Image = NDArray[np.uint8]
 
 FEWEST = 0.4
 """Share of its area that a mark shows in the search at least; chosen."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from vision.arrays import Image, Picture
 from vision.detection.components import LARGEST_SHARE
-from vision.detection.coverage import Picture
 from vision.detection.hue import MarkHue, on_circle
 from vision.detection.records import HueError
-
-Image = NDArray[np.uint8]
 
 ALIKE = 0.6
 """How far off colours of one mark are at most, by how far grey is; chosen."""

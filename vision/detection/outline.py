@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from vision.arrays import Floats
 
 N_RAYS = 64
 """Directions in which the edge is looked for."""

@@ -11,9 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.arrays import Floats
 from vision.detection.outline import BLUR_PX, EDGE_SD_PX, LEAST_SHARE, N_RAYS, Fitted, Outline
-
-Floats = NDArray[np.float64]
 
 LOW, HIGH = 0.55, 1.5
 """Where along a ray steps are looked for, in sizes of the mark."""

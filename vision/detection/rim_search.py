@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Image
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
 from vision.detection.rim import fit_rim
-
-Image = NDArray[np.uint8]
 
 SHARE = 0.45
 """Of all directions, weighed by how clear they are, that must show the rim: more than where colour tells; chosen."""

@@ -12,11 +12,9 @@ from typing import Self
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Image
 from vision.sources.exposure_times import FilmTimes
-
-Image = NDArray[np.uint8]
 
 # FFmpeg's own lines go past OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")

@@ -13,9 +13,10 @@ from typing import Any, Protocol, Self
 import cv2
 import numpy as np
 
+from vision.arrays import Image
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, ExposureRule
-from vision.sources.frames import Frame, Image, SourceError, quiet_opencv
+from vision.sources.frames import Frame, SourceError, quiet_opencv
 from vision.sources.watchdog import SourceWatchdog
 
 RETRY_S, RETRY_EACH_S = 0.5, 0.01

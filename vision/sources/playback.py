@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import cv2
 
+from vision.arrays import Image
 from vision.sources.every_frame import FrameFile
-from vision.sources.frames import Frame, Image
+from vision.sources.frames import Frame
 
 
 class Playback:

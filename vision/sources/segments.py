@@ -9,7 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from vision.sources.frames import Frame, Image, SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.arrays import Image
+from vision.sources.frames import Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
 from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}

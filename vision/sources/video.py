@@ -9,11 +9,10 @@ from typing import Literal, Self
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Image
 from vision.sources.frames import SourceError, quiet_opencv
 
-Image = NDArray[np.uint8]
 Codec = Literal["MJPG", "FFV1"]
 
 

@@ -10,19 +10,15 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image, Picture
 from vision.synthetic.layers import Layer, paint, take
 from vision.synthetic.sensor import Sensor, develop, light_of
 from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
-Picture = NDArray[Any]  # as OpenCV's stubs have it
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Picture
 from vision.synthetic.layers import Layer
 from vision.synthetic.sensor import light_of
 
-Picture = NDArray[Any]
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32

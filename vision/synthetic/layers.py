@@ -6,12 +6,11 @@ Colours are shares of light sent back, linear, BGR.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Picture = NDArray[Any]
+from vision.arrays import Picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)

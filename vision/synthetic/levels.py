@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats
 from vision.synthetic.camera_frames import Highlight, Shadow, SyntheticCamera
 from vision.synthetic.sensor import Sensor
 from vision.synthetic.view import tilted_view
 
-Floats = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 LAMPS_BGR: dict[str, Triple] = {"daylight": (1.0, 1.0, 1.0), "led": (0.86, 1.0, 0.97), "tungsten": (0.45, 0.78, 1.25)}

@@ -10,17 +10,14 @@ import colorsys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image, Picture
 from vision.detection.hue import hue_distance
 
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
-Picture = NDArray[Any]  # as OpenCV's stubs have it: of whole or of floating numbers
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats, Picture
 from vision.detection.hue import hue_distance
 from vision.synthetic.camera_frames import (
     SyntheticCamera,
@@ -33,8 +33,6 @@ from vision.synthetic.levels import any_camera, good_camera
 from vision.synthetic.plain_frames import distractors
 from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
-Floats = NDArray[np.float64]
-Picture = NDArray[Any]
 Level = Literal["good light", "whole range"]
 Triple = tuple[float, float, float]
 

@@ -7,17 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vision.arrays import Floats, Image, Picture
 from vision.sources.video import compress
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
-Picture = NDArray[Any]  # as OpenCV's stubs have it
 
 FULL_SCALE = 65535
 BLACK = 4096

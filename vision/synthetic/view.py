@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from vision.arrays import Floats
+
 Singles = NDArray[np.float32]
 Box = tuple[int, int, int, int]
 """Left, top, and one past right and bottom [px]; it may reach beyond the picture."""

@@ -17,11 +17,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image
 from vision.detection.expected import Expected
 from vision.detection.outline import Outline
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 KEPT = 5
 """Frames of which a mark's appearance is the median."""

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from vision.detection.expected import Expected
 from vision.detection.hue import hue_distance
 from vision.detection.records import Detection
-
-Floats = NDArray[np.float64]
 
 GATE = 18.420680743952367
 """Squared Mahalanobis distance that one true mark in 10,000 exceeds: chi-square, 2 degrees of freedom, -2 log(1e-4)."""

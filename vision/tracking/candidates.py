@@ -6,15 +6,12 @@ from collections.abc import Callable
 from math import exp
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
 from vision.detection.rim import fit_rim
 from vision.tracking.appearance import AppearanceMatch
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 SCORE, SHARE = 0.55, 0.7
 """Score, and share of its pixels, from which on a place that looks like a mark is one; chosen."""

@@ -7,8 +7,8 @@ from itertools import combinations
 from math import ceil, floor, hypot
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image
 from vision.detection.components import detect_marks
 from vision.detection.coverage import PAD_PX
 from vision.detection.expected import Expected
@@ -21,8 +21,6 @@ from vision.tracking.association import GATE, AssociatedMark, associate_marks, s
 from vision.tracking.hue_tracking import AdaptiveHue
 from vision.tracking.templates import AppearanceTemplates
 
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 Box = tuple[int, int, int, int]
 
 HALF_AT_LEAST = 0.5

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vision.arrays import Floats, Image
 from vision.detection.coverage import PAD_PX
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
@@ -23,9 +23,6 @@ from vision.tracking.candidates import (
     seen_at,
     together,
 )
-
-Floats = NDArray[np.float64]
-Image = NDArray[np.uint8]
 
 LEAST_RADIUS_PX = 3.5
 """Marks smaller than this have too few pixels to be compared; chosen."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
 from estimators import FilterSettings
+from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.cameras import camera_lines, camera_of
@@ -25,8 +25,6 @@ from experiments.formats.scene.schema import (
     read_toml,
 )
 from vision import MarkHue, PlaneCamera
-
-Floats = NDArray[np.float64]
 
 
 class SceneError(ValueError):

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
 from estimators import ForceMode, ParticleFilter, TargetEstimate, TissueFilter, coverage, posterior_bound
+from experiments.arrays import Floats
 from experiments.studies.estimation.runs import Row, Study, figures
 from experiments.studies.estimation.trials import KNOTS_PER_S, Model, Outcome, Trial, run, seen, truth
-
-Floats = NDArray[np.float64]
 
 TREMOR = 0.05
 """Of the shipped scenarios, white acceleration on each free node [m/s²/sqrt(Hz)]."""

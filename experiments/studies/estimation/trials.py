@@ -12,15 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, four_mass_phantom
 from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_error_squared
+from experiments.arrays import Floats
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 
-Floats = NDArray[np.float64]
 Frames = list[tuple[float, list[MarkMeasurement]]]
 
 KNOTS_PER_S = 120
