@@ -2,12 +2,18 @@
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap
 from estimators.baselines import (
+    METHODS,
     Baseline,
     EnsembleKalmanFilter,
     ExtendedKalmanFilter,
+    FixedIntervalSmoother,
+    Method,
     OpenLoop,
     ParticleFilter,
     StockUnscented,
+    TrackingProblem,
+    UnknownMethodError,
+    make_method,
 )
 from estimators.consistency import (
     LeaveOneOut,
@@ -106,6 +112,7 @@ from estimators.tissue import (
 )
 
 __all__ = [
+    "METHODS",
     "Advice",
     "AdviceSettings",
     "Aim",
@@ -122,6 +129,7 @@ __all__ = [
     "FastPredictionTables",
     "FilterSettings",
     "FixBias",
+    "FixedIntervalSmoother",
     "FixedLag",
     "ForceHistory",
     "ForceMode",
@@ -139,6 +147,7 @@ __all__ = [
     "LeaveOneOutCheck",
     "Lesion",
     "MarkMeasurement",
+    "Method",
     "Needle",
     "NeedleNoise",
     "NeedleTracker",
@@ -160,7 +169,9 @@ __all__ = [
     "TargetPath",
     "TissueFilter",
     "TissueModel",
+    "TrackingProblem",
     "TuningResult",
+    "UnknownMethodError",
     "UnscentedKalmanFilter",
     "VarianceScale",
     "accumulated_noise",
@@ -186,6 +197,7 @@ __all__ = [
     "health_fault",
     "hit_probability",
     "identify_constants",
+    "make_method",
     "mean_bounds",
     "moment_matched",
     "needle_displacement",

@@ -1,6 +1,6 @@
 """Methods to compare with: the paper's open loop, EKF, stock filterpy UKF, EnKF, particle filter.
 
-What may enter: another method, as a `Baseline` in a file of its own.
+What may enter: another method, as a `Baseline` in a file of its own, with its name in `registry.py`.
 """
 
 from estimators.baselines.baseline import Baseline
@@ -8,13 +8,21 @@ from estimators.baselines.ensemble import EnsembleKalmanFilter
 from estimators.baselines.extended import ExtendedKalmanFilter
 from estimators.baselines.open_loop import OpenLoop
 from estimators.baselines.particles import ParticleFilter
+from estimators.baselines.registry import METHODS, Method, TrackingProblem, UnknownMethodError, make_method
+from estimators.baselines.smoother import FixedIntervalSmoother
 from estimators.baselines.stock import StockUnscented
 
 __all__ = [
+    "METHODS",
     "Baseline",
     "EnsembleKalmanFilter",
     "ExtendedKalmanFilter",
+    "FixedIntervalSmoother",
+    "Method",
     "OpenLoop",
     "ParticleFilter",
     "StockUnscented",
+    "TrackingProblem",
+    "UnknownMethodError",
+    "make_method",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,6 +56,12 @@ class Baseline(ABC):
     def _poked(self) -> float | None:
         """Probability that an outside force acts, None where the method has one mode only."""
         return None
+
+    def run(self, frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]) -> Iterator[list[TargetEstimate]]:
+        """Estimates of frames, (time [s], marks) in order, one at a time: predict, then update."""
+        for time_s, marks in frames:
+            self.predict(time_s)
+            yield [self.update(marks)]
 
     def predict(self, time_s: float) -> None:
         """Move the belief to this exposure time [s]; raises ValueError where time goes back or is not finite."""

@@ -6,7 +6,8 @@ needle arrives, where the target is then and how surely, what a hit is worth in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -101,6 +102,87 @@ class Guidance:
     outlook: Outlook | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Prospect:
+    """What an insertion would come to, now, later and turned: the numbers that the rules of advice decide by.
+
+    probability: of a hit, inserted now along the present direction; 0 where the needle never arrives
+    arrives: whether it does, on the path of reach_s [s]
+    best_in_s, best_probability: the best moment to begin, from now [s]
+    turn_rad, turned_probability: once turned to where the target will be
+    depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
+    """
+
+    probability: float
+    arrives: bool
+    reach_s: float
+    best_in_s: float
+    best_probability: float
+    turn_rad: float = 0.0
+    turned_probability: float = 0.0
+    depth_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """An advice, when it holds, and the reason to state."""
+
+    advice: Advice
+    holds: Callable[[Prospect, AdviceSettings], bool]
+    reason: Callable[[Prospect], str]
+
+
+RULES = (
+    Rule(
+        Advice.WAIT,
+        lambda it, _: not it.arrives,
+        lambda it: f"the needle does not reach the target within {it.reach_s:.1f} s",
+    ),
+    Rule(
+        Advice.REALIGN,
+        lambda it, settings: it.depth_m < -settings.overshot_m,
+        lambda it: f"the tip is {-1e3 * it.depth_m:.1f} mm too deep: draw it back",
+    ),
+    Rule(
+        Advice.GO,
+        lambda it, settings: it.probability >= settings.go and it.best_probability <= it.probability + settings.worth,
+        lambda it: f"a hit is {_percent(it.probability)} probable",
+    ),
+    Rule(
+        Advice.WAIT,
+        lambda it, settings: it.best_probability >= settings.go,
+        lambda it: (
+            f"in {it.best_in_s:.1f} s a hit is {_percent(it.best_probability)} probable, now {_percent(it.probability)}"
+        ),
+    ),
+    Rule(
+        Advice.REALIGN,
+        lambda it, settings: it.turned_probability >= settings.go,
+        lambda it: (
+            f"turned by {np.degrees(it.turn_rad):.1f} deg a hit is {_percent(it.turned_probability)} probable, "
+            f"now {_percent(it.probability)}"
+        ),
+    ),
+    Rule(
+        Advice.WAIT,
+        lambda _it, _: True,
+        lambda it: (
+            f"the target is too uncertain: even well aimed a hit is "
+            f"{_percent(max(it.probability, it.turned_probability))} probable"
+        ),
+    ),
+)
+"""The advice on a healthy estimate: that of the first rule that holds. Health comes before: `health_fault`."""
+
+
+def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] = RULES) -> tuple[Advice, str]:
+    """The advice and the reason of the first rule that holds; raises LookupError where none does."""
+    for rule in rules:
+        if rule.holds(prospect, settings):
+            return rule.advice, rule.reason(prospect)
+    raise LookupError(f"advice: expected one of {len(rules)} rules to hold, found none for {prospect}")
+
+
 class PathSource(Protocol):
     """What a filter must offer to be guided by: when a mark was last taken in, and the target's path."""
 
@@ -183,9 +265,11 @@ def advise(
     _, _, turned_aims, turned_p = insert_each(starts[:1], told, held, needle.spread, to_ball, *sampled, True)
     outlook = Outlook(starts, arrivals, p)
     best = int(np.argmax(p))
-    if not np.isfinite(arrivals[0]):
-        reason = f"the needle does not reach the target within {path.times_s[-1] - now_s:.1f} s"
-        return Guidance(Advice.WAIT, reason, best_in_s=starts[best] - now_s, best_probability=p[best], outlook=outlook)
+    later, p_best = float(starts[best] - now_s), float(p[best])
+    prospect = Prospect(float(p[0]), bool(np.isfinite(arrivals[0])), float(path.times_s[-1] - now_s), later, p_best)
+    if not prospect.arrives:
+        what, reason = decide(prospect, settings)
+        return Guidance(what, reason, best_in_s=later, best_probability=p_best, outlook=outlook)
     beside = aims[0] - insertion.entry
     across = beside - (beside @ insertion.axis) * insertion.axis
     turned = turned_aims[0] - insertion.entry if np.isfinite(turned_aims[0, 0]) else beside
@@ -193,8 +277,8 @@ def advise(
     cosine, sine = float(turned_axis @ insertion.axis), turned_axis - (turned_axis @ insertion.axis) * insertion.axis
     turn = float(np.arctan2(np.linalg.norm(sine), cosine))
     deeper = float(depths[0] - insertion.depth_m)
-    later = float(starts[best] - now_s)
-    what, reason = _decided(float(p[0]), (later, float(p[best])), (turn, float(turned_p[0])), deeper, settings)
+    prospect = replace(prospect, turn_rad=turn, turned_probability=float(turned_p[0]), depth_m=deeper)
+    what, reason = decide(prospect, settings)
     return Guidance(
         what,
         reason,
@@ -208,30 +292,9 @@ def advise(
         turned_axis=turned_axis,
         turned_probability=float(turned_p[0]),
         best_in_s=later,
-        best_probability=float(p[best]),
+        best_probability=p_best,
         outlook=outlook,
     )
-
-
-def _decided(
-    p: float, best: tuple[float, float], turned: tuple[float, float], deeper: float, settings: AdviceSettings
-) -> tuple[Advice, str]:
-    """The advice and its reason. best: (in how long [s], probability); turned: (by what [rad], probability)."""
-    later, p_best = best
-    turn, p_turned = turned
-    if deeper < -settings.overshot_m:
-        return Advice.REALIGN, f"the tip is {-1e3 * deeper:.1f} mm too deep: draw it back"
-    if p >= settings.go and p_best <= p + settings.worth:
-        return Advice.GO, f"a hit is {_percent(p)} probable"
-    if p_best >= settings.go:
-        return Advice.WAIT, f"in {later:.1f} s a hit is {_percent(p_best)} probable, now {_percent(p)}"
-    if p_turned >= settings.go:
-        turned_deg = np.degrees(turn)
-        return (
-            Advice.REALIGN,
-            f"turned by {turned_deg:.1f} deg a hit is {_percent(p_turned)} probable, now {_percent(p)}",
-        )
-    return Advice.WAIT, f"the target is too uncertain: even well aimed a hit is {_percent(max(p, p_turned))} probable"
 
 
 def _percent(p: float) -> str:

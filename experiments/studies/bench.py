@@ -6,8 +6,9 @@ full_step: predict of 1/30 s and update with three marks of the filter that is u
 the marks carry, names of marks alike looked after; 16 states of the network and six pokes. considered: the same with
 ten unknown constants beside.
 advice: what `guide` does in two parts: one second of the target's path, told 30 times; advice from a path, 21 starts
-over 2 s, in the plane and in space; one probability of a hit in space. live_frame: all that a live loop adds to a frame
-for it: the breath's fit, 1.5 s of path by tables, advice from it on 4 starts; and the path by tables alone.
+over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
+live_frame: all that a live loop adds to a frame for it: the breath's fit, 1.5 s of path by tables, advice from it on 4
+starts; and the path by tables alone.
 detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
@@ -23,7 +24,17 @@ import filterpy.kalman as filterpy
 import numpy as np
 
 import vision
-from dynamics import HIDDEN, OUTER, Stepper, four_mass_phantom, independent_uncertainty, pack, parameters, plain_step
+from dynamics import (
+    HIDDEN,
+    OUTER,
+    MassSpringNetwork,
+    Stepper,
+    four_mass_phantom,
+    independent_uncertainty,
+    pack,
+    parameters,
+    plain_step,
+)
 from estimators import (
     AdviceSettings,
     AssociationFilter,
@@ -33,12 +44,19 @@ from estimators import (
     Insertion,
     Lesion,
     MarkMeasurement,
+    Plan,
+    PlannedNeedle,
+    PlannedTarget,
+    Skin,
     TargetPath,
     TissueFilter,
     UnscentedKalmanFilter,
     advise,
+    ball,
+    candidate_paths,
     fast_prediction_tables,
     hit_probability,
+    plan,
     positive_points,
     predict_fast,
 )
@@ -191,12 +209,26 @@ def advice() -> dict[str, float]:
         report[f"advise_{name}_ms"] = median_ms(_asked(path, insertion, lesion), 200)
     belief, lesion = GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
     axis = np.eye(3)[1]
+    report["plan_500_paths_ms"] = median_ms(_planned(network), 20)
     report["hit_probability_ms"] = median_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
     return report
 
 
 def _asked(path: TargetPath, insertion: Insertion, lesion: Lesion) -> Callable[[], Guidance]:
     return lambda: advise(path, insertion, lesion)
+
+
+def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
+    """Plans from 100 entries above the phantom, five aims each, past one vessel."""
+    skin = Skin(np.array([-0.2, 0.33]), np.array([0.2, 0.33]), np.array([0.0, 1.0]), np.radians(60.0), 0.25)
+    target = PlannedTarget(network.positions[network.index(HIDDEN)], np.diag([4e-6, 9e-6]), 5e-3)
+    needle, vessel = PlannedNeedle(), ball("vessel", np.array([0.05, 0.27]), 0.01)
+
+    def planned() -> Plan:
+        entries, tips = candidate_paths(network, HIDDEN, target, needle, skin.entries(100), 5)
+        return plan(network, HIDDEN, target, needle, skin, [vessel], entries=entries, tips=tips)
+
+    return planned
 
 
 def detect(n_frames: int = 60) -> dict[str, float]:

@@ -22,10 +22,10 @@ def compare(
     from experiments.commands.console import track_table
     from experiments.formats.outputs import output_folder
     from experiments.formats.recording import open_recording
-    from experiments.pipeline.compare import METHODS, chosen, summary, write_comparison
+    from experiments.pipeline.compare import chosen, summary, write_comparison
     from experiments.pipeline.compare import compare as run
 
-    named = METHODS if methods is None else chosen(methods)
+    named = chosen(methods)
     opened = open_recording(recording, scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, named, stage)

@@ -1,6 +1,5 @@
 """Advice on a needle: closed-form ways of the target, and every reason to give no guidance."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +22,8 @@ from estimators import (
     hit_probability,
     path_times,
 )
+from estimators.guidance.advice import RULES, Prospect, Rule, decide
+from estimators.guidance.kernels import insert_each
 
 NOW_S = 10.0
 TIP = Needle(hit=Hit.TIP, tip_sd_m=0.3e-3, bending_sd=0.01)
@@ -222,17 +223,89 @@ def test_in_space_it_is_the_same():
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_advice_takes_less_than_half_a_millisecond(dim):
-    """21 starts over 2 s; the fastest of 200, for other work on the machine is not what is measured."""
+def test_advice_integrates_in_two_calls_of_the_kernel(dim, monkeypatch):
+    """All 21 starts over 2 s in one, the turned needle in the other: nothing per start runs in Python."""
+    calls = []
+
+    def counted(starts, *args):
+        calls.append(len(starts))
+        return insert_each(starts, *args)
+
+    monkeypatch.setattr("estimators.guidance.advice.insert_each", counted)
     pad = np.zeros(dim - 2)
     path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0 * t, np.zeros((len(t), dim - 2))])
     down = Insertion(np.r_[DOWN.entry, pad], np.r_[DOWN.axis, pad], 0.1)
-    took = []
-    for _ in range(200):
-        began = time.perf_counter()
-        advise(path, down, Lesion.ball(4e-3, dim), needle=TIP)
-        took.append(time.perf_counter() - began)
-    assert min(took) < 0.5e-3
+    found = advise(path, down, Lesion.ball(4e-3, dim), needle=TIP)
+    assert calls == [21, 1]
+    assert np.isfinite(found.outlook.arrivals_s).all()
+
+
+SURE = Prospect(probability=0.95, arrives=True, reach_s=3.0, best_in_s=0.0, best_probability=0.95)
+BY_RULE = {
+    "never arrives": (replace(SURE, arrives=False, depth_m=-0.01), Advice.WAIT, "does not reach the target within 3.0"),
+    "too deep": (replace(SURE, depth_m=-1.1e-3), Advice.REALIGN, "the tip is 1.1 mm too deep: draw it back"),
+    "sure": (replace(SURE, depth_m=-1e-3), Advice.GO, "a hit is 95 % probable"),
+    "just sure, hardly better later": (
+        replace(SURE, probability=0.9, best_in_s=1.0, best_probability=0.95),
+        Advice.GO,
+        "a hit is 90 % probable",
+    ),
+    "better later": (
+        replace(SURE, probability=0.9, best_in_s=1.0, best_probability=0.951),
+        Advice.WAIT,
+        "in 1.0 s a hit is 95 % probable, now 90 %",
+    ),
+    "sure later only": (
+        replace(SURE, probability=0.899, best_in_s=0.4, best_probability=0.9, turned_probability=0.99),
+        Advice.WAIT,
+        "in 0.4 s a hit is 90 % probable, now 89 %",
+    ),
+    "sure once turned": (
+        replace(SURE, probability=0.3, best_probability=0.8, turn_rad=0.1, turned_probability=0.9),
+        Advice.REALIGN,
+        "turned by 5.7 deg a hit is 90 % probable, now 30 %",
+    ),
+    "never sure": (
+        replace(SURE, probability=0.3, best_probability=0.8, turn_rad=0.1, turned_probability=0.899),
+        Advice.WAIT,
+        "the target is too uncertain: even well aimed a hit is 89 % probable",
+    ),
+    "never sure, worse turned": (
+        replace(SURE, probability=0.5, best_probability=0.8, turned_probability=0.1),
+        Advice.WAIT,
+        "the target is too uncertain: even well aimed a hit is 50 % probable",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BY_RULE)
+def test_the_first_rule_that_holds_gives_the_advice(case):
+    """Each threshold from either side, and its reason in words."""
+    prospect, advice, reason = BY_RULE[case]
+    found = decide(prospect, AdviceSettings())
+    assert found[0] is advice
+    assert reason in found[1]
+
+
+def test_every_rule_is_reached_and_every_kind_of_advice_given():
+    """NO_GUIDANCE is what `health_fault` gives, before the rules."""
+    first = [next(k for k, rule in enumerate(RULES) if rule.holds(p, AdviceSettings())) for p, _, _ in BY_RULE.values()]
+    assert sorted(set(first)) == list(range(len(RULES)))
+    assert {rule.advice for rule in RULES} == set(Advice) - {Advice.NO_GUIDANCE}
+
+
+def test_a_new_rule_takes_its_place_in_the_order():
+    """Before the others it decides; after the last, which always holds, it never does."""
+    new = Rule(Advice.NO_GUIDANCE, lambda it, _: it.probability > 0.5, lambda _: "toy")
+    assert decide(SURE, AdviceSettings(), (new, *RULES)) == (Advice.NO_GUIDANCE, "toy")
+    assert decide(SURE, AdviceSettings(), (*RULES, new))[0] is Advice.GO
+
+
+def test_unknown_advice_and_prospects_without_a_rule_raise():
+    with pytest.raises(ValueError, match="'STOP' is not a valid Advice"):
+        Advice("STOP")
+    with pytest.raises(LookupError, match="expected one of 5 rules to hold, found none for Prospect"):
+        decide(replace(SURE, probability=0.1, best_probability=0.1), AdviceSettings(), RULES[:-1])
 
 
 def test_the_path_reaches_to_the_end_of_the_last_way():

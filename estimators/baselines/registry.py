@@ -1,0 +1,81 @@
+"""The table of methods to compare with, by name: what `softaim compare` runs beside the filter and the open loop.
+
+A new method: a file with its `Baseline`, and one line in METHODS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.baselines.ensemble import EnsembleKalmanFilter
+from estimators.baselines.extended import ExtendedKalmanFilter
+from estimators.baselines.particles import ParticleFilter
+from estimators.baselines.smoother import FixedIntervalSmoother
+from estimators.baselines.stock import StockUnscented
+from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
+from estimators.tissue.settings import FilterSettings
+
+
+class UnknownMethodError(LookupError):
+    """A name that is not in METHODS; the message lists those that are."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackingProblem:
+    """What every method is given: the tissue, the node to follow, and the belief about forces.
+
+    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
+    seed: of methods that draw random numbers
+    """
+
+    network: MassSpringNetwork
+    target: str
+    marked: Sequence[str]
+    settings: FilterSettings
+    uncertainty: ParameterUncertainty | None = None
+    n_calibration: int = 0
+    seed: int = 0
+
+    @property
+    def physics(self) -> tuple[MassSpringNetwork, str, Sequence[str], FilterSettings]:
+        """The arguments that all baselines have in common."""
+        return self.network, self.target, self.marked, self.settings
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """A new generator at its seed: the same recording gives the same tables."""
+        return np.random.default_rng(self.seed)
+
+
+class Method(Protocol):
+    """A method at its beginning."""
+
+    def run(self, frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]) -> Iterator[list[TargetEstimate]]:
+        """Estimates of all frames, (time [s], marks) in order, in blocks: as many at a time as become known together.
+
+        A filter yields one a frame, a smoother those of all frames at the end.
+        """
+
+
+METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
+    "ekf": lambda problem: ExtendedKalmanFilter(*problem.physics),
+    "filterpy-ukf": lambda problem: StockUnscented(*problem.physics),
+    "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng),
+    "particles": lambda problem: ParticleFilter(*problem.physics, rng=problem.rng),
+    "smoother": lambda problem: FixedIntervalSmoother(
+        *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration
+    ),
+}
+"""Factories by name, in the order of tables and plots."""
+
+
+def make_method(name: str, problem: TrackingProblem) -> Method:
+    """The method of this name at its beginning; raises UnknownMethodError."""
+    if name not in METHODS:
+        raise UnknownMethodError(f'method: expected one of {", ".join(METHODS)}, found "{name}"')
+    return METHODS[name](problem)

@@ -1,0 +1,36 @@
+"""The fixed-interval smoother of the tissue filter, as a method to compare with: it uses the marks of all frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.smoothing.smoother import fixed_interval
+from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
+from estimators.tissue.filter import TissueFilter
+from estimators.tissue.settings import FilterSettings
+
+
+class FixedIntervalSmoother:
+    """`TissueFilter` forth and smoothed back; a lower bound on the error of what filters with the same belief.
+
+    State: tissue, the filter, before or after its frames.
+    """
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        target: str,
+        marked: Sequence[str],
+        settings: FilterSettings | None = None,
+        *,
+        uncertainty: ParameterUncertainty | None = None,
+        n_calibration: int = 0,
+    ) -> None:
+        self.tissue = TissueFilter(
+            network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
+        )
+
+    def run(self, frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]) -> Iterator[list[TargetEstimate]]:
+        """Estimates of all frames in one block, after the last."""
+        yield fixed_interval(self.tissue, frames)

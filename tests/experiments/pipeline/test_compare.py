@@ -1,0 +1,90 @@
+"""`compare` runs the methods of the registry as themselves, a new one too, and no other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from dynamics import HIDDEN, OUTER
+from estimators import METHODS, ExtendedKalmanFilter, Status, TargetEstimate, UnknownMethodError
+from experiments.errors import InputError
+from experiments.formats.recording import open_recording
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import write_scene
+from experiments.pipeline.compare import chosen, compare, methods_of, tracking_problem, write_comparison
+from experiments.simulation.simulate import scene_of
+
+N_FRAMES = 8
+
+
+class Toy:
+    """A method that puts the target where no other would."""
+
+    def run(self, frames):
+        """One estimate a frame, 1 km off."""
+        for time_s, marks in frames:
+            yield [TargetEstimate(time_s, np.array([1000.0, len(marks)]), None, Status.TRACKING, len(marks))]
+
+
+class Short:
+    """A method that leaves out all frames but the first."""
+
+    def run(self, frames):
+        """One block of one estimate."""
+        yield [TargetEstimate(frames[0][0], np.zeros(2), None, Status.TRACKING, 0)]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Marks of the phantom at rest, 1 mm off an axis, 30 frames/s; also one of the target, for scoring only."""
+    folder = tmp_path_factory.mktemp("rec")
+    scene = replace(scene_of(read_scenario("quiet")), cameras=())
+    write_scene(scene, folder / "scene.toml")
+    network, rng = scene.network, np.random.default_rng(2)
+    rows = [
+        (k / 30.0, node, *(1e3 * network.positions[network.index(node)] + rng.normal(0.0, 1.0, 2)), 1.0)
+        for k in range(N_FRAMES)
+        for node in (*OUTER, HIDDEN)
+    ]
+    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    return open_recording(folder)
+
+
+def test_a_newly_registered_method_runs_as_itself(recording, monkeypatch, tmp_path):
+    """Its estimates are its own, from the measured marks only; it has a table and a place in the picture."""
+    monkeypatch.setitem(METHODS, "toy", lambda _problem: Toy())
+    done = compare(recording, chosen("toy"))
+    assert methods_of(done) == ["open-loop", "filter", "toy"]
+    np.testing.assert_array_equal([e.mean for e in done.estimates("toy")], [[1000.0, 3.0]] * N_FRAMES)
+    assert all(step.method_s["toy"] >= 0.0 for step in done.steps)
+    write_comparison(done, tmp_path)
+    assert {path.name for path in tmp_path.glob("estimates.*")} == {f"estimates.{m}.csv" for m in methods_of(done)}
+    assert "toy" in chosen(None)
+
+
+def test_a_registered_method_gets_the_scene_and_the_marks(recording):
+    """The extended filter's estimates are those of its class on the track's marks, to the bit."""
+    done = compare(recording, ("open-loop", "filter", "ekf"))
+    method = ExtendedKalmanFilter(*tracking_problem(recording.scene).physics)
+    for step in done.steps:
+        method.predict(step.estimates["filter"].time_s)
+        expected = method.update([mark for mark in step.marks if mark.node != HIDDEN])
+        np.testing.assert_array_equal(step.estimates["ekf"].mean, expected.mean)
+        np.testing.assert_array_equal(step.estimates["ekf"].cov, expected.cov)
+
+
+def test_names_that_are_not_registered_raise(recording):
+    """From the command line as InputError; from Python before the recording is run."""
+    with pytest.raises(InputError, match=r'expected some of open-loop, filter, ekf, .*smoother, found "oracle"'):
+        chosen("ekf, oracle")
+    ran = []
+    with pytest.raises(UnknownMethodError, match='found "oracle"'):
+        compare(recording, ("oracle",), stage=lambda name: ran.append(name) or (lambda _share: None))
+    assert ran == []
+
+
+def test_a_method_that_leaves_out_frames_is_not_taken(recording, monkeypatch):
+    monkeypatch.setitem(METHODS, "short", lambda _problem: Short())
+    with pytest.raises(ValueError, match="short: expected an estimate of each of 8 frames, found 1"):
+        compare(recording, chosen("short"))
