@@ -51,6 +51,14 @@ class PhantomCamera:
         """It always is."""
         return True
 
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Where all nodes are in the frame that was grabbed last [m], shape (n_nodes, dim)."""
+        network = self.scene.network
+        positions = network.positions.copy()
+        positions[network.free] = unpack(self._state, network.dim)[0]
+        return positions
+
     def grab(self) -> bool:
         """Wait for the frame due next, or take the one due now if drawing fell behind."""
         interval = self.scenario.frame_interval_s
@@ -67,10 +75,7 @@ class PhantomCamera:
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
         """The phantom drawn as it stands."""
-        network = self.scene.network
-        positions = network.positions.copy()
-        positions[network.free] = unpack(self._state, network.dim)[0]
-        return True, draw(self.scene, positions, self._lighting, self._rng, strays=self._strays)
+        return True, draw(self.scene, self.positions, self._lighting, self._rng, strays=self._strays)
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the phantom stood as it does, on the clock [ms]; 0 for all else."""

@@ -4,12 +4,14 @@ import csv
 from collections import deque
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 import vision
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.live import COAST_S, Session, follow
+from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.simulate import draw, scene_of
 from vision import EventKind, Frame, SourceEvent
 
@@ -63,6 +65,49 @@ def run(source: Clocked, folder: Path) -> tuple[Session, list[dict[str, str]], l
     session.close()
     with (folder / "estimates.csv").open(encoding="utf-8") as file:
         return session, list(csv.DictReader(file)), shown
+
+
+class PacedPhantom(vision.EveryFrame):
+    """The simulated phantom by the test's clock: frames when they are due, and drawing takes no time."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+        self.camera = PhantomCamera(read_scenario("webcam"), clock=lambda: self.now, sleep=self._sleep)
+        self.truth_m: list[np.ndarray] = []
+
+    ended = False
+
+    def _sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+    def next(self, timeout_s: float = 0.0) -> Frame | None:
+        self.camera.grab()
+        image = self.camera.retrieve()[1]
+        scene = self.camera.scene
+        self.truth_m.append(self.camera.positions[scene.network.index(scene.target.node)])
+        return Frame(len(self.truth_m), 1e-3 * self.camera.get(cv2.CAP_PROP_POS_MSEC), image)
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        return ()
+
+
+def test_the_phantom_is_followed_frame_by_frame(tmp_path):
+    """Two seconds at 30 frames/s by the test's clock: every frame, none without; a third of the paper's error."""
+    source = PacedPhantom()
+    session = Session(source.camera.scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: source.now)
+    follow(session, source, 2.0, clock=lambda: source.now)
+    session.close()
+    with (tmp_path / "estimates.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert session.n_frames == len(rows) == 60
+    assert session.n_coasted == session.n_unused == 0
+    np.testing.assert_allclose(np.diff([float(row["time_s"]) for row in rows]), INTERVAL, atol=1e-6)
+    status = [row["status"] for row in rows]
+    assert status[0] == "INITIALISING"
+    assert set(status[10:]) == {"TRACKING"}
+    assert np.max(np.abs(session.latencies_ms)) < 1e-6
+    xy = 1e-3 * np.array([[float(row["x_mm"]), float(row["y_mm"])] for row in rows])
+    assert np.hypot(*(xy - source.truth_m)[10:].T).mean() < 0.003
 
 
 def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_be_lost(tmp_path, image, capfd):

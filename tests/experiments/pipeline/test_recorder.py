@@ -1,10 +1,10 @@
 """Recordings that grow: whole up to the last second when their writer is killed."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +25,7 @@ SIZE = (64, 48)
 INTERVAL = 1 / 30
 
 CAMERA = """
-import sys, time
+import sys, threading, time
 from pathlib import Path
 import numpy as np
 import vision
@@ -40,11 +40,21 @@ class Camera:
     def retrieve(self): return True, np.random.default_rng(self.k).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     def grab(self):
         self.k += 1
+        unseen.acquire()
         time.sleep(max(0.0, self.began + self.k / 30 - time.monotonic()))
-        print(self.k, flush=True)
         return True
 
-frames = vision.LiveFrames(Camera, keep=vision.EVERY, exposures=lambda: vision.told_times)
+class Counted(vision.LiveFrames):
+    def next(self, timeout_s):
+        frame = super().next(timeout_s)
+        if frame is not None:
+            print(frame.index, flush=True)
+            unseen.release()
+        return frame
+
+# A camera that waits for a recorder too slow for it, so that none is dropped however busy the machine is
+unseen = threading.Semaphore(vision.DEVICE_BACKLOG // 2)
+frames = Counted(Camera, keep=vision.DEVICE_BACKLOG, exposures=lambda: vision.stated_exposure_time)
 scene = Path(sys.argv[2])
 record(frames, Path(sys.argv[1]), scene=read_scene(scene), scene_path=scene)
 """
@@ -106,7 +116,7 @@ def check_frames(folder: Path, n: int) -> None:
 def test_a_recorder_killed_leaves_all_up_to_the_last_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """SIGKILL after 2.5 s: what is lost is less than a second and the time that finishing a piece takes."""
+    """SIGKILL at frame 75, which is 2.5 s: lost are a second's frames, and the one that ends a piece."""
     folder, scene = tmp_path / "rec", tmp_path / "scene.toml"
     write_scene(small_scene(), scene)
     program = subprocess.Popen(
@@ -117,17 +127,13 @@ def test_a_recorder_killed_leaves_all_up_to_the_last_second(
     )
     try:
         assert program.stdout is not None
-        began = None
-        for line in program.stdout:
-            began = time.monotonic() if int(line) == 0 else began
-            if began is not None and time.monotonic() - began >= 2.5:
-                break
+        next(line for line in program.stdout if int(line) == 75)
     finally:
         os.kill(program.pid, signal.SIGKILL)
-        killed = time.monotonic()
-        program.communicate()
+        rest, _ = program.communicate()
+    n_handed_on = 76 + rest.count("\n")
     times = read_frames(folder / "frames.csv", torn=True)
-    assert killed - times[-1] < 1.5
+    assert n_handed_on - 32 <= len(times) < n_handed_on
     np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between
     assert (folder / "scene.toml").read_bytes() == scene.read_bytes()
     check_frames(folder, len(times))
@@ -260,7 +266,9 @@ def test_what_cannot_be_recorded_is_one_line_and_nothing_is_made(
     write_scene(small_scene(), tmp_path / "small.toml")
     assert softaim(monkeypatch, *words) == 2
     fault = capfd.readouterr().err
-    assert told in fault
-    assert fault.startswith("softaim: ")
-    assert fault.count("\n") == 1
+    # what a machine too busy to draw the phantom in time says of it comes before
+    lines = [line for line in fault.splitlines() if not re.match(r"softaim: [\d.]+ s: (BLOCKED|RESUMED): ", line)]
+    assert len(lines) == 1
+    assert told in lines[0]
+    assert lines[0].startswith("softaim: ")
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]

@@ -139,7 +139,7 @@ def test_devices_and_streams_are_watched_and_opened_by_the_right_interface(
     monkeypatch.setattr(cv2, "VideoCapture", FakeCapture)
     with open_source(spec, live=False) as source:
         assert isinstance(source, LiveFrames)
-        frames = [source.next(5.0) for _ in range(3)]
+        frames = [source.next(120.0) for _ in range(3)]
         assert numbers([frame for frame in frames if frame is not None]) == [1, 2, 3]
         assert FakeCapture.opened[: len(how)] == how
         assert source.next(0.01) is None
