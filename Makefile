@@ -2,14 +2,23 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
+# At some twenty states more threads of a linear algebra library only wait for each other
+export OPENBLAS_NUM_THREADS ?= 1
+# A worker for each core; on a busy machine: make test WORKERS=1
+WORKERS ?= auto
 
-.PHONY: demo test lint types contract check clean
+.PHONY: demo test quick lint types contract architecture mutants check clean
 
 demo: $(READY)  ## simulate, film and track the paper's two scenarios
 	$(BIN)/softaim demo --out demo --force
 
 test: $(READY)  ## every test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+
+quick: $(READY)  ## lint, contract and the tests beside what was changed, slow ones left out
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+	$(BIN)/python -m tests.changed | xargs $(BIN)/python -m pytest -n $(WORKERS) -m "not slow" -q
 
 lint: $(READY)
 	$(BIN)/ruff check .
@@ -21,10 +30,18 @@ types: $(READY)
 contract: $(READY)
 	$(BIN)/lint-imports
 
-check: test lint types contract  ## what CI runs
+architecture: $(READY)  ## is docs/architecture.md what the code is
+	$(BIN)/python -m experiments.studies.architecture --check
+
+mutants: $(READY)  ## which changes of the modules that safety rests on no test notices; about an hour
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,mutants]'
+	$(BIN)/mutmut run
+	$(BIN)/mutmut results
+
+check: lint types contract architecture test  ## what CI runs
 
 clean:
-	rm -rf .venv demo build *.egg-info
+	rm -rf .venv demo build mutants *.egg-info
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'

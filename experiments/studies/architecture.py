@@ -1,0 +1,189 @@
+"""The rooms of the four packages and the imports between them: the drawing and the tables of docs/architecture.md.
+
+    python -m experiments.studies.architecture          # rewrites both, from the code
+    python -m experiments.studies.architecture --check  # exit code 1 where the page no longer is what the code is
+
+A room is a sub-package. What it holds is the first line of its docstring, what may enter the second paragraph.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.formats.outputs import write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Patch
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "architecture.md"
+DRAWING = ROOT / "docs" / "images" / "rooms.png"
+PACKAGES = ("dynamics", "vision", "estimators", "experiments")
+MARKS = "<!-- rooms -->", "<!-- end of rooms -->"
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A sub-package: its name, what it holds, what may enter, its number of modules, the rooms that it imports."""
+
+    name: str
+    holds: str
+    enters: str
+    n_modules: int
+    imports: frozenset[str]
+
+
+def rooms_of(package: str) -> list[Room]:
+    """The rooms of a package, by name; rooms within a room count as part of it."""
+    found = []
+    for folder in sorted(path.parent for path in (ROOT / package).glob("*/__init__.py")):
+        text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+        first, _, second = text.partition("\n\n")
+        name = f"{package}.{folder.name}"
+        modules = [path for path in folder.rglob("*.py") if path.name != "__init__.py"]
+        imported = {room for path in folder.rglob("*.py") for room in _imported(path)}
+        enters = re.sub(r"^What may enter: ", "", " ".join(second.split()))
+        found.append(Room(name, " ".join(first.split()), enters, len(modules), frozenset(imported - {name})))
+    return found
+
+
+def _imported(path: Path) -> Iterator[str]:
+    """Rooms, and packages where names are taken from the package itself, that a module imports."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [node.module]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            parts = name.split(".")
+            if parts[0] in PACKAGES:
+                is_room = len(parts) > 1 and (ROOT / parts[0] / parts[1] / "__init__.py").exists()
+                if is_room or len(parts) == 1:
+                    yield ".".join(parts[:2]) if is_room else parts[0]
+
+
+def layers_of(package: str) -> list[list[str]]:
+    """Names of the rooms of a package in the layers of the import contract, the topmost first."""
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    own = next(one for one in contracts if one.get("containers") == [package])
+    layers = [[name.strip() for name in layer.split("|")] for layer in own["layers"]]
+    inside = [[name for name in layer if (ROOT / package / name / "__init__.py").exists()] for layer in layers]
+    return [layer for layer in inside if layer]
+
+
+def tables() -> str:
+    """A table of rooms for each package, as Markdown, from the top layer down."""
+    parts = []
+    for package in PACKAGES:
+        rooms = {room.name.split(".")[1]: room for room in rooms_of(package)}
+        rows = [rooms[name] for layer in layers_of(package) for name in layer]
+        parts += [f"### `{package}/`", "", "| room | holds | what may enter | imports |", "| --- | --- | --- | --- |"]
+        for room in rows:
+            own = sorted(name.removeprefix(f"{package}.") for name in room.imports if name != package)
+            name = room.name.split(".")[1]
+            parts.append(f"| `{name}/` ({room.n_modules}) | {room.holds} | {room.enters} | {', '.join(own)} |")
+        parts.append("")
+    return "\n".join(parts)
+
+
+def page() -> str:
+    """The text of docs/architecture.md with its tables made from the code."""
+    text = PAGE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(MARKS[0])
+    _, _, after = rest.partition(MARKS[1])
+    return f"{before}{MARKS[0]}\n\n{tables()}\n{MARKS[1]}{after}"
+
+
+FRAMES = {
+    "experiments": (0.0, 9.6, 16.6, "#eee3f3"),
+    "estimators": (0.0, 5.0, 8.0, "#fbe9d0"),
+    "vision": (8.6, 5.0, 8.0, "#e5f2dd"),
+    "dynamics": (0.0, 0.2, 8.0, "#dbe9f6"),
+}
+"""Left, bottom and width of each package in the drawing, and its colour."""
+HEIGHT, GAP = 0.5, 0.36
+
+
+def draw(path: Path) -> None:
+    """Draw the packages as frames, their rooms in layers, an arrow for each import between rooms of a package."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 9.5), layout="constrained")
+    axes = figure.subplots()
+    axes.axis("off")
+    places: dict[str, tuple[float, float]] = {}
+    tops: dict[str, float] = {}
+    for package, (left, low, broad, colour) in FRAMES.items():
+        layers = layers_of(package)
+        tops[package] = low + len(layers) * (HEIGHT + GAP) + 0.15
+        _box(axes, (left, low - 0.25), (broad, tops[package] - low + 0.35), colour)
+        axes.text(left + 0.1, tops[package] + 0.06, package, fontsize=13, weight="bold", va="top")
+        # a layer of one room stands beside the middle, else arrows from layer to layer would hide each other
+        alone = [k for k, layer in enumerate(layers) if len(layer) == 1]
+        for k, layer in enumerate(layers):
+            y = low + (len(layers) - 1 - k) * (HEIGHT + GAP) + HEIGHT / 2
+            for j, name in enumerate(layer):
+                x = left + broad * (j + 0.5) / len(layer)
+                if k in alone and len(alone) > 1:
+                    x = left + broad * (0.25 + 0.5 * alone.index(k) / (len(alone) - 1))
+                places[f"{package}.{name}"] = (x, y)
+    boxes = {}
+    for name, (x, y) in places.items():
+        boxes[name] = _box(axes, (x - 0.7, y - HEIGHT / 2), (1.4, HEIGHT), "white")
+        axes.text(x, y, name.split(".")[1], ha="center", va="center", fontsize=10.5, zorder=4)
+    for package in PACKAGES:
+        for room in rooms_of(package):
+            for other in sorted(room.imports & set(places)):
+                if other.startswith(f"{package}."):
+                    ends = {"patchA": boxes[room.name], "patchB": boxes[other]}
+                    _arrow(axes, places[room.name], places[other], color="0.4", linewidth=1.0, **ends)
+    for over, under in (("experiments", "estimators"), ("experiments", "vision"), ("estimators", "dynamics")):
+        x = FRAMES[under][0] + FRAMES[under][2] / 2
+        _arrow(axes, (x, FRAMES[over][1] - 0.2), (x, tops[under] + 0.1), color="#b04a3a", linewidth=3.0)
+    axes.set_xlim(-0.3, 16.9)
+    axes.set_ylim(-0.3, tops["experiments"] + 0.4)
+    figure.savefig(path, dpi=110)
+
+
+def _box(axes: Axes, corner: tuple[float, float], size: tuple[float, float], colour: str) -> Patch:
+    from matplotlib.patches import FancyBboxPatch
+
+    zorder = 3 if colour == "white" else 1
+    box = FancyBboxPatch(corner, *size, boxstyle="round,pad=0.04", facecolor=colour, edgecolor="0.4", zorder=zorder)
+    axes.add_patch(box)
+    return box
+
+
+def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float], **style: Any) -> None:
+    from matplotlib.patches import FancyArrowPatch
+
+    scale = 8.0 + 5.0 * style["linewidth"]
+    axes.add_patch(
+        FancyArrowPatch(start, end, arrowstyle="-|>", mutation_scale=scale, shrinkA=0, shrinkB=0, zorder=2, **style)
+    )
+
+
+def main() -> None:
+    """Rewrite the page and its drawing, or check the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("--check", action="store_true")
+    if parser.parse_args().check:
+        sys.exit(0 if page() == PAGE.read_text(encoding="utf-8") else 1)
+    write_whole(PAGE, page())
+    draw(DRAWING)
+
+
+if __name__ == "__main__":
+    main()
