@@ -33,12 +33,11 @@ MARKS = "<!-- rooms -->", "<!-- end of rooms -->"
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A sub-package: its name, what it holds, what may enter, its number of modules, the rooms that it imports."""
+    """A sub-package: its name, what it holds, what may enter, the rooms that it imports."""
 
     name: str
     holds: str
     enters: str
-    n_modules: int
     imports: frozenset[str]
 
 
@@ -49,10 +48,9 @@ def rooms_of(package: str) -> list[Room]:
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
         first, _, second = text.partition("\n\n")
         name = f"{package}.{folder.name}"
-        modules = [path for path in folder.rglob("*.py") if path.name != "__init__.py"]
         imported = {room for path in folder.rglob("*.py") for room in _imported(path)}
         enters = re.sub(r"^What may enter: ", "", " ".join(second.split()))
-        found.append(Room(name, " ".join(first.split()), enters, len(modules), frozenset(imported - {name})))
+        found.append(Room(name, " ".join(first.split()), enters, frozenset(imported - {name})))
     return found
 
 
@@ -93,7 +91,7 @@ def tables() -> str:
         for room in rows:
             own = sorted(name.removeprefix(f"{package}.") for name in room.imports if name != package)
             name = room.name.split(".")[1]
-            parts.append(f"| `{name}/` ({room.n_modules}) | {room.holds} | {room.enters} | {', '.join(own)} |")
+            parts.append(f"| `{name}/` | {room.holds} | {room.enters} | {', '.join(own)} |")
         parts.append("")
     return "\n".join(parts)
 

@@ -1,0 +1,61 @@
+"""The page of the architecture is made from the code, and tells of a new import or room."""
+
+from pathlib import Path
+
+import pytest
+
+from experiments.studies import architecture
+from experiments.studies.architecture import PACKAGES, PAGE, draw, layers_of, page, rooms_of
+
+
+def test_the_page_is_what_the_code_is() -> None:
+    assert page() == PAGE.read_text(encoding="utf-8"), "python -m experiments.studies.architecture"
+
+
+def test_every_room_stands_in_a_layer_of_the_contract() -> None:
+    for package in PACKAGES:
+        named = {f"{package}.{name}" for layer in layers_of(package) for name in layer}
+        assert named == {room.name for room in rooms_of(package)}
+
+
+def test_every_room_says_what_it_holds_and_what_may_enter() -> None:
+    for package in PACKAGES:
+        for room in rooms_of(package):
+            assert room.holds.endswith("."), room.name
+            assert room.enters, room.name
+
+
+def test_no_folder_holds_more_than_fifteen_modules() -> None:
+    root = Path(architecture.__file__).parents[2]
+    for package in PACKAGES:
+        for folder in {path.parent for path in (root / package).rglob("*.py")}:
+            assert len(list(folder.glob("*.py"))) <= 15, folder.relative_to(root)
+
+
+def test_no_module_is_longer_than_fits_in_a_head() -> None:
+    root = Path(architecture.__file__).parents[2]
+    for package in PACKAGES:
+        for path in (root / package).rglob("*.py"):
+            if path.name != "kernels.py":
+                assert len(path.read_text(encoding="utf-8").splitlines()) <= 350, path.relative_to(root)
+
+
+def test_imports_are_read_from_code(tmp_path: Path) -> None:
+    path = tmp_path / "one.py"
+    path.write_text("from dynamics.forces.energy import node_forces\nimport vision\nimport numpy\n")
+    assert set(architecture._imported(path)) == {"dynamics.forces", "vision"}
+
+
+def test_a_page_of_other_code_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    other = tmp_path / "architecture.md"
+    other.write_text(PAGE.read_text(encoding="utf-8").replace("| `guidance/`", "| `guide/`"))
+    monkeypatch.setattr(architecture, "PAGE", other)
+    monkeypatch.setattr("sys.argv", ["architecture", "--check"])
+    with pytest.raises(SystemExit) as stopped:
+        architecture.main()
+    assert stopped.value.code == 1
+
+
+def test_the_drawing_is_a_picture(tmp_path: Path) -> None:
+    draw(tmp_path / "rooms.png")
+    assert (tmp_path / "rooms.png").read_bytes().startswith(b"\x89PNG")
