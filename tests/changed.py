@@ -1,7 +1,7 @@
 """The tests beside what was changed since the last commit, and since the branch left main: for `make quick`.
 
-The tests mirror the packages: of `estimators/guidance/advice.py` it is
-`tests/estimators/guidance/test_advice.py`, or all of the folder where there is no file of that name. Where nothing was changed it is the test of the pins.
+The tests mirror the packages: of `estimators/guidance/advice.py` it is `tests/estimators/guidance/test_advice.py`,
+or all of the folder where there is no file of that name. Where nothing was changed it is the test of the pins.
 """
 
 import subprocess
