@@ -1,4 +1,4 @@
-"""The settings records of the project, and the figures that each serves: what `experiments.studies.sensitivity` varies."""
+"""The settings records of the project and the figures that each serves, for `experiments.studies.sensitivity`."""
 
 from __future__ import annotations
 
