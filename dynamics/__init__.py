@@ -1,4 +1,19 @@
-"""The tissue: nodes, springs, forces, energy, time integration and rest shapes."""
+"""The tissue: nodes, springs, forces, energy, time integration and rest shapes.
+
+Names to start with:
+
+    four_mass_phantom     the paper's phantom, a network ready to use
+    MassSpringNetwork     nodes and springs of your own
+    rest_shape            where a network rests
+    fit_rest_lengths      rest lengths from a picture of the network at rest
+    node_forces           forces on all nodes
+    potential_energy      of which forces are minus the gradient
+    stiffness_matrix      the tangent of the forces
+    stable_step           the longest stable time step
+    Stepper               fast fixed steps, for filters
+    integrate_adaptive    slow exact motion, for truths
+    pack, unpack          state vectors to and from positions and velocities
+"""
 
 from dynamics.equilibrium import equilibrium_with_held, fit_rest_lengths, inverted_springs, rest_shape
 from dynamics.forces import (

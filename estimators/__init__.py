@@ -1,4 +1,21 @@
-"""Probability: filters that tell where the target is, and how sure of it one may be."""
+"""Probability: filters that estimate where a hidden target is, with a covariance that is tested, and needle guidance.
+
+Names to start with:
+
+    TissueFilter          predict, update, and where the target is
+    FilterSettings        what it assumes about unknown forces
+    MarkMeasurement       what goes in: a mark's position and covariance
+    TargetEstimate        what comes out: mean, covariance, status
+    OpenLoop              the paper's method, to compare with
+    identify_constants    stiffness, damping, rest lengths from a recording
+    tune_noise            noise levels from the innovations
+    Replay                marks that come late or out of order
+    fixed_interval        smoothing
+    Lesion, Needle, Insertion    what is to be hit, with what, from where
+    hit_probability       of a needle that stands still
+    guide                 go, wait or realign
+    anees, coverage       is the covariance consistent
+"""
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap
 from estimators.baselines import (

@@ -1,7 +1,20 @@
-"""Light: cameras, marks found by hue, which mark is which, frame sources, drawn frames.
+"""Light: cameras, marks detected by hue and tracked, frame sources, synthetic frames.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Names of lengths in a picture
 end in _px; the plane is in metres.
+
+Names to start with:
+
+    open_source           frames from a camera, film, folder or stream
+    Frame                 an image and its exposure time
+    MarkHue, learn_hue    the colour of a kind of mark, and how to learn it from a click
+    detect_marks          marks in one picture
+    MarkFinder            marks tracked and named, frame after frame
+    Expected              where a mark is expected
+    Detection             a centre with its covariance
+    PlaneCamera           between pixels and the plane
+    Board, find_board, calibrate    camera calibration
+    synthetic_run         frames of known truth
 """
 
 from vision.cameras import (
