@@ -18,6 +18,7 @@ Names to start with:
 from dynamics.equilibrium import equilibrium_with_held, fit_rest_lengths, inverted_springs, rest_shape
 from dynamics.forces import (
     KINDS,
+    LAWS,
     SLIP_VELOCITY,
     Parameter,
     ParameterForces,
@@ -73,6 +74,7 @@ __all__ = [
     "GAUGES_MM",
     "HIDDEN",
     "KINDS",
+    "LAWS",
     "OUTER",
     "SAME_STEP",
     "SHAFT",

@@ -22,6 +22,13 @@ RESIDUAL = 1e-9
 MOST_CHANGE = 0.5
 """Relative change of a rest length beyond which a still picture shows another network; chosen."""
 
+RANK_TOLERANCE = 1e-12
+"""Singular values below this part of the largest are rounding: the forces do not depend on that combination."""
+
+MOST_PASSES = 50
+CONVERGED = 1e-11
+"""Largest change of a relative rest length in the last pass: a hundred times what rounding leaves of it."""
+
 
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
@@ -83,10 +90,11 @@ def fit_rest_lengths(
     positions: of all nodes [m], (n_nodes, dim), each coordinate seen with noise of sd_m [m]; known: relative standard
     deviation of the rest lengths before.
 
-    At a shape x the forces are linear in the rest lengths: G c + f = 0 for the relative changes c. Of all that balance,
-    the smallest; with noise, the most probable, f being wrong by K times the noise of x. Combinations of rest lengths
-    that no force tells of stay as they are. Raises NetworkError where a rest length would have to change by half, or
-    where there is no stable rest near x.
+    Gauss-Newton on the real forces f at the shape x, so that force laws need not be linear in the rest lengths: for the
+    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. Of all solutions, the smallest; with
+    noise, the most probable, f being wrong by K times the noise of x. Where laws are linear the first pass is exact.
+    Combinations of rest lengths without effect on the forces stay as they are. Raises NetworkError where a rest length
+    would have to change by half, where passes do not converge, or where there is no stable rest near x.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():
@@ -94,15 +102,21 @@ def fit_rest_lengths(
     drawn = replace(network, positions=x)
     which = parameters(drawn, ("rest_length",))
     still = np.zeros_like(x)
-    f = node_forces(drawn, x, still)[drawn.free].ravel()
-    G = parameter_forces(drawn, which, x, still).T
     noise = sd_m * stiffness_matrix(drawn, x)
-    change = known**2 * G.T @ np.linalg.lstsq(known**2 * G @ G.T + noise @ noise.T, -f, rcond=1e-12)[0]
-    if np.abs(change).max() > MOST_CHANGE:
-        name = parameter_label(network, which[int(np.abs(change).argmax())])
-        raise NetworkError(
-            f"{name}: expected to rest where it was seen with a change below {100 * MOST_CHANGE:.0f} %,"
-            f" found {100 * np.abs(change).max():.0f} %"
-        )
-    corrected = replace(drawn, rest_lengths=drawn.rest_lengths * (1.0 + change))
-    return replace(corrected, positions=rest_shape(corrected))
+    change, corrected = np.zeros(len(which)), drawn
+    for _ in range(MOST_PASSES):
+        f = node_forces(corrected, x, still)[drawn.free].ravel()
+        G = parameter_forces(corrected, which, x, still).T / (1.0 + change)
+        balance = known**2 * G @ G.T + noise @ noise.T
+        before = change
+        change = known**2 * G.T @ np.linalg.lstsq(balance, G @ before - f, rcond=RANK_TOLERANCE)[0]
+        if np.abs(change).max() > MOST_CHANGE:
+            name = parameter_label(network, which[int(np.abs(change).argmax())])
+            raise NetworkError(
+                f"{name}: expected to rest where it was seen with a change below {100 * MOST_CHANGE:.0f} %,"
+                f" found {100 * np.abs(change).max():.0f} %"
+            )
+        corrected = replace(drawn, rest_lengths=drawn.rest_lengths * (1.0 + change))
+        if np.abs(change - before).max() <= CONVERGED:
+            return replace(corrected, positions=rest_shape(corrected))
+    raise NetworkError(f"rest lengths: expected to converge in {MOST_PASSES} passes, found none that balance")

@@ -4,9 +4,8 @@ What may enter: another force law, in `kernels.py`, with its energy and derivati
 """
 
 from dynamics.forces.energy import kinetic_energy, node_forces, potential_energy
-from dynamics.forces.kernels import SLIP_VELOCITY
+from dynamics.forces.kernels import KINDS, LAWS, SLIP_VELOCITY
 from dynamics.forces.parameters import (
-    KINDS,
     Parameter,
     ParameterForces,
     ParameterUncertainty,
@@ -22,6 +21,7 @@ from dynamics.forces.tangent import damping_matrix, stable_step, state_matrix, s
 
 __all__ = [
     "KINDS",
+    "LAWS",
     "SLIP_VELOCITY",
     "Parameter",
     "ParameterForces",

@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.arrays import Floats
-from dynamics.forces.kernels import packed, spring_forces
+from dynamics.forces.kernels import packed, spring_constants, spring_forces, spring_potential
 from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:
-    """Force of springs, dashpots, drag, friction and gravity on each node, anchors included [N], (n_nodes, dim).
+    """Force of all force laws and of gravity on each node, anchors included [N], (n_nodes, dim).
 
     positions [m] and velocities [m/s] are those of all nodes, (n_nodes, dim). A spring shorter than 1 nm has no
-    direction and gives no force. Anchors have no weight: what is written for them is what the springs do to them.
+    direction and exerts no force. Anchors have no weight: the force on an anchor is that of its springs.
     """
     x = np.array(positions, dtype=float)[..., None]
     v = np.array(velocities, dtype=float)[..., None]
@@ -42,7 +42,7 @@ def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
     """Energy of the springs and of height [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
     x = np.asarray(positions, dtype=float)
     lengths = np.linalg.norm(x[network.springs[:, 1]] - x[network.springs[:, 0]], axis=1)
-    springs = 0.5 * network.stiffness @ (lengths - network.rest_lengths) ** 2
+    springs = spring_potential(lengths, spring_constants(network)).sum()
     height = network.masses[network.free] @ (x[network.free] @ network.gravity)
     return float(springs - height)
 

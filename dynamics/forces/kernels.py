@@ -1,84 +1,224 @@
-"""Compiled spring forces and Runge-Kutta steps over a batch of states.
+"""Force laws, each written once as scalar functions, and the compiled loops over springs, nodes and time steps.
 
-Arrays are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over
-neighbouring numbers and the compiler can take several states at a time. Nothing here checks its input:
-`dynamics.forces.energy` and `dynamics.integration.stepping` are the doors.
+A force law is a few functions of one spring or one node: the force, its potential and its derivatives, all by hand.
+They take numbers or arrays: compiled loops call them with numbers; energy, tangent matrices, stability limit, parameter
+forces and the plain NumPy version call them with arrays. `tests/dynamics/forces/test_laws.py` checks every law of LAWS
+against finite differences, as a scalar function and in each assembly.
+
+    tension of a spring     T = k (l - l0) + c dl/dt        along the spring, dl/dt its rate [N]
+    resistance of a node    R = drag + friction / sqrt(v.v + slip²)     force -R v [N s/m]
+
+Laws and loops share this file because numba's cache on disk notices a change of a kernel's own file only. Arrays of the
+loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over neighbouring
+numbers and the compiler can take several states at a time. Nothing here checks its input: `dynamics.forces.energy` and
+`dynamics.integration.stepping` do.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 
 from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
+
+Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
 """Speed over which Coulomb friction builds up [m/s]; chosen: dry friction has a jump there, a filter cannot."""
 
 SHORTEST = 1e-9
-"""Length below which a spring has no direction and pushes nowhere [m]."""
+"""Length below which a spring has no direction and exerts no force [m]."""
+
+FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
+"""Reorderings that the compiler may make in the loops over a batch; NaN and infinity keep their meaning."""
 
 
-class Packed(NamedTuple):
-    """The network as the kernels read it; see `MassSpringNetwork` for units."""
+class SpringConstants(NamedTuple):
+    """Constants of one spring, or arrays (n_springs,) of all: stiffness [N/m], rest length [m], damping [N s/m]."""
 
-    springs: np.ndarray
     stiffness: Floats
-    rest_lengths: Floats
+    rest_length: Numbers
     damping: Floats
-    weight: Floats
+
+
+class NodeConstants(NamedTuple):
+    """Constants of one node, or arrays (n_nodes,) of all: drag [N s/m], Coulomb friction [N]."""
+
     drag: Floats
     friction: Floats
 
 
-@lru_cache(maxsize=64)
-def packed(network: MassSpringNetwork) -> Packed:
-    """The network's arrays in the order that the kernels take them; weight [N], shape (n_nodes, dim)."""
-    weight = np.where(network.fixed[:, None], 0.0, network.masses[:, None] * network.gravity)
-    return Packed(
-        network.springs,
-        network.stiffness,
-        network.rest_lengths,
-        network.damping,
-        weight,
-        network.drag,
-        network.friction,
+LAWS: Mapping[str, tuple[str, ...]] = {
+    "spring": ("stiffness", "rest_length"),
+    "dashpot": ("damping",),
+    "drag": ("drag",),
+    "friction": ("friction",),
+}
+"""The constants of each force law, by their kinds: first laws of springs, then of nodes."""
+
+KINDS = tuple(kind for kinds in LAWS.values() for kind in kinds)
+"""All kinds of constants, in the order of the fields of `SpringConstants`, then of `NodeConstants`."""
+
+OF_SPRINGS = SpringConstants._fields
+"""The kinds that belong to a spring; the others belong to a node."""
+
+N_OF_SPRINGS = len(OF_SPRINGS)
+
+FIELDS = {kind: kind for kind in KINDS} | {"rest_length": "rest_lengths"}
+"""The field of `MassSpringNetwork` that has the constants of a kind."""
+
+
+# Force laws of a spring of some length [m] that grows at some rate [m/s]; c: its SpringConstants.
+
+
+@register_jitable(fastmath=FASTMATH)
+def spring_tension(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
+    """Tension [N], positive where the spring pulls its nodes together."""
+    return c.stiffness * (length - c.rest_length) + c.damping * rate
+
+
+def spring_potential(length: Numbers, c: SpringConstants) -> Floats:
+    """Stored energy [J], whose derivative by the length is the tension at rate 0."""
+    return 0.5 * c.stiffness * (length - c.rest_length) ** 2
+
+
+def tension_by_length(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
+    """Derivative of the tension by the length [N/m]."""
+    return c.stiffness
+
+
+def tension_by_rate(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
+    """Derivative of the tension by the rate [N s/m]."""
+    return c.damping
+
+
+@register_jitable
+def tension_by_log_constants(length: Numbers, rate: Numbers, c: SpringConstants) -> SpringConstants:
+    """Derivatives of the tension by the logarithm of each constant [N]."""
+    return SpringConstants(
+        stiffness=c.stiffness * (length - c.rest_length),
+        rest_length=-c.stiffness * c.rest_length,
+        damping=c.damping * rate,
     )
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+# Force laws of a node whose velocity has some square [m²/s²]; c: its NodeConstants.
+
+
+@register_jitable(fastmath=FASTMATH)
+def node_resistance(square: Numbers, c: NodeConstants) -> Floats:
+    """Resistance R [N s/m]; the force is -R v."""
+    return c.drag + c.friction / np.sqrt(square + SLIP_VELOCITY * SLIP_VELOCITY)
+
+
+@register_jitable
+def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConstants:
+    """Derivatives of the resistance by the logarithm of each constant [N s/m]."""
+    return NodeConstants(
+        drag=c.drag,
+        friction=c.friction / np.sqrt(square + SLIP_VELOCITY * SLIP_VELOCITY),
+    )
+
+
+# Force laws of a needle along itself; it slides at some speed past the tissue beside it [m/s].
+
+
+@register_jitable
+def contact_force(dent: Numbers, stiffness: float) -> Numbers:
+    """Force of the tip on the skin that it dents [N]; dent [m], below 0 before they touch."""
+    return stiffness * np.maximum(0.0, dent)
+
+
+@register_jitable
+def sliding_force(slide: Numbers, most: Numbers, slip: float) -> Numbers:
+    """Cutting or friction [N], `most` where the needle slides much faster than the slip velocity."""
+    return most * slide / np.sqrt(slide * slide + slip * slip)
+
+
+class Packed(NamedTuple):
+    """The network as the kernels read it.
+
+    springs: (n_springs, 2); weight: of each node [N], (n_nodes, dim), anchors have none
+    spring_constants: (n_springs, n_constants), columns as in `SpringConstants`
+    node_constants: (n_nodes, n_constants), columns as in `NodeConstants`
+    """
+
+    springs: np.ndarray
+    spring_constants: Floats
+    node_constants: Floats
+    weight: Floats
+
+
+@lru_cache(maxsize=64)
+def packed(network: MassSpringNetwork) -> Packed:
+    """The network's arrays as the kernels read them."""
+    weight = np.where(network.fixed[:, None], 0.0, network.masses[:, None] * network.gravity)
+    of_springs = [getattr(network, FIELDS[kind]) for kind in SpringConstants._fields]
+    of_nodes = [getattr(network, FIELDS[kind]) for kind in NodeConstants._fields]
+    return Packed(network.springs, np.stack(of_springs, axis=1), np.stack(of_nodes, axis=1), weight)
+
+
+def spring_constants(network: MassSpringNetwork) -> SpringConstants:
+    """Constants of all springs, each (n_springs,), as the force laws take them."""
+    return SpringConstants(*packed(network).spring_constants.T)
+
+
+def node_constants(network: MassSpringNetwork) -> NodeConstants:
+    """Constants of all nodes, each (n_nodes,), as the force laws take them."""
+    return NodeConstants(*packed(network).node_constants.T)
+
+
+@register_jitable
+def _of_spring(p, s):  # type: ignore[no-untyped-def]
+    """Constants of one spring, numbers."""
+    row = p.spring_constants[s]
+    return SpringConstants(row[0], row[1], row[2])
+
+
+@register_jitable
+def _of_node(p, i):  # type: ignore[no-untyped-def]
+    """Constants of one node, numbers."""
+    row = p.node_constants[i]
+    return NodeConstants(row[0], row[1])
+
+
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
     """Write the force on each node [N] into `force`, (n_nodes, dim, n_points); pull, square: scratch, (n_points,)."""
     n_nodes, dim, n_points = x.shape
     for i in range(n_nodes):
+        node = _of_node(p, i)
         for q in range(n_points):
-            square[q] = SLIP_VELOCITY * SLIP_VELOCITY
-        for d in range(dim):
+            square[q] = v[i, 0, q] * v[i, 0, q]
+        for d in range(1, dim):
             for q in range(n_points):
                 square[q] += v[i, d, q] * v[i, d, q]
+        for q in range(n_points):
+            pull[q] = node_resistance(square[q], node)
         for d in range(dim):
             for q in range(n_points):
-                resist = p.drag[i] + p.friction[i] / np.sqrt(square[q])
-                force[i, d, q] = p.weight[i, d] - resist * v[i, d, q]
+                force[i, d, q] = p.weight[i, d] - pull[q] * v[i, d, q]
     for s in range(p.springs.shape[0]):
         i, j = p.springs[s, 0], p.springs[s, 1]
-        k, rest, c = p.stiffness[s], p.rest_lengths[s], p.damping[s]
+        spring = _of_spring(p, s)
         for q in range(n_points):
-            square[q] = SHORTEST * SHORTEST
-            pull[q] = 0.0
-        for d in range(dim):
+            apart = x[j, 0, q] - x[i, 0, q]
+            square[q] = apart * apart + SHORTEST * SHORTEST
+            pull[q] = apart * (v[j, 0, q] - v[i, 0, q])
+        for d in range(1, dim):
             for q in range(n_points):
                 apart = x[j, d, q] - x[i, d, q]
                 square[q] += apart * apart
                 pull[q] += apart * (v[j, d, q] - v[i, d, q])
         for q in range(n_points):
-            # Tension over length: (k (l - l0) + c dl/dt) / l
             inverse = 1.0 / np.sqrt(square[q])
-            pull[q] = k - k * rest * inverse + c * pull[q] * inverse * inverse
+            pull[q] = spring_tension(square[q] * inverse, pull[q] * inverse, spring) * inverse
         for d in range(dim):
             for q in range(n_points):
                 f = pull[q] * (x[j, d, q] - x[i, d, q])
@@ -86,7 +226,7 @@ def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
                 force[j, d, q] -= f
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"})
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # type: ignore[no-untyped-def]
     """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
 
@@ -183,7 +323,7 @@ def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # 
         for i in range(n_nodes):
             for d in range(dim):
                 dent -= share[i] * (x[i, d, 0] - nodes[i, d]) * u[d]
-        push = needle.contact * max(0.0, dent)
+        push = contact_force(dent, needle.contact)
         for i in range(n_nodes):
             for d in range(dim):
                 force[i, d, 0] += push * share[i] * u[d]
@@ -201,7 +341,7 @@ def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # 
         for i in range(n_nodes):
             for d in range(dim):
                 slide -= share[i] * v[i, d, 0] * u[d]
-        push = most * slide / np.sqrt(slide * slide + needle.slip * needle.slip)
+        push = sliding_force(slide, most, needle.slip)
         if q == 0:
             push = max(0.0, push)
         for i in range(n_nodes):
@@ -277,29 +417,24 @@ def write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[
     out[:] = 0.0
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]
-        if kind < 3:
+        square, along = 0.0, 0.0
+        if kind < N_OF_SPRINGS:
             i, j = p.springs[s, 0], p.springs[s, 1]
-            square, along = 0.0, 0.0
             for d in range(dim):
                 apart = x[j, d] - x[i, d]
                 square += apart * apart
                 along += apart * (v[j, d] - v[i, d])
-            length = np.sqrt(square)
-            tension = p.stiffness[s] * (length - p.rest_lengths[s])
-            if kind == 1:
-                tension = -p.stiffness[s] * p.rest_lengths[s]
-            elif kind == 2:
-                tension = p.damping[s] * along / length
+            length = np.sqrt(square + SHORTEST * SHORTEST)
+            tension = tension_by_log_constants(length, along / length, _of_spring(p, s))[kind]
             for a in range(free.shape[0]):
                 sign = 1.0 if free[a] == i else (-1.0 if free[a] == j else 0.0)
                 for d in range(dim):
                     out[k, a * dim + d] += sign * tension * (x[j, d] - x[i, d]) / length
         else:
-            square = SLIP_VELOCITY * SLIP_VELOCITY
             for d in range(dim):
                 square += v[s, d] * v[s, d]
-            resist = p.drag[s] if kind == 3 else p.friction[s] / np.sqrt(square)
+            resistance = resistance_by_log_constants(square, _of_node(p, s))[kind - N_OF_SPRINGS]
             for a in range(free.shape[0]):
                 if free[a] == s:
                     for d in range(dim):
-                        out[k, a * dim + d] = -resist * v[s, d]
+                        out[k, a * dim + d] = -resistance * v[s, d]

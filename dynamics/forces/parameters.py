@@ -9,12 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynamics.arrays import Floats
-from dynamics.forces.kernels import SLIP_VELOCITY, packed, write_parameter_forces
+from dynamics.forces.kernels import (
+    FIELDS,
+    KINDS,
+    OF_SPRINGS,
+    SHORTEST,
+    node_constants,
+    packed,
+    resistance_by_log_constants,
+    spring_constants,
+    tension_by_log_constants,
+    write_parameter_forces,
+)
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
-
-KINDS = ("stiffness", "rest_length", "damping", "drag", "friction")
-FIELDS = dict(zip(KINDS, ("stiffness", "rest_lengths", "damping", "drag", "friction"), strict=True))
-OF_SPRINGS = KINDS[:3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,24 +118,21 @@ def parameter_forces(
     positions [m] and velocities [m/s] of all nodes, (n_nodes, dim).
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
+    i, j = network.springs.T
+    apart = x[j] - x[i]
+    lengths = np.sqrt((apart * apart).sum(axis=1) + SHORTEST**2)
+    n = apart / lengths[:, None]
+    rates = ((v[j] - v[i]) * n).sum(axis=1)
+    tensions = tension_by_log_constants(lengths, rates, spring_constants(network))._asdict()
+    resistances = resistance_by_log_constants((v * v).sum(axis=1), node_constants(network))._asdict()
     forces = np.zeros((len(which), network.n_nodes, network.dim))
     for force, parameter in zip(forces, which, strict=True):
+        s = parameter.index
         if parameter.kind in OF_SPRINGS:
-            i, j = network.springs[parameter.index]
-            apart = x[j] - x[i]
-            length = np.linalg.norm(apart)
-            n = apart / length
-            k, rest = network.stiffness[parameter.index], network.rest_lengths[parameter.index]
-            tension = {
-                "stiffness": k * (length - rest),
-                "rest_length": -k * rest,
-                "damping": network.damping[parameter.index] * n @ (v[j] - v[i]),
-            }[parameter.kind]
-            force[i], force[j] = tension * n, -tension * n
+            force[i[s]] = tensions[parameter.kind][s] * n[s]
+            force[j[s]] = -force[i[s]]
         else:
-            i = parameter.index
-            slow = np.sqrt(v[i] @ v[i] + SLIP_VELOCITY**2)
-            force[i] = -(network.drag[i] if parameter.kind == "drag" else network.friction[i] / slow) * v[i]
+            force[s] = -resistances[parameter.kind][s] * v[s]
     return forces[:, network.free].reshape(len(which), -1)
 
 

@@ -1,4 +1,4 @@
-"""The network linearised about a shape: stiffness and damping matrices, and the step that stays stable."""
+"""The network linearised about a shape: stiffness and damping matrices, and the longest stable step."""
 
 from __future__ import annotations
 
@@ -6,63 +6,89 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.arrays import Floats
-from dynamics.forces.kernels import SLIP_VELOCITY
+from dynamics.forces.kernels import (
+    SHORTEST,
+    node_constants,
+    node_resistance,
+    spring_constants,
+    spring_tension,
+    tension_by_length,
+    tension_by_rate,
+)
 from dynamics.network.mass_spring import MassSpringNetwork
 
 RK4_RADIUS = 2.6
 """Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""
 
+STRETCHES = np.linspace(0.5, 1.5, 65)
+"""Lengths over rest lengths at which the stability limit looks for the stiffest shape: a stiffness that is monotone
+between them, as that of every law is so far, has its maximum at one of the ends."""
+
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
     """Second derivative of the potential energy by the free coordinates [N/m], (n_free dim, n_free dim).
 
-    positions of all nodes [m], (n_nodes, dim). Each spring gives k n n' + k (1 - l0 / l) (I - n n').
+    positions of all nodes [m], (n_nodes, dim). A spring of tension T gives dT/dl n n' + T / l (I - n n').
     """
     n, lengths = _directions(network, positions)
+    c = spring_constants(network)
     along = n[:, :, None] * n[:, None, :]
     across = np.eye(network.dim) - along
-    slack = 1.0 - network.rest_lengths / lengths
-    blocks = network.stiffness[:, None, None] * (along + slack[:, None, None] * across)
+    slope = tension_by_length(lengths, 0.0, c)
+    blocks = slope[:, None, None] * along + (spring_tension(lengths, 0.0, c) / lengths)[:, None, None] * across
     return _assembled(network, blocks)
 
 
-def damping_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
-    """Derivative of the resisting force by the free velocities, at rest [N s/m], (n_free dim, n_free dim)."""
-    n, _ = _directions(network, positions)
-    blocks = network.damping[:, None, None] * n[:, :, None] * n[:, None, :]
-    resist = network.drag + network.friction / SLIP_VELOCITY
-    return _assembled(network, blocks) + np.diag(np.repeat(resist[network.free], network.dim))
+def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
+    """Derivative of the resisting force by the free velocities, at rest [N s/m], (n_free dim, n_free dim).
+
+    speed_m_s: above 0, nodes have the resistance that is that of this speed, force over speed, not its derivative
+    """
+    n, lengths = _directions(network, positions)
+    slope = tension_by_rate(lengths, 0.0, spring_constants(network))
+    blocks = slope[:, None, None] * n[:, :, None] * n[:, None, :]
+    resistance = node_resistance(speed_m_s**2, node_constants(network))
+    return _assembled(network, blocks) + np.diag(np.repeat(resistance[network.free], network.dim))
 
 
-def state_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
-    """Matrix A of d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state)."""
+def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
+    """Matrix A of d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
+
+    speed_m_s: of the nodes, for their resistance; see `damping_matrix`
+    """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
     n = len(inverse_mass)
     A = np.zeros((2 * n, 2 * n))
     A[:n, n:] = np.eye(n)
     A[n:, :n] = -inverse_mass[:, None] * stiffness_matrix(network, positions)
-    A[n:, n:] = -inverse_mass[:, None] * damping_matrix(network, positions)
+    A[n:, n:] = -inverse_mass[:, None] * damping_matrix(network, positions, speed_m_s=speed_m_s)
     return A
 
 
 def stable_step(network: MassSpringNetwork) -> float:
-    """Longest step for which Runge-Kutta stays stable while no spring is shorter than half its rest length [s].
+    """Longest step for which Runge-Kutta stays stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
-    Until then a spring's tangent stiffness is at most k in size in every direction, so the weighted graph Laplacian
-    bounds the stiffness of all such shapes, and the same with dashpots. With w² and d their largest eigenvalues by
-    mass, every eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
+    In these shapes a spring's tangent stiffness is at most k in size in every direction, k the largest dT/dl or T / l;
+    the graph Laplacian weighted by k bounds the stiffness of all such shapes, and the same with dashpots. (Linear
+    springs are no stiffer where they are longer.) With w² and d the largest eigenvalues by mass, every eigenvalue of
+    the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """
+    c = spring_constants(network)
+    lengths = STRETCHES[:, None] * c.rest_length
+    slopes = np.broadcast_to(tension_by_length(lengths, 0.0, c), lengths.shape)
+    stiffness = np.maximum(np.abs(slopes), np.abs(spring_tension(lengths, 0.0, c) / lengths)).max(axis=0)
+    damping = np.broadcast_to(tension_by_rate(lengths, 0.0, c), lengths.shape).max(axis=0)
+    resistance = node_resistance(0.0, node_constants(network))[network.free]
     scale = 1.0 / np.sqrt(network.masses[network.free])
-    resist = (network.drag + network.friction / SLIP_VELOCITY)[network.free]
-    w2 = _largest(scale, _laplacian(network, network.stiffness))
-    d = _largest(scale, _laplacian(network, network.damping) + np.diag(resist))
+    w2 = _largest(scale, _laplacian(network, stiffness))
+    d = _largest(scale, _laplacian(network, damping) + np.diag(resistance))
     return float(RK4_RADIUS / (0.5 * (d + np.sqrt(d * d + 4.0 * w2))))
 
 
 def _directions(network: MassSpringNetwork, positions: ArrayLike) -> tuple[Floats, Floats]:
     x = np.asarray(positions, dtype=float)
     apart = x[network.springs[:, 1]] - x[network.springs[:, 0]]
-    lengths = np.linalg.norm(apart, axis=1)
+    lengths = np.sqrt((apart * apart).sum(axis=1) + SHORTEST**2)
     return apart / lengths[:, None], lengths
 
 

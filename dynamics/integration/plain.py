@@ -1,6 +1,7 @@
-"""The equations of motion in plain NumPy, as one would write them first: what the compiled kernels are measured by.
+"""The equations of motion in plain NumPy: the reference for the speed and the results of the compiled kernels.
 
-`softaim bench` times the stock filter with this process model; tests hold the kernels against it.
+`softaim bench` times the stock filter with this process model; tests compare the kernels with it. Both assemble the
+scalar force laws of `dynamics.forces.kernels`; the tests write the laws out once more.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynamics.arrays import Floats
-from dynamics.forces.kernels import SLIP_VELOCITY
+from dynamics.forces.kernels import node_constants, node_resistance, spring_constants, spring_tension
 from dynamics.network.mass_spring import MassSpringNetwork, all_positions, pack, unpack
 
 
@@ -23,9 +24,9 @@ def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:
     lengths = np.linalg.norm(apart, axis=1)
     n = apart / lengths[:, None]
     stretching = ((v[j] - v[i]) * n).sum(axis=1)
-    tension = network.stiffness * (lengths - network.rest_lengths) + network.damping * stretching
-    force = network.masses[:, None] * network.gravity - network.drag[:, None] * v
-    force -= network.friction[:, None] * v / np.sqrt((v * v).sum(axis=1, keepdims=True) + SLIP_VELOCITY**2)
+    tension = spring_tension(lengths, stretching, spring_constants(network))
+    resistance = node_resistance((v * v).sum(axis=1), node_constants(network))
+    force = network.masses[:, None] * network.gravity - resistance[:, None] * v
     np.add.at(force, i, tension[:, None] * n)
     np.add.at(force, j, -tension[:, None] * n)
     return pack(free_v, force[network.free] / network.masses[network.free, None])

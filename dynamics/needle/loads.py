@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.arrays import Floats
+from dynamics.forces.kernels import contact_force, sliding_force
 from dynamics.network.mass_spring import MassSpringNetwork
 
 GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
@@ -161,15 +162,14 @@ def needle_load(
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
     if not punctured:
         part = node_weights(network, needle.entry[None], needle.reach_m)
-        contact = needle.contact_N_m * np.maximum(0.0, _dent(needle, pose, part[0] @ (x - network.positions)))
+        contact = np.asarray(contact_force(_dent(needle, pose, part[0] @ (x - network.positions)), needle.contact_N_m))
         along = contact[..., None]
         cutting = friction = nothing
     else:
         points, most = _along(needle, pose)
         part = node_weights(network, points, needle.reach_m)
         slide = pose.speed - (v @ pose.direction) @ part.T
-        rubbing = slide / np.sqrt(slide**2 + needle.slip_m_s**2)
-        along = most * rubbing
+        along = np.asarray(sliding_force(slide, most, needle.slip_m_s))
         along[..., 0] = np.maximum(0.0, along[..., 0])
         contact, cutting, friction = nothing, along[..., 0], along[..., 1:].sum(axis=-1)
     nodes = (along @ part)[..., None] * pose.direction

@@ -28,7 +28,7 @@ from estimators.tissue.settings import FilterSettings
 
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
-PRIOR_SD: Mapping[str, float] = dict(zip(KINDS, (0.3, 0.05, 0.5, 0.5, 0.5), strict=True))
+PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
 """How well constants are known before, by kind: relative standard deviations; chosen."""
 
 MOST_PASSES = 12

@@ -12,11 +12,11 @@ for a speed v out of a few; second moments are carried exactly where the filter 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics import SLIP_VELOCITY, MassSpringNetwork, rest_shape, state_matrix
+from dynamics import SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.tissue.filter import TissueFilter
@@ -68,7 +68,7 @@ def fast_prediction_tables(tissue: TissueFilter, horizon_s: float) -> FastPredic
     cycle = settings.mix_s
     n_times = int(np.ceil(horizon_s / cycle * (1.0 - 1e-6))) + 1
     shape = rest_shape(model.network)
-    made = [_tables(tissue, _slowed(model.network, speed), shape, n_times) for speed in SPEEDS_M_S]
+    made = [_tables(tissue, speed, shape, n_times) for speed in SPEEDS_M_S]
     first, second, noise, pushed = (np.array(each) for each in zip(*made, strict=True))
     rest = np.zeros(model.network.n_state)
     rest[: len(rest) // 2] = shape[model.network.free].ravel()
@@ -119,24 +119,19 @@ def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:
     return moved
 
 
-def _slowed(network: MassSpringNetwork, speed: float) -> MassSpringNetwork:
-    """The network with friction as the dashpot that it is at this speed [m/s]."""
-    friction = network.friction / np.sqrt(SLIP_VELOCITY**2 + speed**2)
-    return replace(network, drag=network.drag + friction, friction=np.zeros_like(friction))
-
-
 def _tables(
-    tissue: TissueFilter, network: MassSpringNetwork, shape: Floats, n_times: int
+    tissue: TissueFilter, speed: float, shape: Floats, n_times: int
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """The four tables of `FastPredictionTables` at one speed: backwards from the target, cycle by cycle."""
+    """The four tables of `FastPredictionTables` at one speed [m/s]: backwards from the target, cycle by cycle."""
     model, settings = tissue.model, tissue.settings
     cycle, modes, n = settings.mix_s, settings.modes, model.network.n_state
     n_steps = model.stepper.n_steps(cycle)
     M = small_expm(settings.rates * cycle)
+    rate = state_matrix(model.network, shape, speed_m_s=speed)
     Fs, Qs = [], []
     for mode in modes:
         A, _ = model.linearised(shape, mode)
-        A[:n, :n] = state_matrix(network, shape)
+        A[:n, :n] = rate
         F, Q = small_expm(A * cycle / n_steps), model.noise(cycle / n_steps, mode)
         total = np.zeros_like(Q)
         for _ in range(n_steps):
@@ -165,7 +160,7 @@ def _tables(
     firsts = np.array(first).swapaxes(1, 2).reshape(n_times * dim, -1)
     packed = (np.array(second)[..., low[0], low[1]] * twice).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
     noises = np.array(noise).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
-    return firsts, packed, noises, _answers(state_matrix(network, shape), model.mass, target, cycle, n_times)
+    return firsts, packed, noises, _answers(rate, model.mass, target, cycle, n_times)
 
 
 def _answers(A: Floats, mass: Floats, target: slice, cycle: float, n_times: int) -> Floats:

@@ -38,7 +38,7 @@ from experiments.studies.estimation.limits import bound, hard, lost, optimum, ov
 from experiments.studies.estimation.runs import Row, Study, by_scenario
 from experiments.studies.estimation.trials import Frames, Model, Trial, run, seen
 
-OFF = dict(zip(KINDS, (0.1, 0.01, 0.1, 0.1, 0.1), strict=True))
+OFF = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 """Relative standard deviations of the constants that are off, by kind: 10 %, rest lengths 1 % (2 mm)."""
 
 LEFT = {kind: 0.02 for kind in KINDS if kind != "rest_length"}

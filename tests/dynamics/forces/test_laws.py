@@ -1,0 +1,326 @@
+"""Every force law against finite differences: as a scalar function, and in everything that is assembled from it.
+
+A new constant in `LAWS` needs a range in VALUES, and all tests below hold it to its own derivatives.
+"""
+
+import numpy as np
+import pytest
+from numba import njit
+
+from dynamics import (
+    KINDS,
+    LAWS,
+    ParameterForces,
+    Stepper,
+    damping_matrix,
+    derivative,
+    fit_rest_lengths,
+    node_forces,
+    pack,
+    parameter_forces,
+    parameters,
+    plain_derivative,
+    potential_energy,
+    rest_shape,
+    scale_parameters,
+    stable_step,
+    state_matrix,
+    stiffness_matrix,
+)
+from dynamics.forces import kernels
+from dynamics.forces.kernels import (
+    FIELDS,
+    OF_SPRINGS,
+    NodeConstants,
+    SpringConstants,
+    node_resistance,
+    resistance_by_log_constants,
+    spring_potential,
+    spring_tension,
+    tension_by_length,
+    tension_by_log_constants,
+    tension_by_rate,
+)
+from dynamics.forces.tangent import RK4_RADIUS
+
+VALUES = {
+    "stiffness": (50.0, 150.0),
+    "rest_length": (0.2, 0.5),
+    "damping": (0.1, 0.6),
+    "drag": (0.1, 0.4),
+    "friction": (0.01, 0.03),
+}
+"""Range of each kind of constant, SI."""
+
+NEEDED = ("stiffness", "rest_length")
+"""A spring has these whatever other laws it follows."""
+
+EACH = [*LAWS, "all"]
+COMPILED = {law: njit(law) for law in (spring_tension, node_resistance)}
+
+
+def kinds_of(law):
+    """The kinds of constants that are not 0 where this law is looked at."""
+    return KINDS if law == "all" else (*NEEDED, *LAWS[law])
+
+
+@pytest.fixture
+def following(tangled):
+    """A network of five nodes in which only this law, or all, have constants that are not 0."""
+
+    def build(law, dim):
+        rng = np.random.default_rng(17 + dim)
+        network = tangled(dim)
+        fields = {}
+        for kind in KINDS:
+            values = rng.uniform(*VALUES[kind], len(getattr(network, FIELDS[kind])))
+            fields[FIELDS[kind]] = values if kind in kinds_of(law) else 0.0 * values
+        return tangled(dim, **fields)
+
+    return build
+
+
+@pytest.fixture
+def moving():
+    """Positions and velocities of all nodes: moved at random, two nodes in each other's places, or 1 cm apart."""
+
+    def draw(network, shape):
+        rng = np.random.default_rng(3)
+        x, v = network.positions.copy(), np.zeros_like(network.positions)
+        free = network.free
+        v[free] = 0.3 * rng.normal(size=x[free].shape)
+        if shape == "moved":
+            x[free] += 0.05 * rng.normal(size=x[free].shape)
+        elif shape == "reversed":
+            x[free[:2]] = x[free[:2]][::-1] + 0.02
+        elif shape == "collapsed":
+            x[free[0]] = x[free[1]] + 0.01 / np.sqrt(network.dim)
+        return x, v
+
+    return draw
+
+
+SHAPES = ("moved", "reversed", "collapsed")
+
+
+def constants(law, rng):
+    """Constants of one spring and of one node under this law."""
+    values = {kind: rng.uniform(*VALUES[kind]) if kind in kinds_of(law) else 0.0 for kind in KINDS}
+    return (
+        SpringConstants(**{kind: values[kind] for kind in SpringConstants._fields}),
+        NodeConstants(**{kind: values[kind] for kind in NodeConstants._fields}),
+    )
+
+
+def slope_of(function, at, h):
+    """Derivative of a function of one number, five-point rule, error h⁴ f⁽⁵⁾ / 30."""
+    f = [function(at + a * h) for a in (-2, -1, 1, 2)]
+    return (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
+
+
+def test_every_kind_of_constant_belongs_to_one_law_and_to_a_field_of_its_element():
+    assert SpringConstants._fields + NodeConstants._fields == KINDS
+    assert len(set(KINDS)) == len(KINDS)
+    assert set(VALUES) == set(KINDS)
+    for kinds in LAWS.values():
+        assert len({kind in OF_SPRINGS for kind in kinds}) == 1
+
+
+@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize("stretch", [0.05, 0.5, 1.0, 1.7])
+def test_scalar_derivatives_of_a_spring_are_differences(law, stretch):
+    """T = dV/dl, dT/dl, dT/d(dl/dt) and dT/d(log of each constant). Forces up to 100 N, polynomials: rounding by h."""
+    c, _ = constants(law, np.random.default_rng(5))
+    length, rate, h = stretch * c.rest_length, -0.4, 1e-4
+    assert spring_tension(length, 0.0, c) == pytest.approx(
+        slope_of(lambda each: spring_potential(each, c), length, h), rel=1e-9, abs=1e-9
+    )
+    assert tension_by_length(length, rate, c) == pytest.approx(
+        slope_of(lambda each: spring_tension(each, rate, c), length, h), rel=1e-9, abs=1e-9
+    )
+    assert tension_by_rate(length, rate, c) == pytest.approx(
+        slope_of(lambda each: spring_tension(length, each, c), rate, h), rel=1e-9, abs=1e-9
+    )
+    by_log = tension_by_log_constants(length, rate, c)._asdict()
+    for kind, value in c._asdict().items():
+        changed = slope_of(
+            lambda log, kind=kind, value=value: spring_tension(length, rate, c._replace(**{kind: value * np.exp(log)})),
+            0.0,
+            1e-3,
+        )
+        assert by_log[kind] == pytest.approx(changed, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize("speed", [0.0, 2e-3, 0.5])
+def test_scalar_derivatives_of_a_node_are_differences(law, speed):
+    """dR/d(log of each constant): rounding."""
+    _, c = constants(law, np.random.default_rng(6))
+    by_log = resistance_by_log_constants(speed**2, c)._asdict()
+    for kind, value in c._asdict().items():
+        slope = slope_of(
+            lambda log, kind=kind, value=value: node_resistance(speed**2, c._replace(**{kind: value * np.exp(log)})),
+            0.0,
+            1e-3,
+        )
+        assert by_log[kind] == pytest.approx(slope, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_a_law_compiled_is_the_law_in_python(name):
+    """The same expression; fused products may differ in the last bit."""
+    spring, node = constants(name, np.random.default_rng(7))
+    for law, arguments in ((spring_tension, (0.31, -0.2, spring)), (node_resistance, (0.04, node))):
+        assert COMPILED[law](*arguments) == pytest.approx(law(*arguments), rel=1e-14)
+
+
+@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("shape", SHAPES)
+class TestAssembled:
+    """What is assembled from the laws, in plane and space, also with springs reversed and nearly of no length."""
+
+    def test_force_at_rest_is_minus_the_gradient_of_the_energy(self, following, moving, slope, law, dim, shape):
+        """F = -dV/dx; at 1 cm h⁴ k l0 24 / l⁴ / 30 is 1e-9 N of 50 N at a step of 1e-5 m, and so is rounding."""
+        network = following(law, dim)
+        x, _ = moving(network, shape)
+
+        def energy(free):
+            everywhere = x.copy()
+            everywhere[network.free] = free
+            return potential_energy(network, everywhere)
+
+        force = node_forces(network, x, np.zeros_like(x))[network.free]
+        assert np.abs(force).max() > 1.0
+        np.testing.assert_allclose(force.ravel(), -slope(energy, x[network.free], 1e-5), rtol=0, atol=1e-8)
+
+    def test_stiffness_matrix_is_the_slope_of_the_force(self, following, moving, slope, law, dim, shape):
+        """K = -dF/dx at rest: 1e-7 N/m of thousands, error as above over 1e-5 m times 1/l."""
+        network = following(law, dim)
+        x, _ = moving(network, shape)
+
+        def force(free):
+            everywhere = x.copy()
+            everywhere[network.free] = free
+            return node_forces(network, everywhere, np.zeros_like(x))[network.free].ravel()
+
+        K = stiffness_matrix(network, x)
+        np.testing.assert_allclose(K, -slope(force, x[network.free], 1e-5), rtol=1e-7, atol=1e-7)
+
+    def test_damping_matrix_is_the_slope_of_the_force_at_rest(self, following, moving, slope, law, dim, shape):
+        """C = -dF/dv at v = 0. Friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 6 N s/m = 1e-10 at 1e-5 m/s."""
+        network = following(law, dim)
+        x, _ = moving(network, shape)
+
+        def force(free):
+            v = np.zeros_like(x)
+            v[network.free] = free
+            return node_forces(network, x, v)[network.free].ravel()
+
+        found = damping_matrix(network, x)
+        np.testing.assert_allclose(found, -slope(force, np.zeros((len(network.free), dim)), 1e-5), rtol=0, atol=2e-8)
+
+    def test_resistance_at_a_speed_is_force_over_speed(self, following, moving, law, dim, shape):
+        """C v is the loss force where all nodes move together at that speed: springs keep their lengths. Rounding."""
+        network = following(law, dim)
+        x, _ = moving(network, shape)
+        v = np.zeros_like(x)
+        v[:, 0] = 0.2
+        lost = node_forces(network, x, v) - node_forces(network, x, np.zeros_like(x))
+        C = damping_matrix(network, x, speed_m_s=0.2) - _dashpots(network, x)
+        np.testing.assert_allclose(-C @ v[network.free].ravel(), lost[network.free].ravel(), rtol=0, atol=1e-12)
+
+    def test_parameter_forces_are_slopes_of_the_force_in_the_log_of_each_constant(
+        self, following, moving, law, dim, shape
+    ):
+        """Five-point rule at 1e-3: 1e-12 of tens of newtons, and rounding; the compiled form to rounding."""
+        network = following(law, dim)
+        x, v = moving(network, shape)
+        which = parameters(network)
+        assert {one.kind for one in which} == set(kinds_of(law))
+        found = parameter_forces(network, which, x, v)
+        for k, one in enumerate(which):
+            changed = slope_of(
+                lambda log, one=one: node_forces(scale_parameters(network, [one], [log]), x, v)[network.free].ravel(),
+                0.0,
+                1e-3,
+            )
+            np.testing.assert_allclose(found[k], changed, rtol=0, atol=1e-9)
+            between_anchors = one.kind in OF_SPRINGS and network.fixed[network.springs[one.index]].all()
+            assert between_anchors or np.abs(found[k]).max() > 1e-6
+        compiled = ParameterForces(network, which)(pack(x[network.free], v[network.free]))
+        np.testing.assert_allclose(compiled, found, rtol=0, atol=1e-12)
+
+    def test_the_plain_equations_of_motion_are_the_compiled_ones(self, following, moving, law, dim, shape):
+        """Accelerations up to some 1000 m/s²: rounding."""
+        network = following(law, dim)
+        x, v = moving(network, shape)
+        state = pack(x[network.free], v[network.free])
+        np.testing.assert_allclose(plain_derivative(network, state), derivative(network, state), rtol=1e-12, atol=1e-11)
+
+
+def _dashpots(network, x):
+    """Part of the damping matrix that is of springs."""
+    return damping_matrix(network, x) - np.diag(
+        np.repeat(node_resistance(0.0, kernels.node_constants(network))[network.free], network.dim)
+    )
+
+
+@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_stability_limit_bounds_every_eigenvalue(following, law, dim):
+    """|lambda| <= 2.6 / stable_step in shapes whose springs are 0.5 to 1.5 times their rest lengths, and not twice."""
+    network, rng, closest = following(law, dim), np.random.default_rng(9), 0.0
+    which = parameters(network, ("rest_length",))
+    for _ in range(200):
+        x = network.positions.copy()
+        x[network.free] += 0.1 * rng.normal(size=x[network.free].shape)
+        lengths = np.linalg.norm(x[network.springs[:, 1]] - x[network.springs[:, 0]], axis=1)
+        rest_lengths = lengths / rng.uniform(0.5, 1.5, len(lengths))
+        stretched = scale_parameters(network, which, np.log(rest_lengths / network.rest_lengths))
+        largest = np.abs(np.linalg.eigvals(state_matrix(stretched, x))).max()
+        closest = max(closest, largest * stable_step(stretched) / RK4_RADIUS)
+    assert 0.5 < closest <= 1.0
+
+
+@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_energy_without_losses_is_kept_and_losses_only_take(following, law, dim):
+    """1 s in steps of a hundredth of the stable one: drift of order h⁴, 1e-6 of the energy; losses never add."""
+    network = following(law, dim)
+    rest = rest_shape(network)
+    v = 0.2 * np.random.default_rng(4).normal(size=rest[network.free].shape)
+    state = pack(rest[network.free], v)[None]
+    stepper = Stepper(network, 0.02 * stable_step(network))
+    energies = []
+    for _ in range(10):
+        x, speeds = rest.copy(), np.zeros_like(rest)
+        half = network.n_state // 2
+        x[network.free], speeds[network.free] = state[0, :half].reshape(-1, dim), state[0, half:].reshape(-1, dim)
+        energies.append(
+            potential_energy(network, x)
+            - potential_energy(network, rest)
+            + 0.5 * network.masses[network.free] @ (speeds[network.free] ** 2).sum(axis=1)
+        )
+        state = stepper.advance(state, 0.1)
+    change = np.diff(energies) / energies[0]
+    if not any(getattr(network, FIELDS[kind]).any() for kind in ("damping", *NodeConstants._fields)):
+        assert np.abs(change).max() < 1e-6
+    else:
+        assert change.max() < 1e-9
+        assert energies[-1] < 0.95 * energies[0]
+
+
+@pytest.mark.parametrize("law", EACH)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_rest_lengths_fitted_to_a_shape_rest_there(following, law, dim):
+    """Whatever the laws are in the rest lengths: forces at the shape vanish, and it is the rest shape, to 1e-9 m."""
+    network = following(law, dim)
+    which = parameters(network, ("rest_length",))
+    change = 0.05 * np.random.default_rng(8).normal(size=len(which))
+    seen = rest_shape(scale_parameters(network, which, change))
+    assert np.abs(seen - rest_shape(network)).max() > 1e-3
+    fitted = fit_rest_lengths(network, seen)
+    np.testing.assert_allclose(fitted.positions, seen, rtol=0, atol=1e-9)
+    force = node_forces(fitted, seen, np.zeros_like(seen))[network.free]
+    np.testing.assert_allclose(force, 0.0, atol=1e-9)
