@@ -130,7 +130,7 @@ class Breathing:
         away = each - means
         covs = np.einsum("p,pkd,pke->kde", breath.weights, away, away)
         own = np.einsum("p,pkn,pnm,pkm->k", breath.weights, phi, unsure, phi)
-        covs += (breath.scatter_m**2 * (1.0 + own))[:, None, None] * np.eye(self.dim)
+        covs += (breath.scatter_m**2 + own)[:, None, None] * np.eye(self.dim)
         return means + self._origin, covs
 
     def _waves(self, time_s: float) -> Floats:
@@ -141,7 +141,7 @@ class Breathing:
         return np.concatenate([np.ones((*angle.shape, 1)), np.cos(turns), np.sin(turns)], axis=-1)
 
     def _fitted(self) -> tuple[Floats, Floats, Breath]:
-        """Coefficients (n_periods, n, dim), their covariance by the scatter (n_periods, n, n), and the breath."""
+        """Coefficients (n_periods, n, dim) [m], their covariances [m²] (n_periods, n, n), and the breath."""
         if self._fit is None:
             n = self._information.shape[1]
             inverse = np.linalg.inv(self._information + 1e-3 * np.eye(n))
@@ -160,5 +160,6 @@ class Breathing:
             total = self._squares - float(self._sum @ self._sum) / self._weight
             own = max(scatter2 - self._said / self._weight, self.settings.least * scatter2)
             breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
-            self._fit = found, inverse * self._weight / independent, breath
+            # the coefficients err by the whole misfit, the filter's part included; the target scatters by `own` only
+            self._fit = found, inverse * (scatter2 * self._weight / independent), breath
         return self._fit

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators import Breathing, BreathingSettings, coverage, normalised_error_squared
+from estimators import Breathing, BreathingSettings, coverage, mean_bounds, normalised_error_squared
 
 FRAME_S = 1.0 / 30.0
 TURN = np.array([0.3, 0.95])
@@ -50,6 +50,180 @@ def test_the_scatter_is_the_target_s_own():
         breathing.update(float(t), true + 0.6e-3 * rng.normal(size=2), 0.36e-6 * np.eye(2))
     assert 0.8e-3 <= breathing.breath().scatter_m <= 0.96e-3
     assert 0.92 <= coverage(squared, 2) <= 0.99
+
+
+def oracle(times, means, covs, ahead, s):
+    """Prediction by weighted least squares on the rows of the track, a period at a time: the module's text in NumPy.
+
+    Returns means (k, 2), covariances (k, 2, 2), and a dict of the breath.
+    """
+    weights = np.exp(-(times[-1] - times) / s.memory_s)
+    x = means - means[0]
+    rows = lambda t, period: np.stack(  # noqa: E731
+        [np.ones_like(t)]
+        + [np.cos(2 * np.pi * h * t / period) for h in range(1, s.harmonics + 1)]
+        + [np.sin(2 * np.pi * h * t / period) for h in range(1, s.harmonics + 1)],
+        axis=-1,
+    )
+    periods = 1.0 / np.linspace(1.0 / s.longest_s, 1.0 / s.shortest_s, s.n_periods)
+    n = 2 * s.harmonics + 1
+    fits, inverses, misfits = [], [], []
+    for period in periods:
+        # a ridge of 1e-3 rows keeps the fit defined
+        design = np.vstack([np.sqrt(weights)[:, None] * rows(times, period), np.sqrt(1e-3) * np.eye(n)])
+        wanted = np.vstack([np.sqrt(weights)[:, None] * x, np.zeros((n, 2))])
+        fit = np.linalg.lstsq(design, wanted, rcond=None)[0]
+        fits.append(fit)
+        inverses.append(np.linalg.pinv(design) @ np.linalg.pinv(design).T)
+        misfits.append(((wanted - design @ fit) ** 2).sum())
+    misfits = np.array(misfits)
+    span = times[-1] - times[0]
+    independent = max(s.memory_s * (1.0 - np.exp(-span / s.memory_s)) / s.alike_s, n + 1.0)
+    total2 = misfits.min() / weights.sum() / 2 * independent / (independent - n)
+    odds = np.exp(-0.5 * (misfits - misfits.min()) / weights.sum() * independent / total2)
+    odds /= odds.sum()
+    own2 = max(total2 - (weights * np.trace(covs, axis1=1, axis2=2) / 2).sum() / weights.sum(), s.least * total2)
+    each = np.array([rows(ahead, period) @ fit for period, fit in zip(periods, fits, strict=True)])
+    mean = np.einsum("p,pkd->kd", odds, each)
+    cov = np.zeros((len(ahead), 2, 2))
+    for p, period in enumerate(periods):
+        away, phi = each[p] - mean, rows(ahead, period)
+        of_fit = total2 * weights.sum() / independent * np.einsum("kn,nm,km->k", phi, inverses[p], phi)
+        cov += odds[p] * (away[:, :, None] * away[:, None, :] + (own2 + of_fit)[:, None, None] * np.eye(2))
+    centred = x - (weights[:, None] * x).sum(axis=0) / weights.sum()
+    period = odds @ periods
+    breath = {
+        "period_s": period,
+        "period_sd_s": np.sqrt(odds @ (periods - period) ** 2),
+        "scatter_m": np.sqrt(own2),
+        "explained": 1.0 - misfits.min() / (weights * (centred**2).sum(axis=1)).sum(),
+        "weights": odds,
+    }
+    return mean + means[0], cov, breath
+
+
+@pytest.mark.parametrize(
+    ("seconds", "filter_sd", "settings"),
+    [
+        (12.0, 0.5e-3, BreathingSettings(n_periods=30, explained=0.0)),
+        (30.0, 0.5e-3, BreathingSettings(n_periods=30, memory_s=6.0, harmonics=2, explained=0.0)),
+        (12.0, 5e-3, BreathingSettings(n_periods=20, alike_s=0.6, least=0.5, explained=0.0)),
+        (4.5, 0.5e-3, BreathingSettings(n_periods=20, alike_s=1.0, explained=0.0, longest_s=3.0, shortest_s=2.0)),
+    ],
+)
+def test_predictions_are_those_of_weighted_least_squares(seconds, filter_sd, settings):
+    """All of the fit against `oracle`, 1e-6 relative: faded past, likely periods, scatter, too few for a fit."""
+    rng = np.random.default_rng(6)
+    times = np.sort(rng.uniform(0.0, seconds, int(10 * seconds)))
+    means = wave(times, 2.7 if settings.longest_s < 4.0 else 4.1) + 3e-3 * rng.normal(size=(len(times), 2))
+    covs = filter_sd**2 * rng.uniform(0.5, 1.5, len(times))[:, None, None] * np.diag([1.0, 2.0])
+    breathing = Breathing(2, settings)
+    for t, mean, cov in zip(times, means, covs, strict=True):
+        breathing.update(float(t), mean, cov)
+    ahead = seconds + np.linspace(0.0, 3.0, 4)
+    found, found_covs = breathing.predict(ahead)
+    expected, expected_covs, breath = oracle(times, means, covs, ahead, settings)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found_covs, expected_covs, rtol=0, atol=1e-6 * np.abs(expected_covs).max())
+    for name, value in breath.items():
+        np.testing.assert_allclose(getattr(breathing.breath(), name), value, rtol=1e-6, atol=1e-9, err_msg=name)
+
+
+STEP_S = 0.1
+AHEAD_S = np.array([0.0, 1.0, 10.0])
+LEVELS = {"fit of one period": (0.8e-3, 0.6e-3), "fit of many periods": (1.6e-3, 1.2e-3)}
+"""Standard deviations a coordinate [m]: of the target about its breath, and of the filter about the target."""
+
+
+def predicted(case, n_runs, seconds):
+    """Of seeded runs: errors about the wave at AHEAD_S (n_runs, 3, 2), covariances, and scatters (n_runs,) [m].
+
+    Frames every STEP_S with errors that are independent, as the settings say. Nothing is forgotten. With one period all
+    of the uncertainty is that of the coefficients; with many, periods near the true one are likely, too.
+    """
+    one = case == "fit of one period"
+    settings = BreathingSettings(
+        shortest_s=4.0 if one else 3.4,
+        longest_s=6.5 if one else 5.0,
+        n_periods=2 if one else 150,
+        harmonics=2,
+        memory_s=1e4,
+        alike_s=STEP_S,
+        explained=0.5,
+    )
+    own, filter_sd = LEVELS[case]
+    errors, covs, scatters = [], [], []
+    for seed in range(n_runs):
+        rng = np.random.default_rng(100 + seed)
+        period_s = 4.0 if one else rng.uniform(3.8, 4.4)
+        breathing = Breathing(2, settings)
+        for t in np.arange(0.0, seconds, STEP_S):
+            seen = wave(t, period_s) + own * rng.normal(size=2) + filter_sd * rng.normal(size=2)
+            breathing.update(float(t), seen, filter_sd**2 * np.eye(2))
+        means, cov = breathing.predict(t + AHEAD_S)
+        errors.append(wave(t + AHEAD_S, period_s) - means)
+        covs.append(cov)
+        scatters.append(breathing.breath().scatter_m)
+    return np.array(errors), np.array(covs), np.array(scatters)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {
+        "fit of one period": predicted("fit of one period", 80, 30.0),
+        "fit of many periods": predicted("fit of many periods", 60, 12.0),
+    }
+
+
+@pytest.mark.parametrize("case", LEVELS)
+def test_the_covariance_of_the_fit_matches_its_errors_now_and_ahead(runs, case):
+    """NEES of the wave itself by the covariance less the scatter; chi-square bounds of 99.8 %, each time of its own."""
+    errors, covs, scatters = runs[case]
+    fit = covs - (scatters**2)[:, None, None, None] * np.eye(2)
+    low, high = mean_bounds(2, len(errors), 0.998)
+    for k in range(len(AHEAD_S)):
+        assert low < normalised_error_squared(errors[:, k], fit[:, k]).mean() < high
+
+
+@pytest.mark.parametrize("case", LEVELS)
+def test_the_whole_covariance_matches_where_the_target_is_now_and_ahead(runs, case):
+    """NEES of a target that scatters about the wave as it did before, drawn 20 times a run and time."""
+    errors, covs, _ = runs[case]
+    rng = np.random.default_rng(7)
+    low, high = mean_bounds(2, 20 * len(errors), 0.998)
+    for k in range(len(AHEAD_S)):
+        drawn = errors[:, k] + LEVELS[case][0] * rng.normal(size=(20, *errors[:, k].shape))
+        squared = [normalised_error_squared(off, covs[:, k]).mean() for off in drawn]
+        assert low < np.mean(squared) < high
+
+
+def test_the_scatter_is_that_of_the_target_without_the_filters_errors(runs):
+    """Scatter and filter together are chi-square of 2 (300 - 5) degrees a run; the filter's known part is taken off."""
+    _, _, scatters = runs["fit of one period"]
+    own, filter_sd = LEVELS["fit of one period"]
+    degrees = 2 * (300 - 5)
+    low, high = np.array(mean_bounds(degrees, len(scatters), 0.998)) / degrees * (own**2 + filter_sd**2)
+    assert low < np.mean(scatters**2) + filter_sd**2 < high
+
+
+def test_likely_periods_that_differ_widen_the_covariance_ahead(runs):
+    """The further ahead the more, for phases drift apart: 10 s against 1 s. With one period it stays as it is."""
+    ratios = {}
+    for case, (_, covs, scatters) in runs.items():
+        fit = 0.5 * np.trace(covs, axis1=2, axis2=3) - (scatters**2)[:, None]
+        ratios[case] = (fit[:, 2] / fit[:, 1]).mean()
+    assert ratios["fit of one period"] == pytest.approx(1.0, abs=0.1)
+    assert ratios["fit of many periods"] > 1.5
+
+
+def test_a_filter_without_errors_leaves_all_scatter_to_the_target():
+    """And one that claims more than there is leaves `least` of it."""
+    for claimed, share in ((0.0, 1.0), (1.0, 0.3)):
+        rng = np.random.default_rng(8)
+        breathing = Breathing(2, BreathingSettings(shortest_s=4.0, n_periods=2, harmonics=2, alike_s=STEP_S))
+        for t in np.arange(0.0, 30.0, STEP_S):
+            breathing.update(float(t), wave(t, 4.0) + 1e-3 * rng.normal(size=2), claimed * np.eye(2))
+        assert breathing.breath().scatter_m ** 2 == pytest.approx(share * 1e-6, rel=0.15)
 
 
 def test_nothing_is_said_too_early_or_of_a_track_that_does_not_breathe():
