@@ -14,7 +14,7 @@ from pydantic import Field
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.outputs import write_whole
-from experiments.formats.scene.schema import VERSION, Name, NotNegative, Positive, Row, Square, Strict, Three, read_toml
+from experiments.formats.toml_file import VERSION, Name, NotNegative, Positive, Row, Square, Strict, Three, read_toml
 from vision import Calibration, Lens, Pose
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)

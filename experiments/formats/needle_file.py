@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle
 from experiments.errors import InputError, shown
-from experiments.formats.scene.schema import Coordinates, NotNegative, Positive, Strict, read_toml
+from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, read_toml
 
 Part = Annotated[float, Field(ge=0, le=1)]
 USUAL, SETTINGS = Needle(), AdviceSettings()

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from dynamics import GAUGES_MM
 from estimators import Obstacle, PlannedNeedle, Skin
 from experiments.errors import InputError
-from experiments.formats.scene.schema import Coordinates, Name, NotNegative, Positive, Strict, read_toml
+from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Strict, read_toml
 
 Kind = Literal["rib", "vessel", "other"]
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from experiments.errors import InputError
-from experiments.formats.scene.schema import Strict, read_toml
+from experiments.formats.toml_file import Strict, read_toml
 
 Positive = Annotated[float, Field(gt=0)]
 Scale = Annotated[float, Field(ge=0.01, le=1000)]

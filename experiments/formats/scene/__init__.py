@@ -1,4 +1,4 @@
-"""`scene.toml`: its schema, and the scene that it makes.
+"""`scene.toml`: its tables, and the scene that they make.
 
-A new key: its field in `schema.py`, and its meaning where that table is read.
+A new key: its field in a table of `schema.py`, and its meaning in the module that reads and writes that table.
 """

@@ -1,43 +1,17 @@
-"""TOML files checked against a model: the words of `scene.toml`, and how a fault in any such file is told."""
+"""The tables and keys of `scene.toml`."""
 
 from __future__ import annotations
 
-import re
-import tomllib
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import Field, model_validator
 
 from dynamics import KINDS
-from experiments.errors import InputError, read_text, shown
-
-VERSION = 1
-"""Of the formats that are read: scene and scenario files."""
+from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Row, Square, Strict, Three
 
 
-class Strict(BaseModel):
-    """A table of a TOML file: no unknown keys, no numbers in quotes, no booleans for numbers, no NaN."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_keys(cls, data: Any) -> Any:
-        # before all else: a misspelt key should be told as such, not as the key that it leaves missing
-        for key in data if isinstance(data, dict) else ():
-            if key not in cls.model_fields:
-                raise PydanticCustomError("unknown_key", "{keys}", {"key": key, "keys": ", ".join(cls.model_fields)})
-        return data
-
-
-Model = TypeVar("Model", bound=Strict)
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Coordinates = Annotated[list[float], Field(min_length=2, max_length=3)]
-Name = Annotated[str, Field(min_length=1)]
+class SceneError(ValueError):
+    """Parts of a scene that do not fit together; the message is `key: expected …, found …`, keys as in scene.toml."""
 
 
 class NodeTable(Strict):
@@ -58,6 +32,17 @@ class SpringTable(Strict):
     stiffness_N_m: Positive  # noqa: N815
     rest_length_mm: Positive
     damping_N_s_m: NotNegative = 0.0  # noqa: N815
+
+
+NODE_KEYS = {"drag_N_s_m": ("drag", 1.0), "friction_N": ("friction", 1.0)}
+"""Constants of a node: key of `[[network.node]]`, field of `MassSpringNetwork`, SI units in one unit of the key."""
+
+SPRING_KEYS = {
+    "stiffness_N_m": ("stiffness", 1.0),
+    "rest_length_mm": ("rest_lengths", 1e-3),
+    "damping_N_s_m": ("damping", 1.0),
+}
+"""Constants of a spring: key of `[[network.spring]]`, field of `MassSpringNetwork`, SI units in one unit of the key."""
 
 
 class NetworkTable(Strict):
@@ -86,11 +71,6 @@ class TargetTable(Strict):
 
     node: Name
     radius_mm: Positive
-
-
-Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-Square = Annotated[list[Three], Field(min_length=3, max_length=3)]
-Row = Annotated[list[float], Field(min_length=15, max_length=15)]
 
 
 class CameraTable(Strict):
@@ -174,78 +154,6 @@ class SceneFile(Strict):
     network: NetworkTable
     uncertainty: UncertaintyTable | None = None
     filter: FilterTable | None = None
-    mark: list[MarkTable] = []
+    mark: list[MarkTable] = Field(default_factory=list)
     target: TargetTable
-    camera: list[CameraTable] = []
-
-
-def read_toml(path: Path, model: type[Model]) -> Model:
-    """The TOML file as the model has it; raises InputError, `file: key: expected …, found …`, for the first fault."""
-    text = read_text(path)
-    try:
-        data = tomllib.loads(text)
-    except RecursionError:
-        raise InputError.at(path, "TOML", "lists nested too deeply") from None
-    except ValueError as error:  # TOMLDecodeError, or an integer too long for Python
-        raise _not_toml(path, text, str(error)) from None
-    # first: what another version's keys would be is not for this reader to say
-    version = data.get("version")
-    if type(version) is not int or version != VERSION:
-        raise InputError.at(f"{path}: version", str(VERSION), "none" if version is None else shown(version))
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{path}: {_reported(error.errors(include_url=False)[0])}") from None
-
-
-def _not_toml(path: Path, text: str, message: str) -> InputError:
-    place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
-    if place is None:
-        return InputError.at(path, "TOML", shown(message)[1:-1])
-    what = message[: place.start()]
-    what = shown(what[0].lower() + what[1:])[1:-1].replace('\\"', '"')
-    if place[1] is None:
-        return InputError.at(f"{path}: line {len(text.splitlines())}", "TOML", f"{what} at the end")
-    return InputError.at(f"{path}: line {place[1]}", "TOML", f"{what} at column {place[2]}")
-
-
-def key_path(loc: Sequence[int | str]) -> str:
-    """The place of a value in a TOML file, list entries counted from 0: `network.spring[3].between`."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
-
-
-EXPECTED = {
-    "missing": "this key",
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "string_type": "text in quotes",
-    "string_too_short": "a name",
-    "bool_type": "true or false",
-    "list_type": "a list",
-    "model_type": "a table",
-    "finite_number": "a finite number",
-    "greater_than": "more than {gt:g}",
-    "greater_than_equal": "{ge:g} or more",
-    "less_than": "less than {lt:g}",
-    "less_than_equal": "{le:g} or less",
-    "too_short": "{min_length} or more entries",
-    "too_long": "{max_length} entries or fewer",
-    "literal_error": "{expected}",
-}
-"""What to say was expected, by pydantic's type of error."""
-
-
-def _reported(error: ErrorDetails) -> str:
-    kind, context, loc = error["type"], error.get("ctx", {}), error["loc"]
-    if kind == "unknown_key":
-        return f"{key_path((*loc, context['key']))}: expected one of {context['keys']}, found an unknown key"
-    if kind == "value_error":  # a check of a model's own, already in these words
-        return f"{key_path(loc)}: {context['error']}".removeprefix(": ")
-    expected = EXPECTED[kind].format(**context) if kind in EXPECTED else error["msg"]
-    if kind == "missing":
-        found = "none"
-    elif kind in ("too_short", "too_long"):
-        found = str(context["actual_length"])
-    else:
-        found = shown(error["input"])
-    return f"{key_path(loc)}: expected {expected}, found {found}"
+    camera: list[CameraTable] = Field(default_factory=list)

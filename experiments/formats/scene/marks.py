@@ -1,0 +1,56 @@
+"""Marks of a scene file: read from `[[mark]]`, and written to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from experiments.formats.scene.schema import MarkTable
+from experiments.formats.toml_file import toml_bool, toml_number, toml_text
+from vision import MarkHue
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A coloured spot on a node: its hue [degrees], its diameter [m]; not measured means seen for scoring only.
+
+    half_width_deg, min_saturation, min_value: what counts as its colour, as `MarkHue` has it
+    even: of one colour, unlike a ball with its shading
+    """
+
+    node: str
+    hue_deg: float
+    diameter_m: float
+    measured: bool = True
+    half_width_deg: float = 18.0
+    min_saturation: float = 0.4
+    min_value: float = 0.2
+    even: bool = True
+
+    @property
+    def hue(self) -> MarkHue:
+        """What colours count as this mark's."""
+        return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
+
+
+def mark_of(table: MarkTable) -> Mark:
+    """The mark of a table, in metres."""
+    return Mark(
+        table.node,
+        table.hue_deg,
+        1e-3 * table.diameter_mm,
+        table.measured,
+        table.half_width_deg,
+        table.min_saturation,
+        table.min_value,
+        table.even,
+    )
+
+
+def mark_lines(mark: Mark) -> list[str]:
+    """`[[mark]]` of a scene file, line by line."""
+    lines = ["", "[[mark]]", f"node = {toml_text(mark.node)}", f"hue_deg = {toml_number(mark.hue_deg)}"]
+    lines += [f"diameter_mm = {toml_number(1e3 * mark.diameter_m)}", f"measured = {toml_bool(mark.measured)}"]
+    lines += [f"half_width_deg = {toml_number(mark.half_width_deg)}"]
+    lines += [f"min_saturation = {toml_number(mark.min_saturation)}", f"min_value = {toml_number(mark.min_value)}"]
+    lines += [f"even = {toml_bool(mark.even)}"]
+    return lines

@@ -1,0 +1,100 @@
+"""The network of a scene file: read from `[network]`, and written to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from dynamics import MassSpringNetwork, NetworkError
+from experiments.arrays import Floats
+from experiments.errors import shown
+from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError
+from experiments.formats.toml_file import Strict, toml_bool, toml_list, toml_number, toml_text
+
+
+def network_of(table: NetworkTable) -> MassSpringNetwork:
+    """The network of a table; raises SceneError, `network…: …`, for the first fault."""
+    indices: dict[str, int] = {}
+    for i, node in enumerate(table.node):
+        _check_node(table, i, node)
+        if node.name in indices:
+            raise SceneError(
+                f"network.node[{i}].name: expected a name of its own,"
+                f" found {shown(node.name)}, that of network.node[{indices[node.name]}]"
+            )
+        indices[node.name] = i
+    if all(node.fixed for node in table.node):
+        raise SceneError("network.node: expected one or more free nodes, found none")
+    springs = [_ends(table, s, indices) for s in range(len(table.spring))]
+    attached = {i for ends in springs for i in ends}
+    for i, node in enumerate(table.node):
+        if not node.fixed and i not in attached:
+            raise SceneError(f"network.node[{i}]: expected one or more springs to {shown(node.name)}, found none")
+    try:
+        return MassSpringNetwork(
+            names=tuple(indices),
+            positions=1e-3 * np.array([node.position_mm for node in table.node]),
+            masses=np.array([node.mass_kg or 0.0 for node in table.node]),
+            fixed=np.array([node.fixed for node in table.node]),
+            springs=np.array(springs, dtype=np.int64),
+            **_constants(table.node, NODE_KEYS),
+            **_constants(table.spring, SPRING_KEYS),
+            gravity=np.array(table.gravity_m_s2),
+        )
+    except NetworkError as error:
+        raise SceneError(f"network: {error}") from None
+
+
+def _constants(tables: Sequence[Strict], keys: Mapping[str, tuple[str, float]]) -> dict[str, Floats]:
+    return {field: si * np.array([getattr(table, key) for table in tables]) for key, (field, si) in keys.items()}
+
+
+def _check_node(table: NetworkTable, i: int, node: NodeTable) -> None:
+    if node.mass_kg is None and not node.fixed:
+        raise SceneError(f"network.node[{i}].mass_kg: expected this key for a free node, found none")
+    if node.mass_kg is not None and (node.mass_kg < 0 or (node.mass_kg == 0 and not node.fixed)):
+        expected = "0 or more" if node.fixed else "more than 0"
+        raise SceneError(f"network.node[{i}].mass_kg: expected {expected}, found {shown(node.mass_kg)}")
+    dim = len(table.gravity_m_s2)
+    if len(node.position_mm) != dim:
+        raise SceneError(
+            f"network.node[{i}].position_mm: expected {dim} numbers, as network.gravity_m_s2 has,"
+            f" found {len(node.position_mm)}"
+        )
+
+
+def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, int]:
+    key, between = f"network.spring[{s}].between", table.spring[s].between
+    for name in between:
+        if name not in indices:
+            raise SceneError(f"{key}: no node named {shown(name)}")
+    i, j = (indices[name] for name in between)
+    if i == j:
+        raise SceneError(f"{key}: expected two different nodes, found {shown(between)}")
+    if table.node[i].position_mm == table.node[j].position_mm:
+        raise SceneError(
+            f"{key}: expected nodes at different places, found both at {shown(table.node[i].position_mm)} mm"
+        )
+    return i, j
+
+
+def network_lines(network: MassSpringNetwork) -> list[str]:
+    """`[network]` of a scene file, line by line."""
+    lines = ["[network]", f"gravity_m_s2 = {toml_list(network.gravity)}"]
+    for i, name in enumerate(network.names):
+        lines += ["", "[[network.node]]", f"name = {toml_text(name)}"]
+        # to 1e-12 m, so that what computed rest shapes leave of a zero is a zero; adding 0.0 takes its sign away
+        lines += [f"position_mm = {toml_list(np.round(1e3 * network.positions[i], 9) + 0.0)}"]
+        if not network.fixed[i] or network.masses[i] > 0:
+            lines += [f"mass_kg = {toml_number(network.masses[i])}"]
+        lines += _constant_lines(network, i, NODE_KEYS)
+        lines += [f"fixed = {toml_bool(network.fixed[i])}"]
+    for s, (i, j) in enumerate(network.springs):
+        lines += ["", "[[network.spring]]", f"between = [{toml_text(network.names[i])}, {toml_text(network.names[j])}]"]
+        lines += _constant_lines(network, s, SPRING_KEYS)
+    return lines
+
+
+def _constant_lines(network: MassSpringNetwork, i: int, keys: Mapping[str, tuple[str, float]]) -> list[str]:
+    return [f"{key} = {toml_number((1.0 / si) * getattr(network, field)[i])}" for key, (field, si) in keys.items()]
