@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynamics.arrays import Floats
+
+
+NODE_CONSTANTS = {"drag": "0 or more", "friction": "0 or more"}
+"""Fields that have one constant for each node, and what they must be."""
+
+SPRING_CONSTANTS = {"stiffness": "more than 0", "rest_lengths": "more than 0", "damping": "0 or more"}
+"""Fields that have one constant for each spring, and what they must be."""
 
 
 class NetworkError(ValueError):
@@ -56,12 +64,9 @@ class MassSpringNetwork:
         shapes = {
             "positions": (n_nodes, dim),
             "masses": (n_nodes,),
-            "drag": (n_nodes,),
-            "friction": (n_nodes,),
-            "stiffness": (n_springs,),
-            "rest_lengths": (n_springs,),
-            "damping": (n_springs,),
             "gravity": (dim,),
+            **dict.fromkeys(NODE_CONSTANTS, (n_nodes,)),
+            **dict.fromkeys(SPRING_CONSTANTS, (n_springs,)),
         }
         for key, shape in shapes.items():
             object.__setattr__(self, key, _frozen(key, getattr(self, key), shape))
@@ -89,9 +94,7 @@ class MassSpringNetwork:
                 raise NetworkError(f'node "{name}" mass: expected more than 0 kg, found {self.masses[i]:g}')
             if not self.fixed[i] and i not in attached:
                 raise NetworkError(f'node "{name}": expected at least one spring, found none')
-            for key in ("drag", "friction"):
-                if getattr(self, key)[i] < 0:
-                    raise NetworkError(f'node "{name}" {key}: expected 0 or more, found {getattr(self, key)[i]:g}')
+            self._check_constants(NODE_CONSTANTS, i, f'node "{name}"')
 
     def _check_springs(self) -> None:
         n_nodes = len(self.names)
@@ -101,15 +104,17 @@ class MassSpringNetwork:
             label = f"spring {self.names[i]}-{self.names[j]}"
             if i == j:
                 raise NetworkError(f"{label}: expected two different nodes, found one")
-            for key in ("stiffness", "rest_lengths"):
-                if getattr(self, key)[s] <= 0:
-                    raise NetworkError(f"{label} {key}: expected more than 0, found {getattr(self, key)[s]:g}")
-            if self.damping[s] < 0:
-                raise NetworkError(f"{label} damping: expected 0 or more, found {self.damping[s]:g}")
+            self._check_constants(SPRING_CONSTANTS, s, label)
             if np.array_equal(self.positions[i], self.positions[j]):
                 raise NetworkError(
                     f"{label}: expected its nodes at different places, found both at {self.positions[i]} m"
                 )
+
+    def _check_constants(self, allowed: Mapping[str, str], i: int, label: str) -> None:
+        for key, expected in allowed.items():
+            value = getattr(self, key)[i]
+            if value < 0 or (value == 0 and expected == "more than 0"):
+                raise NetworkError(f"{label} {key}: expected {expected}, found {value:g}")
 
     @property
     def dim(self) -> int:
