@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dynamics.arrays import Floats
 
-
 NODE_CONSTANTS = {"drag": "0 or more", "friction": "0 or more"}
 """Fields that have one constant for each node, and what they must be."""
 
