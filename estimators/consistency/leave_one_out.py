@@ -103,7 +103,6 @@ def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
         return np.zeros_like(mark.cov)
     added = mark.shared @ mark.shared.T
     if other.n_calibration:
-        mixture = other.mixture
-        columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, other.target])[:, -other.n_calibration :]
+        columns = other.target.linear(other.mixture.mean_columns)[:, -other.n_calibration :]
         added += columns @ mark.shared.T + mark.shared @ columns.T
     return added

@@ -205,6 +205,11 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.mu /= self.mu.sum()
         self._compute_state_estimate()
 
+    @property
+    def mean_columns(self) -> Floats:
+        """The columns of the whole mixture, (n, r): their mean over the modes."""
+        return np.asarray(np.einsum("k,kij->ij", self.mu, self.columns))
+
     def beliefs(self) -> ModeBeliefs:
         """What the modes believe now."""
         return ModeBeliefs(self.mu, np.array([f.x for f in self.filters]), np.array([f.P for f in self.filters]))

@@ -17,7 +17,7 @@ from estimators.arrays import Floats
 from estimators.guidance.kernels import hit, hit_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Needle
-from estimators.tissue.belief import GaussianMixture
+from estimators.tissue.estimate import GaussianMixture
 
 
 @dataclass(frozen=True, slots=True, eq=False)

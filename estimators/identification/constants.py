@@ -184,7 +184,7 @@ def principal_uncertainty(
     for time_s, marks in frames:
         tissue.predict(time_s)
         tissue.update([mark for mark in marks if mark.node != target])
-        columns = np.einsum("k,kij->ij", tissue.mixture.mu, tissue.mixture.columns[:, tissue.target])
+        columns = tissue.target.linear(tissue.mixture.mean_columns)
         effect += columns.T @ columns
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]

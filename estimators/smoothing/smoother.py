@@ -62,10 +62,10 @@ class ForwardPass:
         finally:
             mixture.trace = None
         estimate = self.tissue.update(marks)
-        restarts = self.tissue.repairs["restarted"] + self.tissue.repairs["doubted"]
+        restarts = self.tissue.repairs["restarted"] + self.tissue.repairs["inflated"]
         anew = first or restarts != self._restarts
         self._restarts = restarts
-        columns = np.einsum("k,kij->ij", mixture.mu, mixture.columns[:, self.tissue.target])
+        columns = self.tissue.target.linear(mixture.mean_columns)
         return FilteredStep(estimate, mixture.beliefs(), None if anew else cycles, columns @ columns.T)
 
 
@@ -118,7 +118,7 @@ def smooth(passed: Sequence[FilteredStep]) -> list[ModeBeliefs]:
 
 def _reported(one: FilteredStep, known: ModeBeliefs, tissue: TissueFilter) -> TargetEstimate:
     target, poked = tissue.target, tissue.settings.poked_share(known.mu)
-    mean, cov = moment_matched(known.mu, known.means[:, target], known.covs[:, target, target])
+    mean, cov = moment_matched(known.mu, target.position(known.means), target.cov(known.covs))
     return replace(one.estimate, mean=mean, cov=cov + one.considered, poked=poked)
 
 

@@ -3,8 +3,7 @@
 What may enter: what composes a generic filter with a network and its marks.
 """
 
-from estimators.tissue.belief import GaussianMixture
-from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fast_prediction import FastPredictionTables, fast_prediction_tables, predict_fast
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.health import Health, after_frame
@@ -12,6 +11,8 @@ from estimators.tissue.known_force import ForceHistory, KnownForce
 from estimators.tissue.open_loop_cov import OpenLoopCovariance
 from estimators.tissue.process_model import FixBias, ForceMode, TissueModel, accumulated_noise
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.snapshot import Snapshot
+from estimators.tissue.target import TargetMap, TargetPoint, target_map
 
 __all__ = [
     "FastPredictionTables",
@@ -24,12 +25,16 @@ __all__ = [
     "KnownForce",
     "MarkMeasurement",
     "OpenLoopCovariance",
+    "Snapshot",
     "Status",
     "TargetEstimate",
+    "TargetMap",
+    "TargetPoint",
     "TissueFilter",
     "TissueModel",
     "accumulated_noise",
     "after_frame",
     "fast_prediction_tables",
     "predict_fast",
+    "target_map",
 ]

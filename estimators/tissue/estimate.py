@@ -1,4 +1,4 @@
-"""What a filter says about the target, and what it was told about the marks."""
+"""What a filter takes in and gives out: marks, estimates of the target, Gaussian mixtures."""
 
 from __future__ import annotations
 
@@ -82,3 +82,27 @@ class TargetEstimate:
     model_only: bool = False
     gain: float | None = None
     carried: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GaussianMixture:
+    """A Gaussian mixture: weights (k,) that sum to one, means [m] (k, dim), covs [m²] (k, dim, dim)."""
+
+    weights: Floats
+    means: Floats
+    covs: Floats
+
+    def __post_init__(self) -> None:
+        k, dim = self.means.shape
+        if self.weights.shape != (k,) or self.covs.shape != (k, dim, dim):
+            raise ValueError(
+                f"belief: expected shapes {(k,)}, {(k, dim)} and {(k, dim, dim)}, "
+                f"found {self.weights.shape}, {self.means.shape} and {self.covs.shape}"
+            )
+        if not (np.all(self.weights >= 0.0) and abs(self.weights.sum() - 1.0) < 1e-9):
+            raise ValueError(f"belief weights: expected 0 or more that sum to 1, found {self.weights}")
+
+    @classmethod
+    def gaussian(cls, mean: Floats, cov: Floats) -> GaussianMixture:
+        """A single Gaussian: mean [m], (dim,), cov [m²], (dim, dim)."""
+        return cls(np.ones(1), np.asarray(mean, dtype=float)[None], np.asarray(cov, dtype=float)[None])

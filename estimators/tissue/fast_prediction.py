@@ -20,6 +20,7 @@ from dynamics import SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.tissue.filter import TissueFilter
+from estimators.tissue.target import TargetMap
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made; chosen, each twice the last."""
@@ -43,7 +44,7 @@ class FastPredictionTables:
 
     cycle_s: float
     rest: Floats
-    target: slice
+    target: TargetMap
     first: Floats
     second: Floats
     noise: Floats
@@ -92,7 +93,7 @@ def predict_fast(
     mean, var = tissue.mixture.x[half:n], np.diagonal(tissue.mixture.P)[half:n]
     speed = np.sqrt(2.0 * float(mean @ mean + SPREAD * var.sum()) / half)
     level = int(np.abs(np.log(np.maximum(SPEEDS_M_S, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
-    dim, k = tables.target.stop - tables.target.start, tables.n_times
+    dim, k = len(tables.target.constant), tables.n_times
     low = np.tril_indices(away.shape[1])
     covs_now, columns = believed.covs, tissue.mixture.columns
     if columns.shape[2]:  # a calibration that is off moves as any error of the state
@@ -106,7 +107,11 @@ def predict_fast(
     covs[:, b, a] = covs[:, a, b]
     if push is not None:
         means = means + _moved_by(tables.pushed[level], np.asarray(push, dtype=float), half)
-    return tissue.time_s + tables.cycle_s * np.arange(k, dtype=np.float64), means + tables.rest[tables.target], covs
+    return (
+        tissue.time_s + tables.cycle_s * np.arange(k, dtype=np.float64),
+        means + tables.target.position(tables.rest),
+        covs,
+    )
 
 
 def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:
@@ -139,10 +144,10 @@ def _tables(
         Fs.append(np.linalg.matrix_power(F, n_steps))
         Qs.append(total)
     F_each, Q_each = np.array(Fs), np.array(Qs)
-    target = tissue.target
-    dim = target.stop - target.start
+    matrix = tissue.target.matrix
+    dim = len(matrix)
     y = np.zeros((len(modes), dim, model.dim_x))
-    y[:, range(dim), range(target.start, target.stop)] = 1.0
+    y[:, :, : matrix.shape[1]] = matrix
     pairs = list(zip(*np.tril_indices(dim), strict=True))
     Y = np.array([[np.outer(own[a], own[b]) for a, b in pairs] for own in y])
     Y = 0.5 * (Y + Y.swapaxes(2, 3))
@@ -160,18 +165,18 @@ def _tables(
     firsts = np.array(first).swapaxes(1, 2).reshape(n_times * dim, -1)
     packed = (np.array(second)[..., low[0], low[1]] * twice).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
     noises = np.array(noise).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
-    return firsts, packed, noises, _answers(rate, model.mass, target, cycle, n_times)
+    return firsts, packed, noises, _answers(rate, model.mass, tissue.target, cycle, n_times)
 
 
-def _answers(A: Floats, mass: Floats, target: slice, cycle: float, n_times: int) -> Floats:
+def _answers(A: Floats, mass: Floats, target: TargetMap, cycle: float, n_times: int) -> Floats:
     """Displacement of the target so many cycles after a force held for one began, (n_times, dim, n_free dim)."""
     n, half = len(A), len(mass)
     held = np.zeros((n + half, n + half))
     held[:n, :n], held[half:n, n:] = A, np.diag(1.0 / mass)
     moved = small_expm(held * cycle)
     F, now = moved[:n, :n], moved[:n, n:]
-    found = np.zeros((n_times, target.stop - target.start, half))
+    found = np.zeros((n_times, len(target.constant), half))
     for k in range(1, n_times):
-        found[k] = now[target]
+        found[k] = target.linear(now)
         now = F @ now
     return found

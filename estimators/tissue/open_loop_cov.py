@@ -10,6 +10,7 @@ from dynamics import MassSpringNetwork, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.tissue.process_model import accumulated_noise
+from estimators.tissue.target import TargetPoint, target_map
 
 
 class OpenLoopCovariance:
@@ -22,7 +23,9 @@ class OpenLoopCovariance:
     State: cov, of the hidden masses' places and velocities and of the marked masses' errors.
     """
 
-    def __init__(self, network: MassSpringNetwork, target: str, marked: Sequence[str], white: float) -> None:
+    def __init__(
+        self, network: MassSpringNetwork, target: str | TargetPoint, marked: Sequence[str], white: float
+    ) -> None:
         half = network.n_state // 2
         A = state_matrix(network, rest_shape(network))
         self._rows = {node: range(network.n_state)[network.coordinates(node)] for node in marked}
@@ -34,16 +37,17 @@ class OpenLoopCovariance:
         self._by_place = A[np.ix_(follow, driven)]
         self._by_velocity = A[np.ix_(follow, [half + row for row in driven])]
         self._density = np.diag([0.0] * len(hidden) + [white**2] * len(hidden))
-        places = range(network.n_state)[network.coordinates(target)]
-        self._target = [follow.index(row) for row in places]
         self._columns = {row: self._n + k for k, row in enumerate(driven)}
         self.cov = np.zeros((self._n + self._m, self._n + self._m))
+        matrix = target_map(network, target).matrix
+        self._target = np.zeros((network.dim, len(self.cov)))
+        self._target[:, [*range(len(hidden)), *(self._columns[row] for row in driven)]] = matrix[:, [*hidden, *driven]]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
 
     @property
     def target_cov(self) -> Floats:
         """Covariance of the target [m²], (dim, dim)."""
-        return self.cov[np.ix_(self._target, self._target)]
+        return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
         """Go on by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""

@@ -96,9 +96,11 @@ class TissueModel:
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownForce | None = None
         self._asked: tuple[Sequence[ForceMode], Floats] | None = None
+        self._noises: tuple[float, Sequence[ForceMode], list[Floats]] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
         self.n_constants = 0 if uncertainty is None else len(uncertainty.directions)
+        self.n_calibration = n_calibration
         self.n_columns = self.n_constants + n_calibration
         self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
@@ -200,6 +202,21 @@ class TissueModel:
             slow = -np.expm1(-2.0 * dt / self.bias.lasting_s) * self.bias.sd_m**2
             Q[self.bias_rows, self.bias_rows] = slow * np.eye(self.network.dim)
         return Q
+
+    def noise_of_modes(self, dt: float, modes: Sequence[ForceMode]) -> list[Floats]:
+        """As `noise` for each of these modes; those asked for last are kept.
+
+        To a nanosecond: frames at one rate differ by rounding, and their noise does not.
+        """
+        key = round(dt, 9)
+        if self._noises is None or self._noises[0] != key or self._noises[1] is not modes:
+            by_mode = {mode: self.noise(dt, mode) for mode in set(modes)}
+            self._noises = key, modes, [by_mode[mode] for mode in modes]
+        return self._noises[2]
+
+    def among_columns(self, shared: Floats) -> Floats:
+        """What a calibration moves marks by, (m, n_calibration), after the columns of constants, which move none."""
+        return np.hstack([np.zeros((len(shared), self.n_constants)), shared])
 
     def linearised(self, rest: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
         """Matrix A and noise density of the augmented motion about a rest shape, each (dim_x, dim_x)."""

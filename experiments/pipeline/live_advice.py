@@ -112,7 +112,7 @@ class LiveAdvice:
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
     """How far ahead the path must be told [s]: for the last insertion tried, by the oldest estimate advised on."""
     network, needle = tissue.model.network, plan.insertion
-    rest = rest_shape(network)[network.free].ravel()[tissue.target]
+    rest = tissue.target.position(rest_shape(network)[network.free].ravel())
     way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
     way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
     return plan.settings.horizon_s + way_s + MARGIN_S + plan.settings.stale_s

@@ -61,7 +61,7 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
             checked += [one.nees for one in line.checks.checks.values()]
         advance((k + 1) / n_frames)
     counts: dict[str, float | int | None] = {
-        "marks_refused": sum(n for node, n in line.filter.refused.items() if node != "fix"),
+        "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != "fix"),
         "repairs": sum(line.filter.repairs.values()),
         "swaps_undone": len(line.identity.swaps),
     }

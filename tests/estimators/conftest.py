@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, integrate_adaptive, pack
-from estimators import MarkMeasurement
+from estimators import MarkMeasurement, TissueFilter
 
 STEP = 1.0 / 120.0
 """Outside forces of a made-up truth are constant over this time [s]."""
@@ -88,3 +88,17 @@ def _marks_of():
 def hidden(phantom):
     """Where the hidden mass stands in a state."""
     return phantom.coordinates(HIDDEN)
+
+
+@pytest.fixture
+def warmed(phantom, rest_state):
+    """A filter of the hidden mass that has seen the phantom at rest for half a second, given its marks' sd [m]."""
+
+    def made(sd):
+        tissue, rng = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0)
+        for k in range(15):
+            tissue.predict(k / 30.0)
+            tissue.update(marks_of(phantom, rest_state, sd, rng))
+        return tissue
+
+    return made

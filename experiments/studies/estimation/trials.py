@@ -139,7 +139,7 @@ def outcome(
         normalised_error_squared(errors, covs),
         np.sqrt(np.trace(covs, axis1=1, axis2=2)),
         tuple(estimate.status.value for estimate in ours),
-        tissue.refused,
+        tissue.rejected,
         tissue.repairs,
         over,
     )

@@ -74,7 +74,7 @@ def test_checks_hold_where_the_model_is_right(right):
 def test_the_covariance_is_left_alone_where_the_model_is_right(right):
     both, _, estimates, _ = right
     assert 1.0 <= both.scale < 1.6
-    own = both.tissue.mixture.P[both.tissue.target, both.tissue.target]
+    own = both.tissue.target.cov(both.tissue.mixture.P)
     np.testing.assert_allclose(estimates[-1].cov, both.scale * own, rtol=1e-12)
 
 

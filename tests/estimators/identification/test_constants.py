@@ -150,7 +150,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
         for time_s, marks in frames[:40]:
             tissue.predict(time_s)
             tissue.update(marks[:1])
-            total += float((tissue.mixture.columns[0, tissue.target] ** 2).sum())
+            total += float((tissue.target.linear(tissue.mixture.columns[0]) ** 2).sum())
         variances.append(total)
     assert variances[1] == pytest.approx(variances[0], rel=3.0 * (1.0 - KEPT))
 

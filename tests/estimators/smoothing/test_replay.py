@@ -153,7 +153,7 @@ def test_a_wild_fix_is_refused_once(phantom, frames, rest_state, hidden):
     tissue, before = ordered(phantom, frames)
     wild = rest_state[hidden] + [0.2, 0.0]
     np.testing.assert_array_equal(tissue.fix(wild, COV).mean, before.mean)
-    assert tissue.refused == {"fix": 1}
+    assert tissue.rejected == {"fix": 1}
     assert tissue.fix(wild, COV).mean[0] > before.mean[0] + 0.01
     with pytest.raises(ValueError, match=r"fix: expected shapes \(2,\) and \(2, 2\)"):
         tissue.fix(np.zeros(3), COV)

@@ -14,6 +14,7 @@ from estimators import (
     coverage,
     fixed_interval,
     moment_matched,
+    normalised_error_squared,
 )
 from estimators.filters.mixture import ModeBeliefs
 from estimators.smoothing.smoother import smoothed_before
@@ -153,7 +154,7 @@ def runs(phantom, rest_state, driven, poke_forces, marks_of):
 
 def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden):
     """Mean error below 0.95 of the filter's, spread below 0.9 of it; 95 % regions hold 90 to 99 %."""
-    errors, spreads, nees = [], [], []
+    errors, spreads, squared = [], [], []
     for frames, states in runs:
         tissue, filtered = TissueFilter(phantom, HIDDEN, OUTER), []
         for time_s, marks in frames:
@@ -164,12 +165,12 @@ def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden
         off = [np.array([e.mean for e in each]) - states[:, hidden] for each in (filtered, smooth)]
         errors.append([np.linalg.norm(o, axis=1).mean() for o in off])
         spreads.append([np.sqrt([np.trace(e.cov) for e in each]).mean() for each in (filtered, smooth)])
-        nees.append(nees(off[1], [e.cov for e in smooth]))
+        squared.append(normalised_error_squared(off[1], [e.cov for e in smooth]))
         np.testing.assert_allclose(smooth[-1].mean, filtered[-1].mean, rtol=0, atol=1e-12)
     errors, spreads = np.mean(errors, axis=0), np.mean(spreads, axis=0)
     assert errors[1] < 0.95 * errors[0]
     assert spreads[1] < 0.9 * spreads[0]
-    assert 0.9 < coverage(np.concatenate(nees), 2) < 0.99
+    assert 0.9 < coverage(np.concatenate(squared), 2) < 0.99
 
 
 def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, runs):

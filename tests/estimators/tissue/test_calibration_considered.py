@@ -19,6 +19,8 @@ from estimators import (
     predict_fast,
 )
 from estimators.filters.mixture import Move
+from estimators.tissue.gate import squared_distance
+from estimators.tissue.update import stack_marks
 
 USUAL = FilterSettings()
 ONE_MODE = replace(USUAL, quiet=USUAL.poked)
@@ -193,8 +195,8 @@ def test_paths_by_tables_know_of_the_calibration(phantom, rest_state, driven, po
     np.testing.assert_allclose(covs[0], exact[0], rtol=1e-6, atol=1e-12)
     own, sigma = (np.sqrt(np.trace(each, axis1=1, axis2=2)) for each in (covs, exact))
     np.testing.assert_allclose(own / sigma, 1.0, rtol=0, atol=0.1)
-    beliefs, target = tissue.mixture.beliefs(), tissue.target
-    assert np.trace(np.einsum("k,kij->ij", beliefs.mu, beliefs.covs)[target, target]) < 0.9 * np.trace(covs[0])
+    beliefs = tissue.mixture.beliefs()
+    assert np.trace(tissue.target.cov(np.einsum("k,kij->ij", beliefs.mu, beliefs.covs))) < 0.9 * np.trace(covs[0])
 
 
 def test_a_mark_is_looked_for_where_the_calibration_has_it(phantom, rest_state, driven, poke_forces, marks_of):
@@ -223,7 +225,9 @@ def test_the_gate_stands_where_the_calibration_has_the_mark(phantom, rest_state,
     mark = replace(frames[-1][1][0], position=frames[-1][1][0].position + 0.1)
     mean, cov = tissue.expected_after_impulse("M1", mark.shared)
     y = mark.position - mean
-    assert tissue._distance(mark) == pytest.approx(y @ np.linalg.solve(cov + mark.cov, y), rel=1e-12)
+    assert squared_distance(mark, tissue.expected_after_impulse, considered=True) == pytest.approx(
+        y @ np.linalg.solve(cov + mark.cov, y), rel=1e-12
+    )
 
 
 def test_marks_with_and_without_go_together(phantom):
@@ -235,7 +239,8 @@ def test_marks_with_and_without_go_together(phantom):
     ]
     unsure = independent_uncertainty(parameters(phantom, ("stiffness",))[:3], 0.1)
     tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=unsure, n_calibration=4)
-    _, _, own, stacked = tissue._stacked(marks)
+    made = stack_marks(marks, {node: phantom.coordinates(node) for node in OUTER}, tissue.model)
+    own, stacked = made.R, made.shared
     np.testing.assert_array_equal(own, 1e-6 * np.eye(6))
     np.testing.assert_array_equal(stacked[:, :3], 0.0)
     np.testing.assert_array_equal(stacked[:2], 0.0)

@@ -86,8 +86,8 @@ def test_pokes_are_followed_and_never_refused(phantom, rest_state, driven, poke_
     for k, state in enumerate(states[::4]):
         tissue.predict(k * FRAME_S)
         tissue.update(marks_of(phantom, state, 1e-3, rng))
-    assert sum(tissue.refused.values()) == 0
-    assert not tissue.repairs["doubted"]
+    assert sum(tissue.rejected.values()) == 0
+    assert not tissue.repairs["inflated"]
 
 
 def test_as_many_modes_as_marked_nodes(phantom):

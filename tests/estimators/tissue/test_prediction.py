@@ -134,7 +134,7 @@ def test_a_poke_that_may_have_been_blurs_no_history_without_one(followed):
     mixture, at = followed.mixture, followed.time_s + 1 / 30
     mixture.mu = np.array([0.0, 0.5, 0.5])
     mixture.filters[2].x = mixture.filters[2].x.copy()
-    mixture.filters[2].x[followed.target] += 1.0
+    mixture.filters[2].x[followed.model.network.coordinates(HIDDEN)] += 1.0
     said = followed.predict_modes(at)
     never = replace(followed.settings, calm_s=1e12, between_s=1e12)
     alone = TissueFilter(followed.model.network, HIDDEN, OUTER, never)

@@ -5,6 +5,7 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import MarkMeasurement, TissueFilter
+from estimators.tissue.update import stack_marks
 
 
 def target_variance(shared: float, own: float) -> float:
@@ -36,7 +37,8 @@ def test_the_first_frame_takes_them_in_as_the_textbook_does() -> None:
     factors = {node: rng.normal(0.0, 2e-3, (2, 3)) for node in OUTER}
     places = {node: network.positions[network.index(node)] for node in OUTER}
     marks = [MarkMeasurement(node, places[node], 1e-6 * np.eye(2), factors[node]) for node in OUTER]
-    _, _, R, _ = tissue._stacked(marks)
+    coordinates = {node: network.coordinates(node) for node in OUTER}
+    R = stack_marks(marks, coordinates, tissue.model).R
     F = np.vstack([factors[node] for node in OUTER])
     np.testing.assert_allclose(R, 1e-6 * np.eye(6) + F @ F.T, rtol=1e-12)
     np.testing.assert_allclose(marks[1].total_cov, R[2:4, 2:4], rtol=1e-12)

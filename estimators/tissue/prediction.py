@@ -1,0 +1,109 @@
+"""Prediction: the state moved on in time, the target at later times, and where marks are to be expected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from dynamics import SAME_STEP
+from estimators.arrays import Floats
+from estimators.filters.mixture import InteractingMixture
+from estimators.tissue.estimate import GaussianMixture
+from estimators.tissue.known_force import ForceHistory, KnownForce
+from estimators.tissue.process_model import ForceMode, TissueModel
+from estimators.tissue.settings import N_QUIET
+from estimators.tissue.snapshot import unchanged
+from estimators.tissue.target import TargetMap
+
+
+def propagate_points(model: TissueModel, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
+    """Sigma points of each mode, (n_modes, n_points, dim_x), dt [s] later; a known force goes on with them."""
+    if model.push is not None:
+        model.push.step(dt)
+    return model.propagate_each(points, dt, modes)
+
+
+def advance(
+    mixture: InteractingMixture,
+    model: TissueModel,
+    modes: Sequence[ForceMode],
+    dt: float,
+    *,
+    mix_s: float,
+    push: KnownForce | None = None,
+) -> None:
+    """Move every mode ahead by dt [s], more than 0, mixed at least every mix_s [s], under a known force if given."""
+    n = max(1, int(np.ceil(dt / mix_s * (1.0 - SAME_STEP))))
+    step = dt / n / model.stepper.n_steps(dt / n)
+    for f, Q in zip(mixture.filters, model.noise_of_modes(step, modes), strict=True):
+        f.Q = Q
+    model.push = push
+    try:
+        for _ in range(n):
+            mixture.predict(dt / n, step)
+    finally:
+        model.push = None
+
+
+def known_force(push: ForceHistory | None, model: TissueModel, time_s: float | None) -> KnownForce | None:
+    """A push as it begins at this time [s]; None where there is none, or no time yet."""
+    return None if push is None or time_s is None else KnownForce(push, model.network, time_s)
+
+
+def later_times(times_s: Sequence[float] | Floats, now_s: float | None) -> tuple[Floats, Floats]:
+    """Times [s], (k,), and the steps to each from the one before; ValueError where they are no rising times from now.
+
+    The steps [s], (k,), begin with the one from now_s.
+    """
+    times = np.asarray(times_s, dtype=float)
+    if now_s is None or not len(times) or not now_s <= times[0] <= times[-1] < np.inf:
+        raise ValueError(f"times_s: expected {now_s} or later, found {times}")
+    steps = np.diff(times, prepend=now_s)
+    if not (steps >= 0.0).all():
+        raise ValueError(f"times_s: expected times that rise, found {times}")
+    return times, steps
+
+
+def target_by_modes(mixture: InteractingMixture, target: TargetMap, move: Callable[[], None]) -> GaussianMixture:
+    """The target after a move, of each mode of now and each of then by itself: n_modes² Gaussians; all is set back."""
+    parts = []
+    with unchanged(mixture) as now:
+        for k, (mean, cov) in enumerate(now.moments):
+            mixture.mu = np.eye(len(now.mu))[k]
+            mixture.restart(mean, cov, now.columns[k])
+            move()
+            modes, columns = mixture.beliefs(), target.linear(mixture.columns)
+            covs = target.cov(modes.covs) + columns @ columns.swapaxes(1, 2)
+            parts.append((now.mu[k] * modes.mu, target.position(modes.means), covs))
+    weights, means, covs = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return GaussianMixture(weights / weights.sum(), means, covs)
+
+
+def target_path(
+    mixture: InteractingMixture, target: TargetMap, steps: Floats, move: Callable[[float], None]
+) -> tuple[Floats, Floats]:
+    """The target after each of these steps [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim); all is set back."""
+    dim = len(target.constant)
+    means, covs = np.empty((len(steps), dim)), np.empty((len(steps), dim, dim))
+    with unchanged(mixture):
+        for k, dt in enumerate(steps):
+            if dt > 0.0:
+                move(dt)
+            means[k], covs[k] = target.position(mixture.x), target.cov(mixture.P)
+    return means, covs
+
+
+def expected_place(mixture: InteractingMixture, place: slice, shared: Floats | None) -> tuple[Floats, Floats]:
+    """Mean [m] and covariance [m²] of these coordinates by the poked mode in which they are the most uncertain.
+
+    shared: what each column moves the mark there by, (dim, n_columns); None for the node itself. Not of the mixture: a
+    poke that begins is improbable before it is seen, and a gate drawn by the mixture would reject the very marks that
+    show it.
+    """
+    filters = mixture.filters
+    poked = max(range(N_QUIET, len(filters)), key=lambda mode: float(np.trace(filters[mode].P[place, place])))
+    columns = mixture.columns[poked][place]
+    if shared is not None:
+        columns = columns + shared
+    return filters[poked].x[place].copy(), filters[poked].P[place, place] + columns @ columns.T

@@ -1,0 +1,74 @@
+"""The first state of a filter, its restart from the marks of one frame, and inflation after a divergence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynamics import NetworkError, equilibrium_with_held, pack, rest_shape, stiffness_matrix
+from estimators.arrays import Floats
+from estimators.filters.mixture import InteractingMixture
+from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.process_model import TissueModel, accumulated_noise
+from estimators.tissue.settings import FilterSettings
+from estimators.tissue.update import StackedMarks
+
+
+def restart_from_shape(
+    mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, shape: Floats
+) -> None:
+    """Set every mode to the tissue at rest in this shape of all nodes [m], (n_nodes, dim), as uncertain as settle_s."""
+    network = model.network
+    mean = np.zeros(model.dim_x)
+    mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
+    A, density = model.linearised(shape, settings.poked)
+    cov = accumulated_noise(A, density, settings.settle_s)
+    if settings.fix_bias is not None:
+        cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
+    mixture.restart(mean, cov, model.resting_columns(shape))
+
+
+def restart_from_marks(
+    mixture: InteractingMixture,
+    model: TissueModel,
+    settings: FilterSettings,
+    marks: Sequence[MarkMeasurement],
+    *,
+    stacked: StackedMarks,
+    inflation: float = 1.0,
+) -> None:
+    """Set every mode to the tissue at rest with its marked nodes fixed where they are seen.
+
+    Where it has no such rest: at rest without them, then updated by them. Far from its rest shape a Kalman update would
+    go along straight lines where the tissue turns. The shape in which it rests with the marked nodes fixed at z is a
+    nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
+    of the marks, and so are its covariance (Joseph's form) and columns.
+    inflation: factor on the covariance of the start
+    """
+    network, rows = model.network, stacked.rows
+    try:
+        shape = equilibrium_with_held(network, {mark.node: mark.position for mark in marks})
+    except NetworkError:
+        restart_from_shape(mixture, model, settings, rest_shape(network))
+        mixture.update_linear(stacked.z, stacked.H(model.dim_x), stacked.R, stacked.shared)
+        return
+    restart_from_shape(mixture, model, settings, shape)
+    K = stiffness_matrix(network, shape)
+    others = [i for i in range(len(K)) if i not in set(rows)]
+    G = np.zeros((model.dim_x, len(rows)))
+    G[rows, range(len(rows))] = 1.0
+    G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
+    keep = np.eye(model.dim_x)
+    keep[:, rows] -= G
+    P = inflation * keep @ mixture.filters[0].P @ keep.T + G @ stacked.R @ G.T
+    columns = model.resting_columns(shape, rows)
+    if stacked.shared is not None:
+        columns -= G @ stacked.shared
+    mixture.restart(mixture.x, 0.5 * (P + P.T), columns)
+
+
+def inflate(mixture: InteractingMixture, added_cov: Floats, stacked: StackedMarks) -> None:
+    """Add this covariance (dim_x, dim_x) to the state of all modes, then update by the marks that refuted it."""
+    mixture.restart(mixture.x, mixture.P + added_cov, mixture.mean_columns)
+    mixture.update_linear(stacked.z, stacked.H(len(mixture.x)), stacked.R, stacked.shared)
