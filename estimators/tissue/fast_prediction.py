@@ -124,9 +124,7 @@ def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:
     return moved
 
 
-def _tables(
-    tissue: TissueFilter, speed: float, shape: Floats, n_times: int
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> tuple[Floats, Floats, Floats, Floats]:
     """The four tables of `FastPredictionTables` at one speed [m/s]: backwards from the target, cycle by cycle."""
     model, settings = tissue.model, tissue.settings
     cycle, modes, n = settings.mix_s, settings.modes, model.network.n_state
