@@ -38,7 +38,6 @@ from vision.cameras import (
 )
 from vision.detection import Detection, Expected, HueError, MarkHue, Outline, detect_marks, hue_distance, learn_hue
 from vision.sources import (
-    DEVICE_BACKLOG,
     FILMS,
     NOMINAL_FPS,
     SHARP_FRAMES,
@@ -61,6 +60,7 @@ from vision.sources import (
     Source,
     SourceError,
     SourceEvent,
+    SourceSettings,
     SourceWatchdog,
     VideoFileFrames,
     VideoWriter,
@@ -111,7 +111,6 @@ from vision.synthetic import (
 from vision.tracking import AdaptiveHue, AssociatedMark, MarkFinder, associate_marks
 
 __all__ = [
-    "DEVICE_BACKLOG",
     "DICTIONARIES",
     "FILMS",
     "NOMINAL_FPS",
@@ -161,6 +160,7 @@ __all__ = [
     "Source",
     "SourceError",
     "SourceEvent",
+    "SourceSettings",
     "SourceWatchdog",
     "SyntheticCamera",
     "SyntheticFrame",

@@ -27,7 +27,7 @@ def open_source(
         frames = vision.LiveFrames(
             lambda: phantom,
             ends=lambda _capture: True,
-            keep=1 if live else vision.DEVICE_BACKLOG,
+            keep=1 if live else vision.SourceSettings().backlog,
             exposures=lambda: vision.stated_exposure_time,
         )
         return (phantom.scene if scene is None else scene), frames

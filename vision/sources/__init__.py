@@ -8,7 +8,7 @@ from vision.sources.every_frame import EveryFrame, FrameFile
 from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, stated_exposure_time
 from vision.sources.frames import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
 from vision.sources.live import Capture, LiveFrames
-from vision.sources.opening import DEVICE_BACKLOG, from_file, open_source, shown_source
+from vision.sources.opening import from_file, open_source, shown_source
 from vision.sources.picture_folder import PictureFolderFrames
 from vision.sources.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures, sharp_frames
 from vision.sources.playback import Playback
@@ -21,11 +21,11 @@ from vision.sources.segments import (
     join_segments,
     segments_in,
 )
+from vision.sources.settings import SourceSettings
 from vision.sources.video import Codec, VideoWriter, compress
 from vision.sources.watchdog import SourceWatchdog
 
 __all__ = [
-    "DEVICE_BACKLOG",
     "FILMS",
     "NOMINAL_FPS",
     "SHARP_FRAMES",
@@ -48,6 +48,7 @@ __all__ = [
     "Source",
     "SourceError",
     "SourceEvent",
+    "SourceSettings",
     "SourceWatchdog",
     "VideoFileFrames",
     "VideoWriter",

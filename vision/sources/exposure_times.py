@@ -1,6 +1,6 @@
 """Exposure times: of devices on the one monotonic clock, of films by their own times.
 
-A rule is made anew for each opening of a source and asked once for each frame, in order.
+A rule belongs to one opening of a source and is asked once for each frame, in order.
 """
 
 from __future__ import annotations
@@ -12,12 +12,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-TRUSTED_AFTER = 30
-"""Frames in a row whose own times must prove sane before they are used; chosen."""
-MOST_OFF_S = 0.05
-"""How far a device's times may wander beside the clock's within the frames remembered; chosen."""
-REMEMBERED = 300
-"""Frames over which the earliest arrival ties the device's clock to ours: 10 s at 30 frames/s; chosen."""
+from vision.sources.settings import DEFAULTS, SourceSettings
+
 ROUNDING_S = 1.1e-3
 """Containers round their times to a millisecond: index / rate is the finer one where the two agree so far."""
 
@@ -27,57 +23,59 @@ ExposureRule = Callable[[Any, float], float]
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
-    """Exposure time [s] of a capture that knows it: CAP_PROP_POS_MSEC on the monotonic clock."""
+    """Exposure time [s] stated by the capture itself: CAP_PROP_POS_MSEC on the monotonic clock."""
     return float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 class DeviceTimes:
     """Exposure times of a device's frames: half a frame interval, the usual one, before the frame was complete.
 
-    A frame is complete when grab() gives it; or when the device says, by CAP_PROP_POS_MSEC, if that has proved sane
-    over 30 frames in a row: increasing, and beside the time of grab() by the same to 0.05 s. The device's clock is tied
-    to ours by the earliest arrival in 300 frames, for a frame can come late and never early; a clock that drifts is
-    followed so. Once it has proved sane, up to 30 frames in a row may come later than that, as from a device's queue
-    after a pause; a clock that goes back, stands or runs ahead is used no more until it proves sane again. Half an
-    interval stands for exposure and read-out, which no device tells.
+    A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if that was plausible in
+    settings.settled_frames in a row: increasing, and its difference from the time of grab() constant to clock_error_s.
+    The device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can
+    come late and never early; this follows a clock that drifts. A trusted device may deliver settled_frames in a row
+    later than that, as from its queue after a pause; a clock that goes back, stands or runs ahead is used no more until
+    it is plausible again. Half an interval stands for exposure and read-out, which no device reports.
 
-    State: the device's times and the clock's of the last frames; how many sane ones, how many late ones came in a row.
+    State: the device's times and the clock's of the last frames; how many plausible, how many late ones came in a row.
     """
 
-    def __init__(self) -> None:
-        self._grabbed: deque[float] = deque(maxlen=TRUSTED_AFTER + 1)
-        self._offsets: deque[float] = deque(maxlen=REMEMBERED)
-        self._told_s = -np.inf
-        self._sane = self._late = 0
+    def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
+        self._settings = settings
+        self._grabbed: deque[float] = deque(maxlen=settings.settled_frames + 1)
+        self._offsets: deque[float] = deque(maxlen=settings.remembered_frames)
+        self._device_s = -np.inf
+        self._plausible = self._late = 0
 
     @property
     def trusts_device(self) -> bool:
         """Whether the device's own times are used."""
-        return self._sane >= TRUSTED_AFTER
+        return self._plausible >= self._settings.settled_frames
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
         """Exposure time [s] of the frame that grab() gave at grabbed_s [s]."""
         self._grabbed.append(grabbed_s)
-        told_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
-        self._judge(told_s, grabbed_s)
-        complete_s = told_s + min(self._offsets) if self.trusts_device else grabbed_s
+        device_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
+        self._judge(device_s, grabbed_s)
+        complete_s = device_s + min(self._offsets) if self.trusts_device else grabbed_s
         return complete_s - 0.5 * self._interval_s(capture)
 
-    def _judge(self, told_s: float, grabbed_s: float) -> None:
-        increasing = bool(np.isfinite(told_s)) and told_s > self._told_s
-        self._told_s = told_s if np.isfinite(told_s) else -np.inf
-        offset_s = grabbed_s - told_s
+    def _judge(self, device_s: float, grabbed_s: float) -> None:
+        most_s, n_settled = self._settings.clock_error_s, self._settings.settled_frames
+        increasing = bool(np.isfinite(device_s)) and device_s > self._device_s
+        self._device_s = device_s if np.isfinite(device_s) else -np.inf
+        offset_s = grabbed_s - device_s
         lowest_s, highest_s = min(self._offsets, default=offset_s), max(self._offsets, default=offset_s)
-        if increasing and self.trusts_device and offset_s > lowest_s + MOST_OFF_S and self._late < TRUSTED_AFTER:
+        if increasing and self.trusts_device and offset_s > lowest_s + most_s and self._late < n_settled:
             self._late += 1
             return
         self._late = 0
-        if increasing and max(highest_s, offset_s) - min(lowest_s, offset_s) <= MOST_OFF_S:
-            self._sane += 1
+        if increasing and max(highest_s, offset_s) - min(lowest_s, offset_s) <= most_s:
+            self._plausible += 1
         else:
-            self._sane = 0
+            self._plausible = 0
             self._offsets.clear()
-        if np.isfinite(told_s):
+        if np.isfinite(device_s):
             self._offsets.append(offset_s)
 
     def _interval_s(self, capture: Any) -> float:

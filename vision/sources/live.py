@@ -1,4 +1,4 @@
-"""Frames as they come: a camera read in its own thread, of which the newest frame counts, and faults survived."""
+"""Live frames: a camera or stream read in its own thread, the newest frame first, with recovery from its faults."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -17,20 +18,12 @@ from vision.arrays import Image
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, ExposureRule
 from vision.sources.frames import Frame, SourceError, quiet_opencv
+from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import SourceWatchdog
 
-RETRY_S, RETRY_EACH_S = 0.5, 0.01
-"""Failed reads are tried again for so long, so often; then the device is opened again; chosen."""
-REOPEN_S, REOPEN_MOST_S = 0.1, 5.0
-"""Pause before the device is opened again, doubled each time in vain up to the most; chosen."""
-HUNG_S, OPENING_S = 2.0, 20.0
-"""A thread that hangs for so long in a read, or in opening, gets a rival that opens the device anew; chosen."""
-MOST_RIVALS = 4
-"""Threads that may hang at once: each holds a thread and perhaps a device until it comes back; chosen."""
-LOOK_EACH_S = 0.02
-"""How often a waiting reader looks for faults; chosen."""
-CLOSE_S = 0.5
-"""How long `close` waits for the reading threads; one that hangs is left behind; chosen."""
+POLL_S = 0.02
+"""Period of polling, below a frame interval at 30 frames/s: faults are looked for and failed reads tried again; a
+frame wakes its reader at once."""
 
 
 class Capture(Protocol):
@@ -57,23 +50,24 @@ class _Reader:
     """A reading thread: when it was last seen to move [s], how long it may hang [s], whether another replaced it."""
 
     alive_s: float
-    may_hang_s: float = OPENING_S
+    may_hang_s: float
     retired: bool = False
 
 
 class LiveFrames:
-    """The newest frames not yet seen, again and again, until the source ends or `close()`.
+    """Newest frames of a camera or stream, each once, until the source ends or `close()`.
 
     open_capture: opens the source; called in the reading thread, which a dead device may hold for ever
     ends: whether a read of this capture that fails means the end, and not a fault
     keep: how many frames wait to be seen; 1: the newest wins
-    exposures: makes the rule of exposure times, for each opening
-    blocked_s, frozen_s: see `SourceWatchdog`; with a frozen_s a picture that repeats bit for bit is withheld
+    exposures: makes the rule of exposure times, for each opening; default: `DeviceTimes`
+    may_repeat: whether a picture may repeat bit for bit, as in a film; else a repeated one is withheld
     give_up_s: SourceError after so long without a frame; None: never
+    settings: when the source counts as blocked, frozen or hung
     clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
-    State, shared with the threads: frames that wait, the last picture, the watch, events not yet taken, the readers.
+    State, shared with the threads: frames that wait, the last picture, the watchdog, events not yet taken, the readers.
     """
 
     def __init__(
@@ -82,18 +76,19 @@ class LiveFrames:
         *,
         ends: Callable[[Any], bool] = lambda _capture: False,
         keep: int = 1,
-        exposures: Callable[[], ExposureRule] = DeviceTimes,
-        blocked_s: float = 0.5,
-        frozen_s: float | None = 0.5,
+        exposures: Callable[[], ExposureRule] | None = None,
+        may_repeat: bool = False,
         give_up_s: float | None = None,
+        settings: SourceSettings = DEFAULTS,
         clock: Callable[[], float] = time.monotonic,
         nap: Callable[[float], object] | None = None,
     ) -> None:
         for name, value in (("give_up_s", give_up_s), ("keep", keep)):
             if value is not None and not value > 0:
                 raise ValueError(f"{name}: expected more than 0, found {value}")
-        self._open, self._ends, self._exposures, self._clock = open_capture, ends, exposures, clock
-        self._may_repeat, self._give_up_s = frozen_s is None, give_up_s
+        self._open, self._ends, self._clock = open_capture, ends, clock
+        self._exposures = partial(DeviceTimes, settings) if exposures is None else exposures
+        self._may_repeat, self._give_up_s, self._settings = may_repeat, give_up_s, settings
         self._changed = threading.Condition()
         self._stop = threading.Event()
         self._nap = self._stop.wait if nap is None else nap
@@ -106,7 +101,7 @@ class LiveFrames:
         self._ended = False
         self._error: Exception | None = None
         self.frames_dropped = 0
-        self._watch = SourceWatchdog(clock(), blocked_s=blocked_s, frozen_s=frozen_s)
+        self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
         self._readers: list[_Reader] = []
         self._start_reader(clock())
 
@@ -138,13 +133,13 @@ class LiveFrames:
                     self._ended = True
                     self._events.append(SourceEvent(now, EventKind.ENDED, "after the last frame"))
                     return None
-                self._look(now)
+                self._check(now)
                 if now >= until:
                     return None
-                self._changed.wait(min(until - now, LOOK_EACH_S))
+                self._changed.wait(min(until - now, POLL_S))
         return None
 
-    def _look(self, now: float) -> None:
+    def _check(self, now: float) -> None:
         self._events += self._watch.check(now)
         without_s = now - self._watch.new_s
         if self._give_up_s is not None and without_s > self._give_up_s:
@@ -152,7 +147,7 @@ class LiveFrames:
             self._stop.set()
             raise SourceError(f"live frames: expected a new frame within {self._give_up_s:g} s, found none")
         hung = [now - reader.alive_s > reader.may_hang_s for reader in self._readers]
-        if all(hung) and len(hung) < MOST_RIVALS:
+        if all(hung) and len(hung) < self._settings.most_readers:
             self._start_reader(now)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -168,7 +163,7 @@ class LiveFrames:
         return events
 
     def _start_reader(self, now: float) -> None:
-        reader = _Reader(now)
+        reader = _Reader(now, self._settings.opening_s)
         self._readers.append(reader)
         # A daemon: a device may block in grab() for ever (OpenCV #4468), and the program must end all the same.
         threading.Thread(target=self._run, args=(reader,), name="softaim frames", daemon=True).start()
@@ -187,9 +182,9 @@ class LiveFrames:
         return not (reader.retired or self._stop.is_set() or self._finished)
 
     def _open_and_read(self, reader: _Reader) -> None:
-        pause_s = REOPEN_S
+        pause_s = POLL_S
         while self._wanted(reader):
-            reader.alive_s, reader.may_hang_s = self._clock(), OPENING_S
+            reader.alive_s, reader.may_hang_s = self._clock(), self._settings.opening_s
             before = self._n_frames
             capture = None
             try:
@@ -209,15 +204,15 @@ class LiveFrames:
                 return
             if not self._n_frames:
                 raise SourceError("live frames: expected a camera, stream or film that gives frames, found none")
-            pause_s = REOPEN_S if self._n_frames > before else min(2.0 * pause_s, REOPEN_MOST_S)
+            pause_s = POLL_S if self._n_frames > before else min(2.0 * pause_s, self._settings.hung_s)
             self._nap(pause_s)
 
     def _read(self, reader: _Reader, capture: Capture) -> None:
-        """Hand on what the capture gives, until it ends, fails for RETRY_S, or the reader is wanted no more."""
+        """Hand on what the capture gives, until it ends, fails for settings.blocked_s, or the reader is retired."""
         exposure, ends = self._exposures(), self._ends(capture)
         failing_s: float | None = None
         while self._wanted(reader):
-            reader.alive_s, reader.may_hang_s = self._clock(), HUNG_S
+            reader.alive_s, reader.may_hang_s = self._clock(), self._settings.hung_s
             image, grabbed_s, why = self._picture(capture)
             reader.alive_s = self._clock()
             if image is not None:
@@ -230,9 +225,9 @@ class LiveFrames:
                 return
             self._fail(reader, why)
             failing_s = grabbed_s if failing_s is None else failing_s
-            if grabbed_s - failing_s > RETRY_S:
+            if grabbed_s - failing_s > self._settings.blocked_s:
                 return
-            self._nap(RETRY_EACH_S)
+            self._nap(POLL_S)
 
     def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
         """The next picture or None, when grab() came back [s], and why there is none."""
@@ -282,7 +277,7 @@ class LiveFrames:
         self._stop.set()
         with self._changed:
             self._changed.notify_all()
-            self._changed.wait_for(lambda: not self._readers, timeout=CLOSE_S)
+            self._changed.wait_for(lambda: not self._readers, timeout=self._settings.blocked_s)
 
     def __enter__(self) -> Self:
         return self

@@ -1,4 +1,4 @@
-"""One way to frames from whatever a person names: camera, device, film, folder, stream."""
+"""Open a source of frames by its name: camera index, device, film, folder of pictures or stream."""
 
 from __future__ import annotations
 
@@ -18,14 +18,11 @@ from vision.sources.frames import SourceError, VideoFileFrames
 from vision.sources.live import LiveFrames
 from vision.sources.picture_folder import PictureFolderFrames
 from vision.sources.playback import Playback
+from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
 """Greatest camera index: OpenCV takes the hundreds for the number of a programming interface."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
-OPEN_MS, READ_MS = 5000, 2000
-"""How long FFmpeg may wait for a stream to open, and for its next packet; its own 30 s are too long; chosen."""
-DEVICE_BACKLOG = 64
-"""Frames of a device that wait where every one counts: 2 s at 30 frames/s; chosen."""
 
 
 def open_source(
@@ -33,18 +30,17 @@ def open_source(
     *,
     live: bool,
     fps: float | None = None,
-    blocked_s: float = 0.5,
-    frozen_s: float = 0.5,
     give_up_s: float | None = None,
+    settings: SourceSettings = DEFAULTS,
 ) -> Source:
     """Frames of a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
 
     live: the newest frame wins, files are shown at their own pace; else every frame counts: files as fast as they are
-        asked for, and of devices and streams so many wait that a pause of two seconds at 30 frames/s loses none
+        asked for, and of devices and streams settings.backlog frames wait
     fps: of a folder of pictures, which has no times of its own
-    blocked_s, frozen_s, give_up_s: when faults of a device or stream are told; see `LiveFrames`
+    give_up_s, settings: when faults of a device or stream are reported; see `LiveFrames`
 
-    Raises SourceError for what is not there. A device that does not open is told by the first `next`.
+    Raises SourceError for what is not there. The first `next` reports a device that does not open.
     """
     path = Path(spec)
     ends: Callable[[Any], bool] = _never
@@ -55,15 +51,16 @@ def open_source(
     elif "://" in spec:
         if urlsplit(spec).scheme.lower() not in SCHEMES:
             raise SourceError(f"{shown_source(spec)}: expected {', '.join(SCHEMES)} before ://, found another")
-        waits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPEN_MS, cv2.CAP_PROP_READ_TIMEOUT_MSEC, READ_MS]
+        open_ms, read_ms = round(1e3 * settings.stream_opening_s), round(1e3 * settings.hung_s)
+        waits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, open_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, read_ms]
         opened, ends = partial(cv2.VideoCapture, spec, cv2.CAP_FFMPEG, waits), _has_length
     elif path.is_char_device():
         # The API is named, or FFmpeg would read the device as a file first.
         opened = partial(cv2.VideoCapture, spec, cv2.CAP_V4L2)
     else:
         return from_file(_file(spec, fps), live=live)
-    keep = 1 if live else DEVICE_BACKLOG
-    return LiveFrames(opened, ends=ends, keep=keep, blocked_s=blocked_s, frozen_s=frozen_s, give_up_s=give_up_s)
+    keep = 1 if live else settings.backlog
+    return LiveFrames(opened, ends=ends, keep=keep, give_up_s=give_up_s, settings=settings)
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
@@ -72,7 +69,7 @@ def from_file(frames: FrameFile, *, live: bool) -> Source:
         return EveryFrame(frames)
     playback = Playback(frames)
     return LiveFrames(
-        lambda: playback, ends=lambda _capture: True, exposures=lambda: stated_exposure_time, frozen_s=None
+        lambda: playback, ends=lambda _capture: True, exposures=lambda: stated_exposure_time, may_repeat=True
     )
 
 

@@ -1,4 +1,4 @@
-"""A live source watched: is it blocked, frozen, gone, back again? It knows no threads and no clock of its own."""
+"""Watchdog of a live source: blocked, frozen, failed or back, from when its reads came back. No threads, no clock."""
 
 from __future__ import annotations
 
@@ -7,32 +7,26 @@ from collections import deque
 import numpy as np
 
 from vision.sources.events import EventKind, SourceEvent
-
-INTERVALS = 3.0
-"""A slow camera is not blocked or frozen before so many of its usual frame intervals are over; chosen."""
-KEPT = 31
-"""Frame intervals of which the median is the usual one; chosen."""
+from vision.sources.settings import DEFAULTS, SourceSettings
 
 
 class SourceWatchdog:
-    """What is known of a source from when its reads came back.
+    """Faults of a live source, from when its reads came back.
 
-    A fault is noticed as soon as `check` is called after its time: blocked_s without an answer, frozen_s with the same
-    picture (None: pictures may repeat), either lengthened to three usual frame intervals; a failed read at once.
+    A fault is noticed as soon as `check` is called after its time: without an answer or with the same picture for
+    settings.blocked_s, or for settings.slow_intervals usual frame intervals where these are longer; a failed read at
+    once. may_repeat: whether pictures may repeat, as those of a film
 
     State: when an answer last came and when a new picture did [s], the last intervals [s], the size, the fault that
     lasts (None: none does), whether the picture repeats.
     """
 
-    def __init__(self, began_s: float, *, blocked_s: float, frozen_s: float | None) -> None:
-        for name, value in (("blocked_s", blocked_s), ("frozen_s", frozen_s)):
-            if value is not None and not value > 0:
-                raise ValueError(f"{name}: expected more than 0, found {value}")
+    def __init__(self, began_s: float, settings: SourceSettings = DEFAULTS, *, may_repeat: bool = False) -> None:
         self.fault: EventKind | None = None
         self.new_s = began_s
-        self._blocked_s, self._frozen_s = blocked_s, frozen_s
+        self._settings, self._may_repeat = settings, may_repeat
         self._answer_s = began_s
-        self._intervals: deque[float] = deque(maxlen=KEPT)
+        self._intervals: deque[float] = deque(maxlen=settings.settled_frames)
         self._size: tuple[int, int] | None = None
         self._repeats = False
 
@@ -65,13 +59,13 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """What has to be told by now, though nothing came."""
+        """Events that are due by now though nothing came."""
         if self.fault is EventKind.DROPPED:
             return []
-        usual_s = INTERVALS * self.interval_s
-        if now_s - self._answer_s > max(self._blocked_s, usual_s):
+        most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
+        if now_s - self._answer_s > most_s:
             return self._now(now_s, EventKind.BLOCKED, f"no answer for {now_s - self._answer_s:.2f} s")
-        if self._repeats and self._frozen_s is not None and now_s - self.new_s > max(self._frozen_s, usual_s):
+        if self._repeats and not self._may_repeat and now_s - self.new_s > most_s:
             return self._now(now_s, EventKind.FROZEN, f"the same picture for {now_s - self.new_s:.2f} s")
         return []
 

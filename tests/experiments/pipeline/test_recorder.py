@@ -53,8 +53,9 @@ class Counted(vision.LiveFrames):
         return frame
 
 # A camera that waits for a recorder too slow for it, so that none is dropped however busy the machine is
-unseen = threading.Semaphore(vision.DEVICE_BACKLOG // 2)
-frames = Counted(Camera, keep=vision.DEVICE_BACKLOG, exposures=lambda: vision.stated_exposure_time)
+backlog = vision.SourceSettings().backlog
+unseen = threading.Semaphore(backlog // 2)
+frames = Counted(Camera, keep=backlog, exposures=lambda: vision.stated_exposure_time)
 scene = Path(sys.argv[2])
 record(frames, Path(sys.argv[1]), scene=read_scene(scene), scene_path=scene)
 """

@@ -21,11 +21,6 @@ def picture(k: int, size_px: tuple[int, int] = (6, 4)) -> np.ndarray:
     return np.full((size_px[1], size_px[0], 3), k % 250, dtype=np.uint8)
 
 
-@pytest.fixture(autouse=True)
-def _no_wait_for_threads_that_hang(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vision.sources.live.CLOSE_S", 0.01)
-
-
 class Clock:
     """A clock that stands until the test moves it."""
 
@@ -75,7 +70,7 @@ class Scripted:
         self.n_asked += 1
         self.let.acquire()
         self.n_given += 1
-        self.given = self.answers.pop(0)
+        self.given = self.answers.pop(0) if self.answers else None
         if isinstance(self.given, Exception):
             raise self.given
         return self.given is not None
@@ -90,6 +85,17 @@ class Scripted:
         self.released.set()
 
 
+class Let(LiveFrames):
+    """Live frames whose captures come back from their reads when they are closed, so that no test waits for them."""
+
+    captures: tuple[Scripted, ...] = ()
+
+    def close(self) -> None:
+        for capture in self.captures:
+            capture.let.release()
+        super().close()
+
+
 def wait_until(condition: Callable[[], object], *, limit_s: float = 120.0) -> None:
     end = time.monotonic() + limit_s
     while not condition():
@@ -97,14 +103,16 @@ def wait_until(condition: Callable[[], object], *, limit_s: float = 120.0) -> No
         time.sleep(0.001)
 
 
-def opened(*captures: Scripted, clock: Clock, **settings: object) -> LiveFrames:
+def opened(*captures: Scripted, clock: Clock, **options: object) -> LiveFrames:
     """Frames of captures that are opened one after the other; pauses last a millisecond."""
     coming = list(captures)
 
     def open_next() -> Scripted:
         return coming.pop(0) if coming else Scripted(opens=False)
 
-    return LiveFrames(open_next, clock=clock, nap=lambda _s: time.sleep(0.001), **settings)  # type: ignore[arg-type]
+    live = Let(open_next, clock=clock, nap=lambda _s: time.sleep(0.001), **options)  # type: ignore[arg-type]
+    live.captures = captures
+    return live
 
 
 def next_frame(live: LiveFrames) -> Frame:
@@ -312,7 +320,7 @@ def test_a_film_is_shown_at_its_own_pace() -> None:
         clock.now += seconds
 
     shown = Playback(film, clock=clock, sleep=sleep)
-    settings = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "frozen_s": None, "keep": 3}
+    settings = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "may_repeat": True, "keep": 3}
     with LiveFrames(lambda: shown, clock=clock, **settings) as live:  # type: ignore[arg-type]
         assert [frame.exposure_s for frame in live] == pytest.approx([100.0, 100.04, 100.12])
         assert naps == pytest.approx([0.04, 0.08])

@@ -1,15 +1,17 @@
 """The watch by a clock of the test's own."""
 
+from dataclasses import fields
+
 import pytest
 
-from vision import EventKind, SourceWatchdog
+from vision import EventKind, SourceSettings, SourceWatchdog
 
 SIZE = (64, 48)
 
 
-def fed(n: int, interval_s: float, **settings: float | None) -> tuple[SourceWatchdog, float]:
-    """A watch that saw n pictures, and when the last came [s]."""
-    watch = SourceWatchdog(0.0, **({"blocked_s": 0.5, "frozen_s": 0.5} | settings))
+def fed(n: int, interval_s: float, *, blocked_s: float = 0.5, may_repeat: bool = False) -> tuple[SourceWatchdog, float]:
+    """A watchdog that saw n pictures, and when the last came [s]."""
+    watch = SourceWatchdog(0.0, SourceSettings(blocked_s=blocked_s), may_repeat=may_repeat)
     for k in range(n):
         assert watch.saw_new(k * interval_s, SIZE) == []
     return watch, (n - 1) * interval_s
@@ -33,7 +35,7 @@ def test_silence_is_told_once_when_its_time_is_over_and_then_its_end() -> None:
 
 
 def test_silence_before_the_first_frame_is_told() -> None:
-    assert kinds(SourceWatchdog(100.0, blocked_s=0.5, frozen_s=None).check(100.6)) == [EventKind.BLOCKED]
+    assert kinds(SourceWatchdog(100.0, may_repeat=True).check(100.6)) == [EventKind.BLOCKED]
 
 
 def test_the_same_picture_for_too_long_is_frozen() -> None:
@@ -50,7 +52,7 @@ def test_the_same_picture_for_too_long_is_frozen() -> None:
 
 
 def test_pictures_may_repeat_where_that_is_said() -> None:
-    watch, last = fed(3, 0.03, frozen_s=None)
+    watch, last = fed(3, 0.03, may_repeat=True)
     watch.saw_repeat(last + 0.6)
     assert watch.check(last + 0.7) == []
 
@@ -85,7 +87,7 @@ def test_another_size_is_told_even_after_a_fault() -> None:
     assert kinds(watch.saw_new(last + 0.06, SIZE)) == [EventKind.RESUMED, EventKind.RESIZED]
 
 
-@pytest.mark.parametrize("name", ["blocked_s", "frozen_s"])
-def test_times_are_checked(name: str) -> None:
+@pytest.mark.parametrize("name", [field.name for field in fields(SourceSettings)])
+def test_settings_are_checked(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name}: expected more than 0, found 0"):
-        SourceWatchdog(0.0, **({"blocked_s": 1.0, "frozen_s": 1.0} | {name: 0.0}))
+        SourceSettings(**{name: 0})

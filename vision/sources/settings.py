@@ -1,0 +1,47 @@
+"""Settings of live sources: when a device counts as blocked, hung or slow, and when its own clock is trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True, slots=True)
+class SourceSettings:
+    """When a live source counts as blocked, hung or slow, and when its own clock is trusted.
+
+    blocked_s: without a new picture for so long a source is blocked (no answer) or frozen (the same picture), and a
+        device whose reads fail is opened again; `close` waits so long for a reading thread [s]; choice
+    hung_s: a read that takes so long has hung: another thread opens the device, FFmpeg gives a packet up; also the
+        longest pause between two attempts to open a device that is gone [s]; choice
+    opening_s: the same for opening a device, which takes some cameras ten seconds [s]; choice
+    stream_opening_s: the same for opening a stream [s]; choice
+    most_readers: threads that may hang at once, each with the device that it opened [1]; choice
+    slow_intervals: a slow camera is not blocked or frozen before so many of its usual frame intervals [1]; choice
+    settled_frames: frames of which the median interval is the usual one, and after which a device's own times are
+        trusted if they were plausible in all of them [1]; choice
+    clock_error_s: how far a device's times may wander beside the times of arrival [s]; choice
+    remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
+    backlog: frames of a device that wait where every frame counts [1]; choice
+
+    Raises ValueError that names the field.
+    """
+
+    blocked_s: float = 0.5
+    hung_s: float = 2.0
+    opening_s: float = 20.0
+    stream_opening_s: float = 5.0
+    most_readers: int = 4
+    slow_intervals: float = 3.0
+    settled_frames: int = 30
+    clock_error_s: float = 0.05
+    remembered_frames: int = 300
+    backlog: int = 64
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise ValueError(f"{field.name}: expected more than 0, found {value}")
+
+
+DEFAULTS = SourceSettings()
