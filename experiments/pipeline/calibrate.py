@@ -15,11 +15,11 @@ from experiments.formats.outputs import output_folder, write_whole
 from vision import (
     DICTIONARIES,
     FILMS,
-    SHARP_FRAMES,
     Board,
     Calibration,
     CalibrationError,
     CameraViews,
+    SourceSettings,
     View,
     board_text,
     calibrate,
@@ -96,7 +96,7 @@ def views_of(
 
 def _expected(path: Path) -> int:
     if path.suffix.lower() in FILMS:
-        return SHARP_FRAMES
+        return SourceSettings().sharp_frames
     return len(list(path.iterdir())) if path.is_dir() else 1
 
 

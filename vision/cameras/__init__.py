@@ -9,12 +9,14 @@ from vision.cameras.calibration import Calibration, View, board_text, calibrate,
 from vision.cameras.lens import Lens, Pose
 from vision.cameras.plane_camera import PlaneCamera, fronto_parallel_camera, posed_camera
 from vision.cameras.rig import CameraViews, calibrate_together
+from vision.cameras.settings import CalibrationSettings
 
 __all__ = [
     "DICTIONARIES",
     "Board",
     "Calibration",
     "CalibrationError",
+    "CalibrationSettings",
     "CameraViews",
     "Corners",
     "Lens",

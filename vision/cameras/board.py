@@ -12,15 +12,8 @@ import cv2
 import numpy as np
 
 from vision.arrays import Floats, Image
+from vision.cameras.settings import DEFAULTS, CalibrationSettings
 from vision.sources.frames import quiet_opencv
-
-WINDOW = 0.3
-"""Half the window in which a corner is refined, as a share of the least distance between corners. A wider one scatters
-less until next corners come in, in real pictures at 0.4."""
-WINDOW_PX = (2, 15)
-"""The least and the greatest half window [px]; in drawn pictures nothing is gained from 11 px on."""
-FEWEST_CORNERS = 8
-"""Corners of a ChArUco board, partly seen, that are enough of it."""
 
 DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswith("DICT_") and name.isupper()))
 """Names of marker dictionaries, such as 4X4_50."""
@@ -87,17 +80,17 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
-def find_board(board: Board, image: Image) -> Corners | None:
-    """The board's corners in a picture, grey or BGR; None where it is not found.
+def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
+    """Corners of a board in a picture, grey or BGR; None where the board is not found.
 
-    A chessboard counts only when it is seen whole, a ChArUco board from FEWEST_CORNERS corners in two rows on.
+    A chessboard counts only when it is seen whole, a ChArUco board from settings.fewest_corners corners in two rows on.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
-        return _chessboard(board, grey) if board.dictionary is None else _charuco(board, grey)
+        return (_chessboard if board.dictionary is None else _charuco)(board, grey, settings)
 
 
-def _chessboard(board: Board, grey: Image) -> Corners | None:
+def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Corners | None:
     size = (board.columns, board.rows)
     found, rough = cv2.findChessboardCorners(
         grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
@@ -107,7 +100,7 @@ def _chessboard(board: Board, grey: Image) -> Corners | None:
     if not found:
         return None
     grid = _one_way_up(np.asarray(rough, dtype=np.float64).reshape(board.rows, board.columns, 2), grey, board)
-    return Corners(board.corners_m, _refined(grey, grid.reshape(-1, 2), WINDOW * _least_distance(grid)))
+    return Corners(board.corners_m, _refined(grey, grid.reshape(-1, 2), settings.corner_window * _least_distance(grid)))
 
 
 def _least_distance(grid: Floats) -> float:
@@ -129,12 +122,12 @@ def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
     return faced[::-1, ::-1] if turned else faced
 
 
-def _charuco(board: Board, grey: Image) -> Corners | None:
+def _charuco(board: Board, grey: Image, settings: CalibrationSettings) -> Corners | None:
     dictionary = _dictionary(str(board.dictionary))
     squares = (board.columns + 1, board.rows + 1)
     printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
     seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)
-    if ids is None or len(ids) < FEWEST_CORNERS:
+    if ids is None or len(ids) < settings.fewest_corners:
         return None
     known = board.corners_m[np.ravel(ids)]
     places = np.asarray(seen, dtype=np.float64).reshape(-1, 2)
@@ -143,11 +136,11 @@ def _charuco(board: Board, grey: Image) -> Corners | None:
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + np.where(np.eye(len(places)), np.inf, 0.0)
     # The markers' edges are no edges of squares: the window stays within the white around them.
     white = (1.0 - (board.marker_m or 0.0) / board.square_m) / 2
-    return Corners(known, _refined(grey, places, min(WINDOW, white) * float(apart.min())))
+    return Corners(known, _refined(grey, places, min(settings.corner_window, white) * float(apart.min())))
 
 
 def _refined(grey: Image, places: Floats, half_px: float) -> Floats:
-    half = int(np.clip(half_px, *WINDOW_PX))
+    half = max(1, int(half_px))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
     refined = cv2.cornerSubPix(
         grey, places.astype(np.float32).reshape(-1, 1, 2).copy(), (half, half), (-1, -1), criteria

@@ -20,7 +20,7 @@ N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
 
 
 class CalibrationError(ValueError):
-    """Pictures that no camera can be calibrated from; one line that says what was found and what to do."""
+    """Pictures from which no camera can be calibrated; one line that names what was found and what to do."""
 
 
 WORST_CONDITION = 1e13
@@ -81,7 +81,7 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
 
     sds_px: relative accuracy of each camera's corners [px]; their common scale is taken from the residuals
 
-    Raises CalibrationError where the corners do not tell the parameters.
+    Raises CalibrationError where the corners do not determine the parameters.
     """
     weights = [1.0 / sds_px[s.camera] for s in sightings]
 
@@ -185,7 +185,7 @@ def _inverse_of_square(J: Floats) -> Floats:
     """The inverse of J'J, after its columns have been brought to one length."""
     lengths = np.linalg.norm(J, axis=0)
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
-        raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")
+        raise CalibrationError(f"pictures: expected views that determine the camera, found none that do; {TILT}")
     scaled = J / lengths
     square = scaled.T @ scaled
     try:
@@ -194,5 +194,5 @@ def _inverse_of_square(J: Floats) -> Floats:
     except np.linalg.LinAlgError:
         condition = np.inf
     if not condition < WORST_CONDITION:
-        raise CalibrationError(f"pictures: expected views that tell the camera, found all too much alike; {TILT}")
+        raise CalibrationError(f"pictures: expected views that determine the camera, found all too much alike; {TILT}")
     return np.asarray((inverse + inverse.T) / 2 / np.outer(lengths, lengths), dtype=np.float64)

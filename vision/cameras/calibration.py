@@ -1,4 +1,4 @@
-"""A camera calibrated from pictures of a board: lens, pose before a plane, and the joint covariance of both.
+"""Calibration of a camera from pictures of a board: lens, pose before a plane, and the joint covariance of both.
 
 World axes: x right, y up along the board that lies on the plane, z toward the camera, the origin at the board's middle.
 The lens is that of [brown1971], the way to calibrate it from planes that of [zhang2000].
@@ -26,15 +26,7 @@ from vision.cameras.bundle import (
     project,
 )
 from vision.cameras.lens import Lens, Pose
-
-FEWEST_VIEWS = 4
-LEAST_TILT_DEG = 10.0
-"""Between some two views; boards that face the same way, wherever they are, tell no more than one of them
-[zhang2000], section 4."""
-LARGEST_FOCAL_SD = 0.05
-"""Relative standard error of a focal length beyond which the pictures are too much alike."""
-OUTLIER_SDS, OUTLIER_PX = 3.0, 0.5
-"""A picture is left out when its rms lies so many robust sigma above the median, and above this [px]."""
+from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,19 +130,20 @@ def calibrate(
     *,
     name: str = "camera",
     left_out: Sequence[str] = (),
+    settings: CalibrationSettings = DEFAULTS,
 ) -> Calibration:
-    """The camera that saw these views; `plane` names the picture of the board on the plane, default the last used.
+    """Calibrate the camera of these views; `plane` names the picture of the board on the plane, default the last used.
 
     left_out: "name: reason" of pictures without a board, to be kept in the record
 
     Raises CalibrationError: fewer than four views, views all alike, or the plane's picture not among those used.
     """
-    used, dropped, lens = _without_outliers(views, size_px, [*left_out])
+    used, dropped, lens = _without_outliers(views, size_px, [*left_out], settings)
     names = [view.name for view in used]
     if plane is not None and plane not in names:
         raise CalibrationError(f"{plane}: expected a picture of the board on the plane, found {_why(plane, dropped)}")
     fit, first = _adjusted(used, lens, len(used) - 1 if plane is None else names.index(plane))
-    check_focal(fit.setup.lenses[0], fit.cov)
+    check_focal(fit.setup.lenses[0], fit.cov, settings)
     camera = fit.setup.cameras[0]
     return Calibration(
         name=name,
@@ -175,12 +168,13 @@ def upright(camera: Pose) -> Pose:
     return Pose(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
 
 
-def check_focal(lens: Lens, cov: Floats) -> None:
-    """Raises CalibrationError where a focal length is not known: cov (9 or more, ...) of fx fy ..."""
+def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
+    """Raise CalibrationError where a focal length is too uncertain: cov (9 or more, ...) of fx fy ..."""
     share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
-    if not share < LARGEST_FOCAL_SD:
+    most = settings.largest_focal_sd
+    if not share < most:
         raise CalibrationError(
-            f"pictures: expected the focal length to be told to {LARGEST_FOCAL_SD:.0%}, found {share:.0%};"
+            f"pictures: expected a focal length to {most:.0%}, found one to {share:.0%};"
             f" the views are too much alike: {TILT}"
         )
 
@@ -193,22 +187,21 @@ def board_text(board: Board) -> str:
 
 
 def _without_outliers(
-    views: Sequence[View], size_px: tuple[int, int], dropped: list[str]
+    views: Sequence[View], size_px: tuple[int, int], dropped: list[str], settings: CalibrationSettings
 ) -> tuple[list[View], list[str], tuple[Lens, list[Pose]]]:
     used = list(views)
     while True:
-        if len(used) < FEWEST_VIEWS:
+        if len(used) < settings.fewest_views:
             raise CalibrationError(
-                f"pictures: expected the board in {FEWEST_VIEWS} or more, found it in {len(used)}"
+                f"pictures: expected the board in {settings.fewest_views} or more, found it in {len(used)}"
                 f" of {len(used) + len(dropped)}; show all of it, sharp and evenly lit, and {TILT}"
             )
-        lens, poses = _first_guess(used, size_px)
+        lens, poses = _first_guess(used, size_px, settings)
         each = np.array(
             [rms(v.corners.seen_px - project(lens, p, v.corners.board_m)) for v, p in zip(used, poses, strict=True)]
         )
         middle = float(np.median(each))
-        spread = 1.4826 * float(np.median(np.abs(each - middle)))
-        bad = each > max(middle + OUTLIER_SDS * spread, OUTLIER_PX)
+        bad = each > settings.outlier_ratio * middle
         if not bad.any():
             return used, dropped, (lens, poses)
         dropped += [
@@ -219,7 +212,9 @@ def _without_outliers(
         used = [v for v, out in zip(used, bad, strict=True) if not out]
 
 
-def _first_guess(views: Sequence[View], size_px: tuple[int, int]) -> tuple[Lens, list[Pose]]:
+def _first_guess(
+    views: Sequence[View], size_px: tuple[int, int], settings: CalibrationSettings
+) -> tuple[Lens, list[Pose]]:
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-9)
     known = [v.corners.board_m.astype(np.float32) for v in views]
     seen = [v.corners.seen_px.astype(np.float32) for v in views]
@@ -228,16 +223,19 @@ def _first_guess(views: Sequence[View], size_px: tuple[int, int]) -> tuple[Lens,
             known, seen, size_px, np.eye(3), np.zeros(5), criteria=criteria
         )
     except cv2.error:
-        raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}") from None
+        raise CalibrationError(
+            f"pictures: expected views that determine the camera, found none that do; {TILT}"
+        ) from None
     still = Pose(np.eye(3), np.zeros(3))
     poses = [still.moved(np.concatenate([np.ravel(r), np.ravel(t)])) for r, t in zip(turns, shifts, strict=True)]
     normals = np.array([pose.rotation[:, 2] for pose in poses])
     if not (np.isfinite(normals).all() and np.isfinite(matrix).all() and np.isfinite(distortion).all()):
-        raise CalibrationError(f"pictures: expected views that tell the camera, found none that do; {TILT}")
+        raise CalibrationError(f"pictures: expected views that determine the camera, found none that do; {TILT}")
     widest = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
-    if widest < LEAST_TILT_DEG:
+    least = settings.least_tilt_deg
+    if widest < least:
         raise CalibrationError(
-            f"pictures: expected boards that face {LEAST_TILT_DEG:.0f} degrees or more apart, found {widest:.1f};"
+            f"pictures: expected boards that face {least:.0f} degrees or more apart, found {widest:.1f};"
             f" the views are too much alike: {TILT}"
         )
     return Lens(np.asarray(matrix, dtype=np.float64), np.ravel(distortion).astype(np.float64)), poses

@@ -1,4 +1,4 @@
-"""Several cameras of one scene, calibrated from pictures of a board that were taken together."""
+"""Calibration of several cameras of one scene, from pictures of a board that were taken together."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from vision.cameras.board import Board
 from vision.cameras.bundle import N_CAMERA, Adjusted, CalibrationError, Setup, Sighting, adjust
 from vision.cameras.calibration import Calibration, View, calibrate, check_focal, rms, upright
 from vision.cameras.lens import Pose
-
-APART_PX, APART = 1.0, 3.0
-"""Pictures of one name were not taken together where a camera's rms exceeds this [px] and so many times its own."""
+from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,8 +24,14 @@ class CameraViews:
     left_out: tuple[str, ...] = ()
 
 
-def calibrate_together(board: Board, cameras: Sequence[CameraViews], plane: str | None = None) -> list[Calibration]:
-    """Each camera by itself, then all lenses and poses together; views of one name show the board in one place.
+def calibrate_together(
+    board: Board,
+    cameras: Sequence[CameraViews],
+    plane: str | None = None,
+    *,
+    settings: CalibrationSettings = DEFAULTS,
+) -> list[Calibration]:
+    """Calibrate cameras together: each alone, then all lenses and poses; views of one name show the board in one place.
 
     plane: the picture whose board is the world, upright as the first camera sees it; default: the last one that
         the first camera used
@@ -39,7 +43,7 @@ def calibrate_together(board: Board, cameras: Sequence[CameraViews], plane: str 
             f"board: expected one whose columns and rows are odd and even, found {board.columns}x{board.rows};"
             " turned around it looks the same, and two cameras could take different corners for the first"
         )
-    alone = [_alone(camera) for camera in cameras]
+    alone = [_alone(camera, settings) for camera in cameras]
     used = [set(one.images_used) for one in alone]
     world = plane if plane is not None else alone[0].images_used[-1]
     if not any(world in names for names in used):
@@ -54,12 +58,12 @@ def calibrate_together(board: Board, cameras: Sequence[CameraViews], plane: str 
         if view.name in used[c]
     ]
     fit = adjust(sightings, start, names.index(world), [one.reprojection_rms_px for one in alone])
-    return _records(alone, fit, sightings, names, world)
+    return _records(alone, fit, sightings, names, world, settings)
 
 
-def _alone(camera: CameraViews) -> Calibration:
+def _alone(camera: CameraViews, settings: CalibrationSettings) -> Calibration:
     try:
-        return calibrate(camera.views, camera.size_px, name=camera.name, left_out=camera.left_out)
+        return calibrate(camera.views, camera.size_px, name=camera.name, left_out=camera.left_out, settings=settings)
     except CalibrationError as error:
         raise CalibrationError(f"camera {camera.name}: {error}") from None
 
@@ -87,7 +91,12 @@ def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mappi
 
 
 def _records(
-    alone: Sequence[Calibration], fit: Adjusted, sightings: Sequence[Sighting], names: Sequence[str], world: str
+    alone: Sequence[Calibration],
+    fit: Adjusted,
+    sightings: Sequence[Sighting],
+    names: Sequence[str],
+    world: str,
+    settings: CalibrationSettings,
 ) -> list[Calibration]:
     turn = upright(fit.setup.cameras[0])
     factor = np.asarray(np.linalg.cholesky(fit.cov).T, dtype=np.float64)
@@ -97,12 +106,12 @@ def _records(
         mine = slice(N_CAMERA * c, N_CAMERA * (c + 1))
         residuals = tuple(r for s, r in zip(sightings, fit.residuals_px, strict=True) if s.camera == c)
         joint, own = rms(np.concatenate(residuals)), one.reprojection_rms_px
-        if joint > max(APART_PX, APART * own):
+        if joint > own + settings.together_px:
             raise CalibrationError(
                 f"camera {one.name}: expected pictures of the same name taken together, found {joint:.1f} px rms"
                 f" with the others and {own:.1f} px alone"
             )
-        check_focal(lens, fit.cov[mine, mine])
+        check_focal(lens, fit.cov[mine, mine], settings)
         views = tuple(pose.after(fit.setup.boards[names.index(name)]) for name in one.images_used)
         records.append(
             replace(

@@ -10,7 +10,7 @@ from vision.sources.frames import FolderFrames, Frame, SourceError, VideoFileFra
 from vision.sources.live import Capture, LiveFrames
 from vision.sources.opening import from_file, open_source, shown_source
 from vision.sources.picture_folder import PictureFolderFrames
-from vision.sources.pictures import FILMS, SHARP_FRAMES, grey_picture, grey_pictures, sharp_frames
+from vision.sources.pictures import FILMS, grey_picture, grey_pictures, sharp_frames
 from vision.sources.playback import Playback
 from vision.sources.segments import (
     NOMINAL_FPS,
@@ -28,7 +28,6 @@ from vision.sources.watchdog import SourceWatchdog
 __all__ = [
     "FILMS",
     "NOMINAL_FPS",
-    "SHARP_FRAMES",
     "SUFFIX",
     "Capture",
     "Codec",

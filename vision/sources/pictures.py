@@ -11,14 +11,13 @@ import numpy as np
 
 from vision.arrays import Image
 from vision.sources.frames import SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.sources.settings import DEFAULTS, SourceSettings
 
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mpeg"})
-SHARP_FRAMES = 40
-"""Frames taken of a film."""
 
 
-def grey_pictures(paths: Sequence[Path]) -> Iterator[tuple[str, Image]]:
+def grey_pictures(paths: Sequence[Path], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
     """Name and grey levels (height, width) of each picture: of a film, then of files and folders by name.
 
     Raises SourceError for what cannot be read, for a second film, for names that come twice, and for pictures of
@@ -27,7 +26,7 @@ def grey_pictures(paths: Sequence[Path]) -> Iterator[tuple[str, Image]]:
     films = [path for path in paths if path.suffix.lower() in FILMS]
     if len(films) > 1:
         raise SourceError(f"{films[1]}: expected one film, found a second one after {films[0]}")
-    frames = ((films[0], name, image) for name, image in sharp_frames(films[0])) if films else ()
+    frames = ((films[0], name, image) for name, image in sharp_frames(films[0], settings.sharp_frames)) if films else ()
     files = ((path, path.name, grey_picture(path)) for path in _files([p for p in paths if p not in films]))
     first: tuple[str, Image] | None = None
     for path, name, image in chain(frames, files):
@@ -49,7 +48,7 @@ def grey_picture(path: Path) -> Image:
     return np.asarray(image, dtype=np.uint8)
 
 
-def sharp_frames(film: Path, n: int = SHARP_FRAMES) -> Iterator[tuple[str, Image]]:
+def sharp_frames(film: Path, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
     """The sharpest frame of each of n equal parts of a film, named `frame 000123`; SourceError as films have it."""
     n_frames = count_frames(film)
     best: tuple[float, str, Image] | None = None

@@ -1,4 +1,4 @@
-"""Settings of live sources: when a device counts as blocked, hung or slow, and when its own clock is trusted."""
+"""Settings of sources: when a device is blocked, hung or slow, when its own clock is trusted, frames of a film."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """When a live source counts as blocked, hung or slow, and when its own clock is trusted.
+    """When a live source counts as blocked, hung or slow, when its own clock is trusted, which frames of a film count.
 
     blocked_s: without a new picture for so long a source is blocked (no answer) or frozen (the same picture), and a
         device whose reads fail is opened again; `close` waits so long for a reading thread [s]; choice
@@ -22,6 +22,7 @@ class SourceSettings:
     clock_error_s: how far a device's times may wander beside the times of arrival [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
     backlog: frames of a device that wait where every frame counts [1]; choice
+    sharp_frames: frames taken from a film for a calibration, the sharpest of so many equal parts [1]; choice
 
     Raises ValueError that names the field.
     """
@@ -36,6 +37,7 @@ class SourceSettings:
     clock_error_s: float = 0.05
     remembered_frames: int = 300
     backlog: int = 64
+    sharp_frames: int = 40
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -1,0 +1,42 @@
+"""Settings of a calibration: which boards, pictures and results count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSettings:
+    """Which boards, pictures and results of a calibration count.
+
+    corner_window: half the window in which a corner is refined, as a share of the least distance between corners [1];
+        choice
+    fewest_corners: corners of a ChArUco board, partly seen, that are enough of it [1]; choice
+    fewest_views: pictures that show the board [1]; source: [zhang2000] section 3.1, three views determine the camera
+        matrix, and one more shows whether they agree
+    outlier_ratio: a picture is left out where its rms exceeds so many times the median picture's [1]; choice
+    least_tilt_deg: angle between some two boards, for boards that all face the same way determine no more than one of
+        them, [zhang2000] section 4 [degrees]; choice
+    largest_focal_sd: relative standard error of a focal length beyond which the pictures are too much alike [1]; choice
+    together_px: pictures of one name were not taken together where a camera's rms, adjusted with the others, exceeds
+        its own by more than this [px]; choice
+
+    Raises ValueError that names the field.
+    """
+
+    corner_window: float = 0.3
+    fewest_corners: int = 8
+    fewest_views: int = 4
+    outlier_ratio: float = 3.0
+    least_tilt_deg: float = 10.0
+    largest_focal_sd: float = 0.05
+    together_px: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise ValueError(f"{field.name}: expected more than 0, found {value}")
+
+
+DEFAULTS = CalibrationSettings()
