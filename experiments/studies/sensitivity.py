@@ -16,18 +16,17 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from experiments.formats.outputs import write_whole
+from experiments.studies.settings_families import FAMILIES, Family, Figures
 
 PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
 ORIGINS = ("source", "measured", "choice")
-
-Figures = Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +39,6 @@ class Setting:
     origin: str
     reason: str
     default: Any
-
-
-@dataclass(frozen=True, slots=True)
-class Family:
-    """A settings record and the function that gives the figures it serves."""
-
-    record: Any
-    figures: Callable[[Any], Figures]
 
 
 def documented(record: type) -> dict[str, tuple[str, str, str, str]]:
@@ -108,8 +99,6 @@ def variants(setting: Setting) -> dict[str, Any]:
 
 def _figures(family: str, path: str, value: Any) -> Figures | str:
     """Figures of one variant, or why the record does not take it."""
-    from experiments.studies.settings_families import FAMILIES
-
     own = FAMILIES[family]
     try:
         return own.figures(changed(own.record, path, value) if path else own.record)
@@ -149,8 +138,6 @@ def cost(default: Figures, other: Figures | str) -> str:
 
 def page(folder: Path) -> str:
     """The text of docs/settings.md: every setting, and what half and twice of each choice cost."""
-    from experiments.studies.settings_families import FAMILIES
-
     lines = [
         "# Settings",
         "",
@@ -182,8 +169,6 @@ def page(folder: Path) -> str:
 
 def main() -> None:
     """Run the study, or write its page."""
-    from experiments.studies.settings_families import FAMILIES
-
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only", default=",".join(FAMILIES))

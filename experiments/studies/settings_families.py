@@ -2,6 +2,19 @@
 
 from __future__ import annotations
 
-from experiments.studies.sensitivity import Family
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Figures = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A settings record and the function that gives the figures it serves."""
+
+    record: Any
+    figures: Callable[[Any], Figures]
+
 
 FAMILIES: dict[str, Family] = {}
