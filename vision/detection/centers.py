@@ -16,39 +16,7 @@ from vision.arrays import Floats, Picture
 from vision.detection.coverage import Coverage
 from vision.detection.outline import Fitted, Outline, fit_outline
 from vision.detection.rim import fit_rim
-
-APART = 13.815510557964274
-"""Squared distance beyond which two centres of one mark, by area and by outline, differ: chi-square, 0.1 %."""
-AGREE_PX2 = 0.08**2 * np.eye(2)
-"""Covariance of what two centres of one mark may differ by whatever they say of themselves: shading, print; chosen."""
-BEYOND = 0.1
-"""Where more than this share of the edge lies outside the outline, a mark is not covered but smeared; chosen."""
-FAINTEST = 0.2
-"""Noise of a pixel by a mark's contrast, above which it is a stain of what is around it; measured on drawn frames:
-marks 0.01 to 0.15, grains of a hand's colour 0.19 to 0.4."""
-GRAIN_NOISE, GRAIN_GAIN = 0.02, 3.2
-"""Noise of a pixel by a mark's contrast from which errors of an outline hang together more than it shows, and what that
-adds to their variance at most: compression, highlights, shadow; measured on drawn frames."""
-WHOLE_AT_LEAST = 0.5
-"""A mark whose outline cannot be told must show this share of its area; chosen."""
-SMEAR = 0.12
-"""Variance of the rim's centre by the spread of the way that the mark moved during the exposure; chosen."""
-UNEVEN = 0.01
-"""By what shading pulls the rim of a ball, by its size, were all of the rim seen; measured on real films."""
-BLURRED = 1.2
-"""Spread of a mark at rest by that of its outline, at most; chosen."""
-RIM_SEEN = 0.3
-"""Below this share of a rim, weighed by how clear it is, part of the mark is covered; chosen."""
-ALL_SEEN = 0.9
-"""Of its area a mark shows this share, or something covers part of it; chosen."""
-WHOLE_AT_MOST = 1.6
-"""Nor may it show more than this: a hand, blood; chosen."""
-MERGED = 1.25
-"""From this share of a mark's area on, two of them may hang together; chosen."""
-NEXT = 1.4
-"""How far from where it is expected the edge of one of several marks is looked for, in sizes of it; chosen."""
-ONE_MARK = 0.5
-"""Fragments whose outlines' centres are nearer than this share of its size are one mark; chosen."""
+from vision.detection.settings import CenterSettings, DetectionSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,77 +45,90 @@ class Center:
     size: float = 1.0
 
 
-def centers_of(piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats]) -> list[Center]:
+def centers_of(
+    piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats], settings: DetectionSettings
+) -> list[Center]:
     """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none.
 
     expected_px: where marks of its hue are expected inside it, each (2,) from its corner
     """
-    factor = _trust(seen, outline)
-    return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px)]
+    factor = _trust(seen, outline, settings.centers)
+    return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
-def centers_agreed(seen: Coverage, outline: Outline) -> Center | None:
+def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline say the same; None where they do not."""
-    if seen.noise_sd > FAINTEST:
+    if seen.noise_sd > settings.components.max_noise:
         return None
-    center = _agreed(seen, fit_outline(seen.alpha, seen.center_px, outline), outline)
+    center = _agreed(
+        seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings.centers
+    )
     if center is None:
         return None
-    return Center(center.center_px, _trust(seen, outline) * center.cov_px2, center.covered, center.size)
+    return Center(
+        center.center_px, _trust(seen, outline, settings.centers) * center.cov_px2, center.covered, center.size
+    )
 
 
-def _trust(seen: Coverage, outline: Outline) -> float:
+def _trust(seen: Coverage, outline: Outline, settings: CenterSettings) -> float:
     """A factor on the covariance of an outline in noise."""
-    grain = (seen.noise_sd / GRAIN_NOISE) ** 4
-    return 1.0 + outline.even * GRAIN_GAIN * grain / (1.0 + grain)
+    grain = (seen.noise_sd / settings.grain_noise) ** 4
+    return 1.0 + outline.even * settings.grain_gain * grain / (1.0 + grain)
 
 
-def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline) -> Center | None:
-    if fitted is None or not WHOLE_AT_LEAST <= seen.area_px / outline.area_px <= WHOLE_AT_MOST:
+def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline, settings: CenterSettings) -> Center | None:
+    if fitted is None or not settings.min_area <= seen.area_px / outline.area_px <= settings.max_area:
         return None
     apart = fitted.center_px - seen.center_px
-    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + AGREE_PX2)
-    if squared > APART:
+    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + settings.agree_sd_px**2 * np.eye(2))
+    if squared > settings.gate:
         return None
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
 
 
-def _by_outline(piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats]) -> list[Center]:
+def _by_outline(
+    piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats], settings: DetectionSettings
+) -> list[Center]:
+    limits = settings.centers
     whole = Center(seen.center_px, seen.cov_px2)
-    fitted = fit_outline(seen.alpha, seen.center_px, outline)
+    fitted = fit_outline(seen.alpha, seen.center_px, outline, settings.outline)
     share = seen.area_px / outline.area_px
     if outline.even:
-        if share > MERGED and (fitted is None or fitted.beyond > BEYOND):
+        if share > limits.merged_area and (fitted is None or fitted.beyond > settings.outline.max_beyond):
             starts = _starts(piece, expected_px, outline)
-            several = [fit_outline(seen.alpha, start, outline, reach=NEXT) for start in starts]
-            if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
+            several = [
+                fit_outline(seen.alpha, start, outline, settings.outline, reach=settings.outline.reach_among)
+                for start in starts
+            ]
+            if all(several) and (len(expected_px) > 1 or _apart(several, outline, limits)):
                 return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
-        agreed = _agreed(seen, fitted, outline)
+        agreed = _agreed(seen, fitted, outline, limits)
         if agreed is not None:
             return [agreed]
     circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in expected_px)]
     if fitted is not None:
         circles.append((*fitted.center_px, fitted.size))
-    rim = _by_rim(piece, outline, np.array(circles))
+    rim = _by_rim(piece, outline, np.array(circles), settings)
     if rim is not None:
-        return [replace(rim, covered=rim.covered or share < ALL_SEEN * rim.size**2)]
-    if fitted is not None and fitted.beyond <= BEYOND:
+        return [replace(rim, covered=rim.covered or share < limits.whole_area * rim.size**2)]
+    if fitted is not None and fitted.beyond <= settings.outline.max_beyond:
         return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
-    if share < WHOLE_AT_LEAST or (outline.even and share > WHOLE_AT_MOST):
+    if share < limits.min_area or (outline.even and share > limits.max_area):
         return []
     # of its outline nothing is to be told: somewhere within it
     return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
 
-def _by_rim(piece: Component, outline: Outline, circles: Floats) -> Center | None:
+def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: DetectionSettings) -> Center | None:
     """The centre by the steps of colour around a piece, from these circles, (n, 3); None where they make no rim."""
-    rim = fit_rim(piece.patch, circles, outline)
-    if rim is None or (outline.even and rim.share < RIM_SEEN):
+    limits = settings.rim
+    rim = fit_rim(piece.patch, circles, outline, settings)
+    if rim is None or (outline.even and rim.share < limits.min_share):
         return None
-    cov = rim.cov_px2 + SMEAR * _smear(piece.component, outline)
+    cov = rim.cov_px2 + limits.smear_gain * _smear(piece.component, outline, settings.centers)
     if not outline.even:
-        cov = cov + UNEVEN**2 / rim.share * outline.shape_px @ outline.shape_px.T
-    return Center(rim.center_px, cov, piece.clipped or rim.share < RIM_SEEN, rim.size)
+        cov = cov + limits.shading**2 / rim.share * outline.shape_px @ outline.shape_px.T
+    return Center(rim.center_px, cov, piece.clipped or rim.share < limits.min_share, rim.size)
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
@@ -163,19 +144,19 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
     return middle + np.array([[lengths.min() + radius], [lengths.max() - radius]]) * along
 
 
-def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
+def _apart(several: Sequence[Fitted | None], outline: Outline, settings: CenterSettings) -> bool:
     """Whether centres are those of different marks, and not of one that is larger than it was thought to be."""
-    near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
+    near = settings.apart * (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
 
 
-def _smear(component: Picture, outline: Outline) -> Floats:
+def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
     """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
     # of a disc: a quarter of its radius squared; a blurred edge adds some
-    values, vectors = np.linalg.eigh(spread - BLURRED * outline.shape_px @ outline.shape_px.T / 4.0)
+    values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 

@@ -16,21 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vision.arrays import Floats, Image, Picture
-from vision.detection.centers import FAINTEST, ONE_MARK, Center, Component, centers_of
-from vision.detection.coverage import PAD_PX, measure_coverage
+from vision.detection.centers import Center, Component, centers_of
+from vision.detection.coverage import measure_coverage
 from vision.detection.hue import MarkHue
 from vision.detection.outline import Outline
 from vision.detection.palette import Palette, classes_of, equal, palette_of
 from vision.detection.records import Detection, HueError
+from vision.detection.settings import DETECTION, DetectionSettings
 
-LARGEST_SHARE = 0.3
-"""A range of hues that takes more of the picture than this shows the scene, not marks; chosen."""
-MAX_ELONGATION = 4.0
-"""Longest to shortest axis of what may be a mark: round marks smeared by up to three times their width; chosen."""
-SEARCH_SHARE = 0.4
-"""A mark may show this share of its least area in the search already; its edge counts only after that; chosen."""
-COARSE_AREA_PX = 60.0
-"""Marks of at least so many pixels are searched for in a picture of half the size; chosen."""
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
 
@@ -44,6 +37,7 @@ def detect_marks(
     outlines: Sequence[Outline] = (),
     expected_px: ArrayLike = (),
     expected_hues: Sequence[float] = (),
+    settings: DetectionSettings = DETECTION,
 ) -> list[Detection]:
     """Marks of these hues, largest first.
 
@@ -65,7 +59,7 @@ def detect_marks(
     if not hues:
         return []
     palette = palette_of(tuple(hues))
-    scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
+    scale = 2 if region is None and min_area_px >= settings.components.coarse_area_px and min(part.shape[:2]) > 1 else 1
     classes = classes_of(part, palette, scale)
     corner = np.array([left, top], dtype=float)
     starts = np.reshape(expected_px, (-1, 2)) - corner
@@ -80,16 +74,17 @@ def detect_marks(
         starts,
         corner,
         tuple(expected_hues),
+        settings,
     )
     found: list[Detection] = []
     for number, hue in enumerate(hues, start=1):
         mask = classes if len(hues) == 1 else equal(classes, number)
         if region is None:
-            _check_share(hue, cv2.countNonZero(mask) / mask.size)
+            _check_share(hue, cv2.countNonZero(mask) / mask.size, settings.components.max_picture_share)
         contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         of_hue = [search.detected(contour, number, hue.hue_deg) for contour in contours]
         found += (
-            _pieced(of_hue, min(outlines, key=lambda one: one.area_px))
+            _pieced(of_hue, min(outlines, key=lambda one: one.area_px), settings.centers.apart)
             if outlines
             else [d for each in of_hue for d in each]
         )
@@ -105,10 +100,10 @@ def _cut(frame: Image, region: tuple[int, int, int, int]) -> Image:
     return frame[top : top + height, left : left + width]
 
 
-def _check_share(hue: MarkHue, share: float) -> None:
-    if share > LARGEST_SHARE:
+def _check_share(hue: MarkHue, share: float, most: float) -> None:
+    if share > most:
         raise HueError(
-            f"hue {hue.hue_deg:g} ± {hue.half_width_deg:g} degrees: expected marks on up to {LARGEST_SHARE:.0%} "
+            f"hue {hue.hue_deg:g} ± {hue.half_width_deg:g} degrees: expected marks on up to {most:.0%} "
             f"of the picture, found {share:.0%}; narrow the range or raise min_saturation ({hue.min_saturation:g})"
         )
 
@@ -131,6 +126,7 @@ class _Search:
     starts_px: Floats
     corner_px: Floats
     hues_deg: tuple[float, ...]
+    settings: DetectionSettings
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
         """The marks inside this contour of the classes."""
@@ -138,11 +134,13 @@ class _Search:
         seen = (
             None
             if piece is None
-            else measure_coverage(piece.patch, piece.component, piece.others, thorough=not self.outlines)
+            else measure_coverage(
+                piece.patch, piece.component, piece.others, self.settings.coverage, thorough=not self.outlines
+            )
         )
         if piece is None or seen is None:
             return []
-        if seen.noise_sd > FAINTEST and all(one.even for one in self.outlines):
+        if seen.noise_sd > self.settings.components.max_noise and all(one.even for one in self.outlines):
             return []
         if not self.min_area_px <= seen.area_px <= self.max_area_px:
             return []
@@ -151,7 +149,7 @@ class _Search:
         whole = Center(seen.center_px, seen.cov_px2)
         centers = [whole]
         if outline is not None:
-            centers = centers_of(piece, seen, outline, self._inside(piece))
+            centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
         # Of a mark that the border cuts, as much again as is seen may lie outside.
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
@@ -187,11 +185,11 @@ class _Search:
     def _piece(self, contour: Picture, number: int) -> Component | None:
         """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
-        least = SEARCH_SHARE * self.min_area_px
+        least = self.settings.components.min_class_share * self.min_area_px
         if width * height < least:
             return None
         frame_height, frame_width = self.part.shape[:2]
-        pad = PAD_PX + max(width, height) // 8
+        pad = self.settings.coverage.pad_px + max(width, height) // 8
         u0, v0 = max(u - pad, 0), max(v - pad, 0)
         u1, v1 = min(u + width + pad, frame_width), min(v + height + pad, frame_height)
         patch = np.ascontiguousarray(self.part[v0:v1, u0:u1])
@@ -205,16 +203,16 @@ class _Search:
             pieces, _ = cv2.findContours(near, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
             component[:] = 0
             cv2.drawContours(component, pieces, -1, 1, cv2.FILLED)
-        if cv2.countNonZero(component) < least or _elongation(component) > MAX_ELONGATION:
+        if cv2.countNonZero(component) < least or _elongation(component) > self.settings.components.max_elongation:
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
         clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
 
-def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
+def _pieced(found: Sequence[Sequence[Detection]], outline: Outline, apart: float) -> list[Detection]:
     """All that was found in the pieces of a picture; fragments of one mark, as a needle leaves them, put together."""
-    near = ONE_MARK * (outline.area_px / np.pi) ** 0.5
+    near = apart * (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []
     for one in (several[0] for several in found if len(several) == 1):

@@ -11,28 +11,10 @@ import numpy as np
 
 from vision.arrays import Floats, Picture
 from vision.detection import kernels
+from vision.detection.settings import DETECTION, CoverageSettings
 
-GROW_PX = 3
-"""How far beyond the component the mark's blurred edge may reach; chosen for lenses up to 1.5 px blur."""
-PAD_PX = GROW_PX + 5
-"""Rim of pixels around the component that is looked at: its outer part shows what lies behind the mark."""
-CORE_PX = 2
-"""Pixels this far inside the component are all mark, whatever stripes or highlights they show."""
-FLOOR_PX2 = 0.0025**2
-"""Variance of a centre when nothing else is wrong: rounding to grey levels, shading; measured on drawn frames."""
-ROUNDING = 1.0 / 12.0
-"""Variance of rounding to whole grey levels."""
-OUTLIER_SDS = 4.0
-"""Pixels further off than this are no background but something else near the mark."""
 FIT_PIXELS = 800
 """Pixels that the background is fitted to, at most: more cost time and gain nothing."""
-GRAIN_REACH = 7
-"""Square of lags over which noise behind a mark may hang together [px]: grain up to 1.5 px spread."""
-LOCAL_GAIN = 1.6
-"""Variance of noise to that of half the difference of two: 2 for white noise; measured on films of quality 95, whose
-noise alternates from pixel to pixel."""
-LOCAL_REACH = 3
-"""The same for what is lopsided in a mark [px]: little, as its first moment is gone with the centre; measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +36,14 @@ class Coverage:
     color_bgr: tuple[float, ...]
 
 
-def measure_coverage(patch: Picture, component: Picture, others: Picture, *, thorough: bool = True) -> Coverage | None:
+def measure_coverage(
+    patch: Picture,
+    component: Picture,
+    others: Picture,
+    settings: CoverageSettings = DETECTION.coverage,
+    *,
+    thorough: bool = True,
+) -> Coverage | None:
     """What a component covers of a patch; None where it cannot be told from what lies behind it.
 
     patch: (h, w, 3) BGR uint8
@@ -62,20 +51,30 @@ def measure_coverage(patch: Picture, component: Picture, others: Picture, *, tho
     others: not 0 on pixels of other marks of the class, which are no background, (h, w) uint8
     thorough: whether to see how far the noise hangs together; if not, the covariance is rough
     """
-    discs = _half_widths(GROW_PX + max(component.shape) // 16), _half_widths(CORE_PX)
-    told, alpha, figures = kernels.covered(patch, component, others, discs, CONSTANTS, thorough)
+    discs = _half_widths(settings.grow_px + max(component.shape) // 16), _half_widths(settings.core_px)
+    told, alpha, figures = kernels.covered(patch, component, others, discs, settings.for_kernel(), FIT_PIXELS, thorough)
     return _cover(alpha, figures) if told else None
 
 
 def measure_isolated(
-    frame: Picture, box: tuple[int, int, int, int], number: int, palette: tuple[Any, ...], fewest: int
+    frame: Picture,
+    box: tuple[int, int, int, int],
+    classes: tuple[int, tuple[Any, ...]],
+    fewest: int,
+    settings: CoverageSettings = DETECTION.coverage,
 ) -> tuple[tuple[int, int], Coverage] | None:
     """The corner [px] of a patch, and what the only mark of a class covers of it, in a part of a picture; else None.
 
-    box: left, top, right, bottom; number: of the class; palette: as `kernels.alone` has it; fewest: pixels of a mark
+    box: left, top, right, bottom; classes: number of the class, and the palette as `kernels.alone` has it
+    fewest: pixels of a mark
     """
-    discs = _half_widths(GROW_PX + min(box[2] - box[0], box[3] - box[1]) // 20), _half_widths(CORE_PX)
-    told, left, top, alpha, figures = kernels.alone(frame, box, number, palette, fewest, PADS, discs, FEWER)
+    discs = (
+        _half_widths(settings.grow_px + min(box[2] - box[0], box[3] - box[1]) // 20),
+        _half_widths(settings.core_px),
+    )
+    told, left, top, alpha, figures = kernels.alone(
+        frame, box, *classes, fewest, (settings.pad_px, 8), discs, settings.for_kernel(), FIT_PIXELS // 2
+    )
     return ((left, top), _cover(alpha, figures)) if told else None
 
 
@@ -89,11 +88,3 @@ def _half_widths(radius: int) -> Picture:
     """Of a disc, row by row, (2 radius + 1,)."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     return (disc.sum(axis=1).astype(np.int64) - 1) // 2
-
-
-PADS = (PAD_PX, 8)
-"""What is looked at around a piece: so many pixels, and an eighth of its longer side."""
-CONSTANTS = (OUTLIER_SDS, FIT_PIXELS, ROUNDING, GRAIN_REACH, LOCAL_GAIN, LOCAL_REACH, FLOOR_PX2)
-"""As the kernel takes them."""
-FEWER = (OUTLIER_SDS, FIT_PIXELS // 2, ROUNDING, GRAIN_REACH, LOCAL_GAIN, LOCAL_REACH, FLOOR_PX2)
-"""The same, of half as many pixels behind the mark, for a mark that is alone."""

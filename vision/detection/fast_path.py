@@ -11,13 +11,15 @@ from vision.detection.expected import Expected
 from vision.detection.hue import MarkHue
 from vision.detection.palette import palette_of
 from vision.detection.records import Detection
-
-FEWEST = 0.4
-"""Share of its area that a mark shows in the search at least; chosen."""
+from vision.detection.settings import DETECTION, DetectionSettings
 
 
 def detect_isolated(
-    frame_bgr: Image, hues: Sequence[MarkHue], region: tuple[int, int, int, int], expected: Expected
+    frame_bgr: Image,
+    hues: Sequence[MarkHue],
+    region: tuple[int, int, int, int],
+    expected: Expected,
+    settings: DetectionSettings = DETECTION,
 ) -> Detection | None:
     """The mark expected in this region, where it is the only one of its hue there and nothing is odd about it.
 
@@ -32,14 +34,14 @@ def detect_isolated(
     told = measure_isolated(
         frame_bgr,
         (left, top, left + width, top + height),
-        number,
-        (palette.table, palette.least_value, palette.least_saturation),
-        max(1, int(FEWEST * outline.area_px)),
+        (number, (palette.table, palette.least_value, palette.least_saturation)),
+        max(1, int(settings.components.min_class_share * outline.area_px)),
+        settings.coverage,
     )
     if told is None:
         return None
     corner, seen = told
-    center = centers_agreed(seen, outline)
+    center = centers_agreed(seen, outline, settings)
     if center is None:
         return None
     return Detection(

@@ -7,26 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vision.arrays import Image, Picture
-from vision.detection.components import LARGEST_SHARE
 from vision.detection.hue import MarkHue, on_circle
 from vision.detection.records import HueError
+from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettings
 
-ALIKE = 0.6
-"""How far off colours of one mark are at most, by how far grey is; chosen."""
 FURTHEST = 1.5
 """How far off colours are told apart, by how far grey is; chosen."""
 SMALLEST_PX = 8
 """Reach of the first window around the place."""
 FEWEST_PIXELS = 12
-SDS = 3.0
-"""Standard deviations of its pixels' hues that a kind of mark reaches; chosen."""
-NARROWEST_DEG, WIDEST_DEG = 8.0, 25.0
-"""Half widths of a learned range; chosen."""
-WEAKEST, PALER, DARKER = 5.0, 0.6, 0.3
-"""Percentile of saturation and value that is still the mark's, and how much paler and darker others may be; chosen."""
 
 
-def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
+def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
     """The kind of mark that covers this place, of the pixels around it that are coloured alike, bright or dark.
 
     frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
@@ -39,34 +31,36 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike) -> MarkHue:
     if not (0 <= u < width and 0 <= v < height):
         raise ValueError(f"place: expected one inside {width} x {height} px, found {u}, {v}")
     smooth = cv2.GaussianBlur(frame_bgr, (0, 0), 1.5)
-    inside = cv2.erode(_around(smooth, u, v), np.ones((3, 3), np.uint8)).astype(bool)
+    inside = cv2.erode(_around(smooth, u, v, settings.max_distance), np.ones((3, 3), np.uint8)).astype(bool)
     if inside.sum() < FEWEST_PIXELS:
         raise HueError(
             f"place {u}, {v}: expected a mark of {FEWEST_PIXELS} or more pixels alike, found {inside.sum()};"
             " point at the middle of a mark"
         )
-    if inside.mean() > LARGEST_SHARE:
+    if inside.mean() > DETECTION.components.max_picture_share:
         raise HueError(f"place {u}, {v}: expected a mark, found {inside.mean():.0%} of the picture; point at a mark")
     hsv = cv2.cvtColor(smooth.astype(np.float32) / 255.0, cv2.COLOR_BGR2HSV)[inside]
     angles, saturation, value = np.deg2rad(hsv[:, 0]), hsv[:, 1], hsv[:, 2]
     middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
     off = np.angle(np.exp(1j * (angles - middle)))
-    weakest = np.percentile(saturation, WEAKEST), np.percentile(value, WEAKEST)
+    weakest = np.percentile(saturation, 5.0), np.percentile(value, 5.0)
     if weakest[0] < 0.1:
         raise HueError(
             f"place {u}, {v}: expected a coloured mark, found grey (saturation {weakest[0]:.2f}); point at a mark"
         )
     return MarkHue(
         hue_deg=on_circle(float(np.degrees(middle))),
-        half_width_deg=float(np.clip(SDS * np.degrees(off.std()), NARROWEST_DEG, WIDEST_DEG)),
-        min_saturation=float(PALER * weakest[0]),
-        min_value=float(DARKER * weakest[1]),
+        half_width_deg=float(
+            np.clip(settings.sds * np.degrees(off.std()), settings.min_width_deg, settings.max_width_deg)
+        ),
+        min_saturation=float(settings.paler * weakest[0]),
+        min_value=float(settings.darker * weakest[1]),
         saturation=float(saturation.mean()),
         value=float(value.mean()),
     )
 
 
-def _around(smooth: Picture, u: int, v: int) -> Picture:
+def _around(smooth: Picture, u: int, v: int, max_distance: float) -> Picture:
     """1 on the pixels that hang together with this one and are coloured as it is, else 0, (h, w).
 
     In a window around it, Otsu's threshold parts the pixels by how far their colours are from its own, whatever their
@@ -83,7 +77,7 @@ def _around(smooth: Picture, u: int, v: int) -> Picture:
         u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
         window = off[v0:v1, u0:u1]
         parting, _ = cv2.threshold(window, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-        alike = np.asarray(window <= min(parting, 255.0 * ALIKE / FURTHEST), dtype=np.uint8)
+        alike = np.asarray(window <= min(parting, 255.0 * max_distance / FURTHEST), dtype=np.uint8)
         _, parts = cv2.connectedComponents(alike)
         part = (parts == parts[v - v0, u - u0]) & (alike > 0)
         inside[:] = 0

@@ -15,8 +15,8 @@ NARROW_PX = 12
 """Around the pixels of a mark that is looked at alone: its edge, and what lies behind it."""
 ON_A_LINE = 1e-6
 """Determinant of the Gram matrix by its diagonal's product, below which places tell no plane: nearly on a line."""
-ROUGHLY = 12.0
-"""Variance of noise as it moves a centre, by that of a pixel, where nobody looks closer; measured on drawn frames."""
+ROUNDING = 1.0 / 12.0
+"""Variance of rounding to whole grey levels."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -88,7 +88,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _background(patch, ring, outlier_sds, fit_pixels, rounding):  # type: ignore[no-untyped-def]
+def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
     """Whether there is one; plane, Gram matrix and noise of the colours behind the mark, all (3, 3)."""
     none = np.zeros((3, 3))
     height, width = ring.shape
@@ -147,7 +147,7 @@ def _background(patch, ring, outlier_sds, fit_pixels, rounding):  # type: ignore
         for a in range(3):
             for c in range(3):
                 noise_cov[a, c] += stray[a] * stray[c]
-    return True, plane, gram, noise_cov / (n - 3) + rounding * np.eye(3)
+    return True, plane, gram, noise_cov / (n - 3) + ROUNDING * np.eye(3)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -333,22 +333,23 @@ def _arms(edge, area, u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def covered(patch, component, others, discs, constants, thorough):  # type: ignore[no-untyped-def]
+def covered(patch, component, others, discs, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
     """What a component covers of a patch: whether that can be told, alpha (h, w) with 0 away from it, and its figures.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
-    constants: outlier_sds, fit_pixels, rounding, grain_reach, local_gain, local_reach, floor_px2
+    settings: outlier_sds, grain_reach_px, edge_gain, edge_reach_px, rough_gain, floor_px2
+    fit_pixels: pixels that the background is fitted to
     thorough: whether to see how far the noise hangs together; if not, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
-    outlier_sds, fit_pixels, rounding, grain_reach, local_gain, local_reach, floor_px2 = constants
+    outlier_sds, grain_reach, local_gain, local_reach, rough_gain, floor_px2 = settings
     one = np.uint8(1)
     near = _grown(component, discs[0])
     core = one - _grown(one - component, discs[1])
     ring = (one - near) * (one - others)
     figures = np.zeros(10)
-    there, plane, gram, noise_cov = _background(patch, ring, outlier_sds, int(fit_pixels), rounding)
+    there, plane, gram, noise_cov = _background(patch, ring, outlier_sds, fit_pixels)
     if not there:
         return False, np.zeros(ring.shape), figures
     color, contrast = _contrast(patch, core if core.sum() >= 9 else component, plane)
@@ -366,7 +367,7 @@ def covered(patch, component, others, discs, constants, thorough):  # type: igno
         return False, alpha, figures
     # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
     leverage, arms, by_plane = _arms(edge, area, u, v)
-    behind = at_edge = ROUGHLY / strength
+    behind = at_edge = rough_gain / strength
     if thorough:
         behind = _power(measured, ring.astype(np.float64), int(grain_reach))
         at_edge = local_gain * _power(_lopsided(measured, leverage, u, v), leverage, int(local_reach))
@@ -472,13 +473,13 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def alone(frame, box, number, palette, fewest, pads, discs, constants):  # type: ignore[no-untyped-def]
+def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels):  # type: ignore[no-untyped-def]
     """The one mark of a class in a part of a picture: whether there is one and no more; corner, alpha and figures.
 
     frame: (h, w, 3) uint8; box: left, top, right, bottom; number: of the class
     palette: table, least values and least saturations as `classify` has them
     fewest: pixels of a mark at least; pads: px around it, and 1 / that of its longer side besides
-    discs, constants: as `covered` has them, whose alpha and figures these are, from the corner (u, v)
+    discs, settings, fit_pixels: as `covered` has them, whose alpha and figures these are, from the corner (u, v)
     """
     there, box = _narrowed(frame, box, number, palette)
     none = np.zeros((1, 1))
@@ -496,5 +497,5 @@ def alone(frame, box, number, palette, fewest, pads, discs, constants):  # type:
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
     patch = frame[box[1] + v0 : box[1] + v1, box[0] + u0 : box[0] + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
-    told, alpha, figures = covered(patch, component, np.zeros_like(component), discs, constants, False)
+    told, alpha, figures = covered(patch, component, np.zeros_like(component), discs, settings, fit_pixels, False)
     return told, box[0] + u0, box[1] + v0, alpha, figures

@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 
 from vision.arrays import Floats
+from vision.detection.settings import DETECTION, OutlineSettings
 
 N_RAYS = 64
 """Directions in which the edge is looked for."""
@@ -20,21 +21,7 @@ RAYS = np.column_stack(
 )
 """Of length 1, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Where a step is less than this, in sizes of the mark, the next is the last; chosen."""
-REACH = 2.0
-"""How far from the middle of what is seen, in sizes of the mark."""
-BLUR_PX = 3.0
-"""Width over which errors of an edge hang together; chosen."""
-HIGHEST_WAVE = 7
-"""Waves around the outline that tell how strong one wave of noise is; chosen."""
-EDGE_SD_PX = 0.05
-"""Least scatter of an edge; measured on drawn frames."""
-LEAST_SHARE = 0.2
-"""Of all directions that must show the mark's own edge; with less, the centre is anybody's guess."""
-
-
-WHOLE_SHARE = 0.85
-"""Of all directions that show the edge of a mark of which nothing is hidden, at least; chosen."""
+"""Convergence tolerance: after a step of less than this [sizes] the next is the last."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,15 +66,25 @@ class Fitted:
     size: float
 
 
-def fit_outline(alpha: Floats, start_px: Floats, outline: Outline, *, reach: float = REACH) -> Fitted | None:
+def fit_outline(
+    alpha: Floats,
+    start_px: Floats,
+    outline: Outline,
+    settings: OutlineSettings = DETECTION.outline,
+    *,
+    reach: float | None = None,
+) -> Fitted | None:
     """The mark whose edge is seen best; None where too little of it is.
 
     alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
     start_px: a place inside what is seen, (2,)
     reach: how far from there the edge may lie, in sizes of the mark; where no edge is nearer another mark goes on
     """
-    center, cov, share, beyond, size = _fitted(alpha, start_px, outline.shape_px, outline.size_sd, reach)
-    return Fitted(center, cov, share, beyond, size) if share >= LEAST_SHARE else None
+    reach = settings.reach if reach is None else reach
+    center, cov, share, beyond, size = _fitted(
+        alpha, start_px, outline.shape_px, outline.size_sd, reach, settings.for_kernel()
+    )
+    return Fitted(center, cov, share, beyond, size) if share >= settings.min_share else None
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -159,7 +156,7 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
+def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
     """The circle near this one by Tukey's robust least squares.
 
     Returns (x, y, size), its normal matrix (3, 3), the variance of an edge and of waves around the outline, and the
@@ -167,9 +164,9 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
     """
     n = len(edges)
     fit, normal = start.copy(), np.zeros((3, 3))
-    near, floor = 0.4 / scale, (EDGE_SD_PX / scale) ** 2
+    near, floor, highest_wave = settings[0] / scale, (settings[3] / scale) ** 2, int(settings[2])
     variance, n_on, n_beyond = floor, 0.0, 0
-    waves = np.zeros((HIGHEST_WAVE + 1, 2))
+    waves = np.zeros((highest_wave + 1, 2))
     settled = False
     for turn in range(6):
         last = settled or turn == 5
@@ -206,7 +203,7 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
                 continue
             # cos and sin of k times the angle, by turning on
             turned_x, turned_y = x, y
-            for k_wave in range(2, HIGHEST_WAVE + 1):
+            for k_wave in range(2, highest_wave + 1):
                 turned_x, turned_y = turned_x * x - turned_y * y, turned_x * y + turned_y * x
                 waves[k_wave, 0] += w * off * turned_x
                 waves[k_wave, 1] += w * off * turned_y
@@ -222,27 +219,28 @@ def _refined(edges, start, size_sd, scale):  # type: ignore[no-untyped-def]
         settled = abs(variance - narrower) < 0.01 * variance and np.abs(step).max() < SETTLED
     # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them
     # says how strong one wave of noise, of highlights and of compression is.
-    power = (waves**2).sum() / (HIGHEST_WAVE - 1) / weights2
+    power = (waves**2).sum() / (highest_wave - 1) / weights2
     return fit, normal, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
-def _fitted(alpha, start, shape, size_sd, reach):  # type: ignore[no-untyped-def]
+def _fitted(alpha, start, shape, size_sd, reach, settings):  # type: ignore[no-untyped-def]
     """Centre, covariance, share, beyond, size: of the whole mark, or else of the best circle through three edges."""
+    near_px, correlation_px, _, _, min_share, whole_share = settings
     edges, n_edges = _edges(alpha, start, shape, reach)
-    if n_edges < LEAST_SHARE * N_RAYS:
+    if n_edges < min_share * N_RAYS:
         return start, np.eye(2), 0.0, 0.0, 1.0
     edges = edges[:n_edges]
     scale = np.sqrt(abs(np.linalg.det(shape)))
     middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
-    fit, normal, variance, power, share, beyond = _refined(edges, middle, size_sd, scale)
-    if share <= WHOLE_SHARE:
-        start_at = _candidate(edges, size_sd, 0.4 / scale)
-        fit, normal, variance, power, share, beyond = _refined(edges, start_at, size_sd, scale)
+    fit, normal, variance, power, share, beyond = _refined(edges, middle, size_sd, scale, settings)
+    if share <= whole_share:
+        start_at = _candidate(edges, size_sd, near_px / scale)
+        fit, normal, variance, power, share, beyond = _refined(edges, start_at, size_sd, scale, settings)
     if share == 0.0:
         return start, np.eye(2), share, beyond, 1.0
     # Errors of neighbouring edges hang together; the corners where the covered part begins pull a little, too.
-    together = max(1.0, BLUR_PX * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
+    together = max(1.0, correlation_px * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
     inside = np.ascontiguousarray(np.linalg.inv(normal)[:2, :2])
     return (
         start + shape @ fit[:2],

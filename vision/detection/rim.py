@@ -12,33 +12,31 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.arrays import Floats
-from vision.detection.outline import BLUR_PX, EDGE_SD_PX, LEAST_SHARE, N_RAYS, Fitted, Outline
+from vision.detection.outline import N_RAYS, Fitted, Outline
+from vision.detection.settings import DETECTION, DetectionSettings
 
-LOW, HIGH = 0.55, 1.5
-"""Where along a ray steps are looked for, in sizes of the mark."""
 N_STEPS = 3
 """Steps kept of each ray: the rim, and what lies before or behind it."""
-CONTRAST = 5.0
-"""Least step over two pixels, summed over the colours [grey levels]; chosen: five times the noise of a fair film."""
-SMOOTH_PX = 1.5
-WIDEST, NARROWEST_PX = 0.3, 1.0
-"""How far off the circle a step may lie, at first in sizes of the mark and at last in pixels; chosen."""
 
 
-def fit_rim(patch_bgr: NDArray[np.uint8], starts: Floats, outline: Outline) -> Fitted | None:
+def fit_rim(
+    patch_bgr: NDArray[np.uint8], starts: Floats, outline: Outline, settings: DetectionSettings = DETECTION
+) -> Fitted | None:
     """The circle that the most and the strongest steps of the picture lie on; None where too few do.
 
     patch_bgr: (h, w, 3); its first pixel is (0, 0)
     starts: circles to begin from, u v [px] and size by that of the outline, (n, 3)
     """
-    smooth = cv2.GaussianBlur(patch_bgr, (0, 0), SMOOTH_PX).astype(np.float64)
-    steps = _steps(smooth, starts[0, :2].copy(), outline.shape_px)
+    rim, edge = settings.rim, settings.outline
+    limits = rim.wide, rim.narrow_px, edge.correlation_px, edge.edge_sd_px
+    smooth = cv2.GaussianBlur(patch_bgr, (0, 0), rim.blur_px).astype(np.float64)
+    steps = _steps(smooth, starts[0, :2].copy(), outline.shape_px, (rim.inner, rim.outer, rim.min_step))
     inverse = np.linalg.inv(outline.shape_px)
     best: tuple[float, Fitted] | None = None
     for start in starts:
         begin = np.array([*(inverse @ (start[:2] - starts[0, :2])), start[2]])
-        score, fit, cov, share = _settled(steps, begin, outline.size_sd, _scale(outline))
-        if share >= LEAST_SHARE and (best is None or score > best[0]):
+        score, fit, cov, share = _settled(steps, begin, outline.size_sd, _scale(outline), limits)
+        if share >= edge.min_share and (best is None or score > best[0]):
             center = starts[0, :2] + outline.shape_px @ fit[:2]
             best = score, Fitted(center, outline.shape_px @ cov @ outline.shape_px.T, share, 0.0, float(fit[2]))
     return None if best is None else best[1]
@@ -49,12 +47,13 @@ def _scale(outline: Outline) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _steps(smooth, start, shape):  # type: ignore[no-untyped-def]
+def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
     """The strongest steps along each ray: x, y in units of the mark from start, and height, (N_RAYS, N_STEPS, 3)."""
+    low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     pixel = 1.0 / scale
-    n = int((HIGH - LOW) * scale * 2.0) + 1
+    n = int((high - low) * scale * 2.0) + 1
     steps = np.zeros((N_RAYS, N_STEPS, 3))
     values, heights = np.empty((n + 4, 3)), np.empty(n)
     for k in range(N_RAYS):
@@ -63,7 +62,7 @@ def _steps(smooth, start, shape):  # type: ignore[no-untyped-def]
         along_u, along_v = shape[0, 0] * x + shape[0, 1] * y, shape[1, 0] * x + shape[1, 1] * y
         last = n + 4
         for i in range(n + 4):
-            t = LOW + 0.5 * pixel * (i - 2)
+            t = low + 0.5 * pixel * (i - 2)
             u, v = start[0] + t * along_u, start[1] + t * along_v
             if not (0.0 <= u < width - 1 and 0.0 <= v < height - 1):
                 last = i
@@ -80,7 +79,7 @@ def _steps(smooth, start, shape):  # type: ignore[no-untyped-def]
             for c in range(3):
                 heights[i] += abs(values[i + 4, c] - values[i, c])
         for i in range(1, n_here - 1):
-            if heights[i] < CONTRAST or heights[i] < heights[i - 1] or heights[i] <= heights[i + 1]:
+            if heights[i] < min_step or heights[i] < heights[i - 1] or heights[i] <= heights[i + 1]:
                 continue
             bend = heights[i - 1] - 2.0 * heights[i] + heights[i + 1]
             shift = 0.0 if bend == 0.0 else 0.5 * (heights[i - 1] - heights[i + 1]) / bend
@@ -89,16 +88,17 @@ def _steps(smooth, start, shape):  # type: ignore[no-untyped-def]
                 if steps[k, j, 2] < steps[k, weakest, 2]:
                     weakest = j
             if heights[i] > steps[k, weakest, 2]:
-                t = LOW + 0.5 * pixel * (i + shift)
+                t = low + 0.5 * pixel * (i + shift)
                 steps[k, weakest, 0], steps[k, weakest, 1], steps[k, weakest, 2] = t * x, t * y, heights[i]
     return steps
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _settled(steps, begin, size_sd, scale):  # type: ignore[no-untyped-def]
+def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-def]
     """The circle near this one on which steps lie: score, (x, y, size), covariance of x y (2, 2), share of the rays."""
+    wide, narrow_px, correlation_px, edge_sd_px = limits
     fit, normal, gradient = begin.copy(), np.zeros((3, 3)), np.zeros(3)
-    limit, narrowest = WIDEST, NARROWEST_PX / scale
+    limit, narrowest = wide, narrow_px / scale
     variance, score, n_on = narrowest**2, 0.0, 0.0
     strong = 0.0
     for k in range(N_RAYS):
@@ -136,8 +136,8 @@ def _settled(steps, begin, size_sd, scale):  # type: ignore[no-untyped-def]
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
             return 0.0, fit, np.eye(2), 0.0
         fit += np.linalg.solve(normal, gradient)
-        variance = max(squares / n_on, (EDGE_SD_PX / scale) ** 2)
+        variance = max(squares / n_on, (edge_sd_px / scale) ** 2)
         limit = max(0.75 * limit, narrowest)
     share = n_on / N_RAYS
-    together = max(1.0, BLUR_PX * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
+    together = max(1.0, correlation_px * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
     return score, fit, variance * together * np.ascontiguousarray(np.linalg.inv(normal)[:2, :2]), share

@@ -9,18 +9,10 @@ from vision.arrays import Image
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
 from vision.detection.rim import fit_rim
-
-SHARE = 0.45
-"""Of all directions, weighed by how clear they are, that must show the rim: more than where colour tells; chosen."""
-REACH_SDS = 2.0
-"""How far about the expected place the search begins; chosen."""
-FURTHEST_SIZE = 1.5
-"""Where a mark is expected less exactly than this, in its sizes, one circle is as good as another; chosen."""
-INSIDE = 0.6
-"""Of its size the part of a mark that its colour is taken from; chosen."""
+from vision.detection.settings import DETECTION, DetectionSettings
 
 
-def detect_by_rim(frame_bgr: Image, expected: Expected) -> Detection | None:
+def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
     """The mark whose rim is seen about where it is expected; None where there is none, or where it may be anywhere.
 
     Whether its colour is right is for the caller to say.
@@ -28,11 +20,12 @@ def detect_by_rim(frame_bgr: Image, expected: Expected) -> Detection | None:
     outline = expected.outline
     if outline is None:
         return None
+    limits = settings.rim
     radius = (outline.area_px / np.pi) ** 0.5
     sd = float(np.sqrt(np.trace(expected.cov_px2) / 2.0))
-    if sd > FURTHEST_SIZE * radius:
+    if sd > limits.max_sd * radius:
         return None
-    reach = int(np.ceil(2.0 * radius + REACH_SDS * sd + 3.0))
+    reach = int(np.ceil(2.0 * radius + limits.search_sds * sd + 3.0))
     height, width = frame_bgr.shape[:2]
     u, v = (round(float(x)) for x in expected.center_px)
     u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
@@ -40,15 +33,15 @@ def detect_by_rim(frame_bgr: Image, expected: Expected) -> Detection | None:
         return None
     patch = np.ascontiguousarray(frame_bgr[v0:v1, u0:u1])
     corner = np.array([u0, v0], dtype=float)
-    steps = REACH_SDS * sd * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    steps = limits.search_sds * sd * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
     starts = np.array([(*(expected.center_px - corner + (du, dv)), 1.0) for du in steps for dv in steps])
     middle = starts[len(starts) // 2].copy()
-    rim = fit_rim(patch, np.vstack([middle, starts]), outline)
-    if rim is None or rim.share < SHARE:
+    rim = fit_rim(patch, np.vstack([middle, starts]), outline, settings)
+    if rim is None or rim.share < limits.min_share_alone:
         return None
     mask = np.zeros(patch.shape[:2], dtype=np.uint8)
     center = rim.center_px
-    cv2.circle(mask, (round(center[0]), round(center[1])), max(1, round(INSIDE * radius)), 1, cv2.FILLED)
+    cv2.circle(mask, (round(center[0]), round(center[1])), max(1, round(limits.core * radius)), 1, cv2.FILLED)
     color = tuple(float(level) for level in cv2.mean(patch, mask)[:3])
     area = float(outline.area_px * rim.size**2)
     return Detection(center + corner, rim.cov_px2, area, expected.hue_deg, False, True, color, rim.size)

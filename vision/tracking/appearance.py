@@ -20,41 +20,7 @@ from numpy.typing import NDArray
 from vision.arrays import Floats, Image
 from vision.detection.expected import Expected
 from vision.detection.outline import Outline
-
-KEPT = 5
-"""Frames of which a mark's appearance is the median."""
-INNER, OUTER, WIDE_PX = 0.85, 1.12, 2.5
-"""In sizes of a mark: up to where a pixel is all mark, from where on it is none; and how wide the ring is; chosen."""
-BLUR_PX = 0.8
-"""Pictures are smoothed by this before they are compared: noise hides what tells a mark from its ground; chosen."""
-MATCH = 9.0
-"""Mean square over the colours, in standard deviations, up to which two pixels look alike; chosen."""
-SHADE = 0.08
-"""By how much of its level a colour may be off: shadow, lamps; chosen."""
-LEAST_SD, UNKNOWN_SD = 4.0, 8.0
-"""Standard deviation of a pixel's level at least, and where too few frames tell it; chosen."""
-GRAIN = 2.2
-"""Standard deviation of a pixel by the median of what pixels are off their median: half as much again as by chance."""
-RING = 2.0
-"""How much nearer the colours around a place must be to one that was fitted there, to look like it; chosen."""
-HIDDEN = 0.2
-"""What a pixel counts against the mark that looks neither like it nor like what was around it; chosen."""
-AROUND = 0.5
-"""What the ring counts by the inside; chosen."""
-PRIOR = 0.02
-"""What a place loses by its squared distance, in standard deviations, from where the mark is expected; chosen."""
-FREE_PRIOR = 0.05
-"""The same where its colour is what is there; chosen."""
-REACH_SDS, FURTHEST_PX = 4.3, 25.0
-"""How far a mark is looked for; where it may be further away than that, it may be anywhere; chosen."""
-FITS = 4
-"""How often the colour of a mark in other light is fitted; chosen."""
-COARSE_PX = 3
-"""How far the places lie apart that are looked at first; chosen."""
-DARKEST, BRIGHTEST = 0.3, 2.0
-"""By how much light may have changed; chosen."""
-BLENDS = 0.5
-"""A mark that looks so much like what is around it, from -1 to 1, is not told from it; chosen."""
+from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,11 +57,12 @@ class _Look:
     core: Floats
     behind: Floats
     sd: float
+    settings: AppearanceSettings
 
     @property
     def blends(self) -> float:
         """How much what is around looks like the mark, from -1 to 1."""
-        return max(1.0 - float(_squared(self.behind, self.core, self.sd)), -1.0)
+        return max(1.0 - float(_squared(self.behind, self.core, self.sd, self.settings)), -1.0)
 
 
 class AppearanceModel:
@@ -104,19 +71,19 @@ class AppearanceModel:
     hue_deg: of its kind; unseen: frames since then, for its owner to count
     """
 
-    def __init__(self, hue_deg: float) -> None:
-        self.hue_deg = hue_deg
+    def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
+        self.hue_deg, self._settings = hue_deg, settings
         self.unseen = 0
-        self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=KEPT)
+        self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=settings.n_views)
 
     @property
     def is_full(self) -> bool:
         """Whether it is known from as many frames as are kept."""
-        return len(self._kept) == KEPT
+        return len(self._kept) == self._settings.n_views
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
         """Keep a frame's view of the mark; nothing where the border is near."""
-        half = _half(outline) + 2
+        half = _half(outline, self._settings) + 2
         x, y = center_px.tolist()
         u, v = round(x), round(y)
         height, width = frame_bgr.shape[:2]
@@ -140,9 +107,9 @@ class AppearanceModel:
         another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
         None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
         """
-        outline = expected.outline
+        settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
-        if outline is None or not self._kept or reach > FURTHEST_PX:
+        if outline is None or not self._kept or reach > settings.max_reach_px:
             return None
         look = self._look(outline)
         height, width = frame_bgr.shape[:2]
@@ -151,50 +118,62 @@ class AppearanceModel:
         if within_px is not None and there_px is not None:
             (u, v), far = (round(float(x)) for x in there_px), ceil(within_px)
             u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
-        if (look.blends > BLENDS and not another) or u1 <= u0 or v1 <= v0:
+        if (look.blends > settings.max_blend and not another) or u1 <= u0 or v1 <= v0:
             return None
-        pad = _half(outline) + 3
+        pad = _half(outline, settings) + 3
         corner = left, top = max(u0 - pad, 0), max(v0 - pad, 0)
-        part = np.asarray(cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), BLUR_PX), dtype=np.uint8)
+        part = np.asarray(
+            cv2.GaussianBlur(frame_bgr[top : v1 + pad, left : u1 + pad], (0, 0), settings.blur_px), dtype=np.uint8
+        )
         box = (u0, v0, u1, v1)
         if another:
             # a colour is fitted at each place: first of every third, then of those about the best
-            _, weighed = _weighed(part, corner, box, look, expected, COARSE_PX, another)
+            _, weighed = _weighed(part, corner, box, look, expected, settings.coarse_px, another)
             j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
-            u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
+            u, v, far = u0 + settings.coarse_px * i, v0 + settings.coarse_px * j, settings.coarse_px
             box = u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
         told, weighed = _weighed(part, corner, box, look, expected, 1, another)
         j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
         center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
         u, v = (look.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
-        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], look.sd) < 1.0
+        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], look.sd, settings) < 1.0
         color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
         share, around = (float(x) for x in told[1:3, j, i])
         there = -np.inf
         if there_px is not None:
             x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
             if 0 <= x < told.shape[2] and 0 <= y < told.shape[1]:
-                there = _score(told[:, y, x])
+                there = _score(told[:, y, x], settings.ring_weight)
         return AppearanceMatch(
-            center, _score(told[:, j, i]), share, around, tuple(color.tolist()), float(weighed[j, i]), there
+            center,
+            _score(told[:, j, i], settings.ring_weight),
+            share,
+            around,
+            tuple(color.tolist()),
+            float(weighed[j, i]),
+            there,
         )
 
     def _look(self, outline: Outline) -> _Look:
         """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
-        half = _half(outline)
-        inside, ring = _pixels(outline.shape_px.tobytes(), half)
+        settings, half = self._settings, _half(outline, self._settings)
+        inside, ring = _pixels(outline.shape_px.tobytes(), half, settings)
         size, middle, inverse = (
             (2 * half + 1, 2 * half + 1),
             np.full(2, float(half)),
             np.asarray(np.linalg.inv(outline.shape_px)),
         )
-        views: Floats = np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept], dtype=np.float64)
+        views: Floats = np.array(
+            [_redrawn(*kept, inverse, middle, size, settings.blur_px) for kept in self._kept], dtype=np.float64
+        )
         median = np.median(views, axis=0)
-        sd = UNKNOWN_SD if len(views) < 3 else max(GRAIN * float(np.median(np.abs(views - median))), LEAST_SD)
+        sd = settings.unknown_sd
+        if len(views) >= 3:
+            sd = max(settings.grain * float(np.median(np.abs(views - median))), settings.min_sd)
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
-        return _Look(inside, ring, colors, np.median(colors, axis=0), behind, sd)
+        return _Look(inside, ring, colors, np.median(colors, axis=0), behind, sd, settings)
 
 
 def _weighed(
@@ -212,54 +191,72 @@ def _weighed(
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
-    told = _likeness(part, inside, step, look.inside, look.ring, look.colors, look.core, look.behind, look.sd, another)
+    told = _likeness(
+        part,
+        inside,
+        step,
+        look.inside,
+        look.ring,
+        look.colors,
+        look.core,
+        look.behind,
+        look.sd,
+        look.settings.for_kernel(),
+        another,
+    )
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
-    prior = FREE_PRIOR if another else PRIOR
-    return told, _score(told) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
+    prior = look.settings.free_prior if another else look.settings.prior
+    return told, _score(told, look.settings.ring_weight) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
 
 
-def _score(told: Floats) -> Any:
+def _score(told: Floats, ring_weight: float) -> Any:
     """By evidence inside and around, as `_likeness` tells them."""
-    return told[0] - AROUND * told[2]
+    return told[0] - ring_weight * told[2]
 
 
 def _redrawn(
-    view: Image, center_px: Floats, shape_px: Floats, inverse: Floats, middle: Floats, size: tuple[int, int]
+    view: Image,
+    center_px: Floats,
+    shape_px: Floats,
+    inverse: Floats,
+    middle: Floats,
+    size: tuple[int, int],
+    blur_px: float,
 ) -> Image:
     """A view of a mark seen as one shape, as it were seen as the shape whose inverse is given."""
     turn = shape_px @ inverse
     back = np.column_stack([turn, center_px - turn @ middle])
-    smooth = cv2.GaussianBlur(view, (0, 0), BLUR_PX)
+    smooth = cv2.GaussianBlur(view, (0, 0), blur_px)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     return np.asarray(cv2.warpAffine(smooth, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
-def _half(outline: Outline) -> int:
+def _half(outline: Outline, settings: AppearanceSettings) -> int:
     """How far the ring reaches from the centre [px]."""
     (a, b), (c, d) = outline.shape_px.tolist()
     # the longer half axis: the larger singular value, written out
     total = a * a + b * b + c * c + d * d
     longer = sqrt(0.5 * (total + sqrt(max(total * total - 4.0 * (a * d - b * c) ** 2, 0.0))))
-    return ceil(OUTER * longer + WIDE_PX + 1.0)
+    return ceil(settings.outer * longer + settings.ring_px + 1.0)
 
 
 @lru_cache(maxsize=256)
-def _pixels(shape_px: bytes, half: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _pixels(shape_px: bytes, half: int, settings: AppearanceSettings) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pixels inside a mark of this shape and in the ring around it, from its centre, each (n, 2)."""
     shape = np.frombuffer(shape_px).reshape(2, 2)
     v, u = np.mgrid[-half : half + 1, -half : half + 1]
     places = np.column_stack([u.ravel(), v.ravel()]).astype(np.int64)
     off = np.linalg.norm(places @ np.linalg.inv(shape).T, axis=1)
     pixel = abs(float(np.linalg.det(shape))) ** -0.5
-    begin = OUTER + 0.5 * pixel
-    return places[off <= INNER], places[(off > begin) & (off <= begin + WIDE_PX * pixel)]
+    begin = settings.outer + 0.5 * pixel
+    return places[off <= settings.inner], places[(off > begin) & (off <= begin + settings.ring_px * pixel)]
 
 
-def _squared(pixels: Floats, colors: Floats, sd: float) -> Any:
+def _squared(pixels: Floats, colors: Floats, sd: float, settings: AppearanceSettings) -> Any:
     """How far colours are off, squared, by how far those of pixels that look alike may be: (n, 3) or (3,) each."""
-    return ((pixels - colors) ** 2 / (sd**2 + (SHADE * colors) ** 2)).mean(axis=-1) / MATCH
+    return ((pixels - colors) ** 2 / (sd**2 + (settings.shade * colors) ** 2)).mean(axis=-1) / settings.match
 
 
 def _peak(line: Floats, k: int) -> float:
@@ -271,18 +268,19 @@ def _peak(line: Floats, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _off(frame, y, x, color, sd):  # type: ignore[no-untyped-def]
+def _off(frame, y, x, color, sd, match, shade):  # type: ignore[no-untyped-def]
     """As `_squared`, of one pixel."""
     squared = 0.0
     for c in range(3):
         off = frame[y, x, c] - color[c]
-        squared += off * off / (sd * sd + (SHADE * color[c]) ** 2)
-    return squared / (3.0 * MATCH)
+        squared += off * off / (sd * sd + (shade * color[c]) ** 2)
+    return squared / (3.0 * match)
 
 
 @njit(cache=True, nogil=True)
-def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, another):  # type: ignore[no-untyped-def]
+def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, settings, another):  # type: ignore[no-untyped-def]
     """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
+    match, shade, ring_contrast, hidden, _, _, _ = settings
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
     told = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
@@ -291,25 +289,27 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, another)
         for u in range(u0, u1, step):
             row, column = (v - v0) // step, (u - u0) // step
             if another:
-                _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors)
+                _fit_core(frame, v, u, inside, colors, core, sd, settings, own_core, own_colors)
             total, like = 0.0, 0
             for k in range(len(inside)):
                 x, y = u + inside[k, 0], v + inside[k, 1]
                 if x < 0 or y < 0 or x >= width or y >= height:
-                    total -= HIDDEN
+                    total -= hidden
                     continue
-                off = _off(frame, y, x, own_colors[k], sd)
+                off = _off(frame, y, x, own_colors[k], sd, match, shade)
                 if off < 1.0:
                     like += 1
                     total += 1.0 - off
                 else:
-                    total -= 1.0 if not another and _off(frame, y, x, behind, sd) < 1.0 else HIDDEN
+                    total -= 1.0 if not another and _off(frame, y, x, behind, sd, match, shade) < 1.0 else hidden
             around, n_ring = 0.0, 0
             for k in range(len(ring)):
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(1.0 - (RING if another else 1.0) * _off(frame, y, x, own_core, sd), -1.0)
+                    around += max(
+                        1.0 - (ring_contrast if another else 1.0) * _off(frame, y, x, own_core, sd, match, shade), -1.0
+                    )
             told[0, row, column] = total / len(inside)
             told[1, row, column] = like / len(inside)
             told[2, row, column] = around / max(n_ring, 1)
@@ -318,18 +318,19 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, another)
 
 
 @njit(cache=True, nogil=True)
-def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # type: ignore[no-untyped-def]
+def _fit_core(frame, v, u, inside, colors, core, sd, settings, own_core, own_colors):  # type: ignore[no-untyped-def]
     """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all."""
+    match, shade, _, _, n_fits, darkest, brightest = settings
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0
-    for turn in range(FITS):
+    for turn in range(int(n_fits)):
         sums[:] = 0.0
         n = 0
         for k in range(len(inside)):
             x, y = u + inside[k, 0], v + inside[k, 1]
             if x < 0 or y < 0 or x >= width or y >= height:
                 continue
-            if turn == 0 or _off(frame, y, x, own_colors[k], sd) < 1.0:
+            if turn == 0 or _off(frame, y, x, own_colors[k], sd, match, shade) < 1.0:
                 n += 1
                 for c in range(3):
                     sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
@@ -337,7 +338,7 @@ def _fit_core(frame, v, u, inside, colors, core, sd, own_core, own_colors):  # t
             return
         for c in range(3):
             own_core[c] = max(sums[c] / n, 0.0)
-        light = min(max(own_core.max() / max(core.max(), 1.0), DARKEST), BRIGHTEST)
+        light = min(max(own_core.max() / max(core.max(), 1.0), darkest), brightest)
         for c in range(3):
             for k in range(len(inside)):
                 own_colors[k, c] = own_core[c] + light * (colors[k, c] - core[c])

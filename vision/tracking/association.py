@@ -11,9 +11,8 @@ from scipy.optimize import linear_sum_assignment
 from vision.detection.expected import Expected
 from vision.detection.hue import hue_distance
 from vision.detection.records import Detection
+from vision.tracking.settings import FINDER
 
-GATE = 18.420680743952367
-"""Squared Mahalanobis distance that one true mark in 10,000 exceeds: chi-square, 2 degrees of freedom, -2 log(1e-4)."""
 SAME_CLASS_DEG = 1.0
 """Detections carry the hue of their class as it was given; this allows for its rounding in files."""
 
@@ -34,7 +33,7 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 
 
 def associate_marks(
-    detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = GATE
+    detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
     """The most likely pairs of all, in the order of expected; a mark without a detection is absent.
 

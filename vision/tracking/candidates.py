@@ -11,86 +11,83 @@ from vision.arrays import Floats, Image
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
 from vision.detection.rim import fit_rim
+from vision.detection.settings import DetectionSettings
 from vision.tracking.appearance import AppearanceMatch
-
-SCORE, SHARE = 0.55, 0.7
-"""Score, and share of its pixels, from which on a place that looks like a mark is one; chosen."""
-FREE, FREE_SHARE, FREE_SCORE = -0.9, 0.3, 0.4
-"""Where nothing around it looks like it, less of it may be seen, and of a mark that was found it may look less so."""
-DOUBTFUL, DOUBTFUL_SCORE = 0.3, 0.75
-"""A missing mark needs this score where more around it looks like it; chosen."""
-SURE_SCORE = 0.7
-"""Score from which on a place is the mark whatever its colour; chosen."""
-
-EVEN_SHARE, EVEN_AROUND, EVEN_SCORE, EVEN_SURE_SCORE = 0.8, -0.2, 0.75, 1.0
-"""The same where its light was not known: its share at least, what is around it at most, and its score less what it
-loses by its distance at least, the latter whatever its colour; chosen."""
-FURTHEST_OFF = 2.0
-"""How far its colour may then be off, squared, by how far that of a mark may be; chosen."""
-APART, APART_SHARE, APART_SCORE, APART_SURE_SCORE = -0.95, 0.4, 0.65, 0.85
-"""And where nothing around it looks like it; chosen."""
-
-LEAST_SD_PX, MOST_SD_PX = 0.27, 1.2
-"""Standard deviation of the centre of a place, at least and at most; measured on drawn frames, as what follows."""
-KNOWN_SD, RIM_SD, OTHER_SD = (1.35, 2.6), (1.25, 2.5), (1.4, 4.0)
-"""Score up to which it is the least, and how fast it grows below, exponentially: of a mark of known looks; in other
-light, with its rim; and without."""
-FURTHEST_RIM_PX, RIM_OFF = 3.0, 0.35
-"""How far from the place its rim may be, and what that adds to the standard deviation of their mean, by how far."""
-TOGETHER = 1.6
-"""What a centre by outline and a place have in common makes the variance of their mean so much larger; measured."""
+from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
-def is_mark(place: AppearanceMatch, free_score: float) -> bool:
+def is_mark(place: AppearanceMatch, free_score: float, settings: CandidateSettings) -> bool:
     """Whether a place is a mark of known looks; free_score: what it needs where nothing around it looks like it."""
-    if place.around < FREE:
-        return place.score >= free_score and place.share >= FREE_SHARE
-    return place.score >= SCORE and place.share >= SHARE
+    if place.around < settings.free:
+        return place.score >= free_score and place.share >= settings.free_share
+    return place.score >= settings.score and place.share >= settings.share
 
 
-def missed_mark(place: AppearanceMatch, one: Expected, off: Callable[[Detection], float]) -> Detection | None:
+def missed_mark(
+    place: AppearanceMatch,
+    one: Expected,
+    off: Callable[[Detection], float],
+    settings: CandidateSettings = FINDER.candidates,
+) -> Detection | None:
     """A mark of known looks that nothing else found; off: how far a colour is off its kind's, as `FollowedHue.off`."""
-    if not is_mark(place, SCORE) or (place.score < DOUBTFUL_SCORE and place.around > DOUBTFUL):
+    if not is_mark(place, settings.score, settings) or (
+        place.score < settings.doubtful_score and place.around > settings.doubtful
+    ):
         return None
-    seen = seen_at(place, one)
-    return seen if place.score >= SURE_SCORE or off(seen) <= 1.0 else None
+    seen = seen_at(place, one, settings)
+    return seen if place.score >= settings.sure_score or off(seen) <= 1.0 else None
 
 
 def mark_in_other_light(
-    frame_bgr: Image, place: AppearanceMatch, one: Expected, off: Callable[[Detection], float]
+    frame_bgr: Image,
+    place: AppearanceMatch,
+    one: Expected,
+    off: Callable[[Detection], float],
+    settings: FinderSettings = FINDER,
 ) -> Detection | None:
     """A mark whose colour was not known, where it is even and apart from what is around it: by its rim, too.
 
     frame_bgr: (height, width, 3); off: as for `missed_mark`
     """
-    seen = seen_at(place, one, OTHER_SD)
+    limits = settings.candidates
+    seen = seen_at(place, one, limits, (limits.other_score, limits.other_growth))
     off_hue = off(seen)
-    even_score, apart_score = (EVEN_SCORE, APART_SCORE) if off_hue <= 1.0 else (EVEN_SURE_SCORE, APART_SURE_SCORE)
-    apart = place.around <= APART and place.share >= APART_SHARE and place.score >= apart_score
-    even = place.around <= EVEN_AROUND and place.share >= EVEN_SHARE and place.weighed >= even_score
-    if off_hue > FURTHEST_OFF or not (apart or even):
+    even_score, apart_score = limits.even_sure_score, limits.apart_sure_score
+    if off_hue <= 1.0:
+        even_score, apart_score = limits.even_score, limits.apart_score
+    apart = place.around <= limits.apart and place.share >= limits.apart_share and place.score >= apart_score
+    even = place.around <= limits.even_around and place.share >= limits.even_share and place.weighed >= even_score
+    if off_hue > limits.max_off or not (apart or even):
         return None
-    rim = _rim(frame_bgr, place, one)
+    rim = _rim(frame_bgr, place, one, settings.detection)
     away = np.inf if rim is None else float(np.hypot(*(rim - place.center_px)))
-    if rim is None or away > FURTHEST_RIM_PX:
+    if rim is None or away > limits.max_rim_px:
         return seen
-    variance = _sd(place, RIM_SD) ** 2 + (RIM_OFF * away) ** 2
+    variance = _sd(place, (limits.rim_score, limits.rim_growth), limits) ** 2 + (limits.rim_off * away) ** 2
     return _moved(seen, (place.center_px + rim) / 2.0, variance * np.eye(2))
 
 
-def seen_at(place: AppearanceMatch, one: Expected, sd: tuple[float, float] = KNOWN_SD) -> Detection:
-    """A mark at a place; sd: score and growth that its standard deviation [px] follows, as KNOWN_SD."""
+def seen_at(
+    place: AppearanceMatch,
+    one: Expected,
+    settings: CandidateSettings = FINDER.candidates,
+    sd: tuple[float, float] | None = None,
+) -> Detection:
+    """A mark at a place; sd: score and growth that its standard deviation [px] follows, else of known appearance."""
     assert one.outline is not None
+    sd = (settings.known_score, settings.known_growth) if sd is None else sd
     area = place.share * one.outline.area_px
-    return Detection(place.center_px, _sd(place, sd) ** 2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr)
+    return Detection(
+        place.center_px, _sd(place, sd, settings) ** 2 * np.eye(2), area, one.hue_deg, False, True, place.color_bgr
+    )
 
 
-def together(seen: Detection, place: AppearanceMatch) -> Detection:
+def together(seen: Detection, place: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> Detection:
     """What was found, its centre and that of the place that looks like it [px] weighed by their covariances [px²]."""
-    variance = _sd(place, KNOWN_SD) ** 2
+    variance = _sd(place, (settings.known_score, settings.known_growth), settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center = seen.center_px + gain @ (place.center_px - seen.center_px)
-    return _moved(seen, center, TOGETHER * variance * gain)
+    return _moved(seen, center, settings.shared * variance * gain)
 
 
 def _moved(seen: Detection, center_px: Floats, cov_px2: Floats) -> Detection:
@@ -99,13 +96,13 @@ def _moved(seen: Detection, center_px: Floats, cov_px2: Floats) -> Detection:
     )
 
 
-def _sd(place: AppearanceMatch, by_score: tuple[float, float]) -> float:
+def _sd(place: AppearanceMatch, by_score: tuple[float, float], settings: CandidateSettings) -> float:
     """Standard deviation of the centre of a place [px]."""
     best, growth = by_score
-    return min(LEAST_SD_PX * exp(growth * max(best - place.score, 0.0)), MOST_SD_PX)
+    return min(settings.min_sd_px * exp(growth * max(best - place.score, 0.0)), settings.max_sd_px)
 
 
-def _rim(frame_bgr: Image, place: AppearanceMatch, one: Expected) -> Floats | None:
+def _rim(frame_bgr: Image, place: AppearanceMatch, one: Expected, settings: DetectionSettings) -> Floats | None:
     """The centre of the rim about a place [px], (2,); None where there is none."""
     assert one.outline is not None
     reach = int(2.0 * (one.outline.area_px / np.pi) ** 0.5 + 8.0)
@@ -114,5 +111,5 @@ def _rim(frame_bgr: Image, place: AppearanceMatch, one: Expected) -> Floats | No
     patch = np.ascontiguousarray(frame_bgr[corner[1] : v + reach + 1, corner[0] : u + reach + 1])
     if min(patch.shape[:2]) < reach:
         return None
-    rim = fit_rim(patch, np.array([[*(place.center_px - corner), 1.0]]), one.outline)
+    rim = fit_rim(patch, np.array([[*(place.center_px - corner), 1.0]]), one.outline, settings)
     return None if rim is None else np.asarray(rim.center_px + corner, dtype=np.float64)

@@ -10,35 +10,18 @@ import numpy as np
 
 from vision.arrays import Floats, Image
 from vision.detection.components import detect_marks
-from vision.detection.coverage import PAD_PX
 from vision.detection.expected import Expected
 from vision.detection.fast_path import detect_isolated
 from vision.detection.hue import MarkHue
 from vision.detection.outline import Outline
 from vision.detection.records import Detection, HueError
 from vision.detection.rim_search import detect_by_rim
-from vision.tracking.association import GATE, AssociatedMark, associate_marks, squared_distance
+from vision.tracking.association import AssociatedMark, associate_marks, squared_distance
 from vision.tracking.hue_tracking import AdaptiveHue
+from vision.tracking.settings import FINDER, REACH_SDS, FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 Box = tuple[int, int, int, int]
-
-HALF_AT_LEAST = 0.5
-"""Of its area a mark must show this share at least where its outline tells nothing; chosen."""
-TWICE_AT_MOST = 2.0
-"""Of its area something must not show more, if it is to be a mark; chosen."""
-SEEN_AT_LEAST = 0.15
-"""The same where what is seen of its outline can tell its centre; chosen."""
-OUTLINE_FROM_PX = 3.5
-"""Radius from which on an outline has enough pixels to tell something; measured on drawn frames."""
-SURE = 16.0
-"""By so much the squared distances of two marks must rise if their names are swapped; chosen: odds of 3000 to 1."""
-BLOW_GATE = 9.21
-"""Squared Mahalanobis distance at which one of many is given up as a mark after a blow: chi-square, 99 %; chosen."""
-REGION_SDS = 4.3
-"""How far from where it is expected a mark is looked for; as far as the gate of `associate_marks`."""
-SMALL_SHARE = 0.2
-"""Regions that take more of the picture than this are no quicker to search than all of it; chosen."""
 
 
 class MarkFinder:
@@ -50,10 +33,11 @@ class MarkFinder:
     first.
     """
 
-    def __init__(self, hues: Iterable[MarkHue]) -> None:
-        self.hues = {hue.hue_deg: AdaptiveHue(hue) for hue in hues}
+    def __init__(self, hues: Iterable[MarkHue], settings: FinderSettings | None = None) -> None:
+        self.settings = settings = FINDER if settings is None else settings
+        self.hues = {hue.hue_deg: AdaptiveHue(hue, settings.hue) for hue in hues}
         self.missed: set[str] | None = None
-        self._looks = AppearanceTemplates()
+        self._looks = AppearanceTemplates(settings)
 
     def find(
         self,
@@ -69,15 +53,18 @@ class MarkFinder:
         """
         found: list[AssociatedMark] = []
         if self.missed is not None and not self.missed:
-            regions = _regions(expected, frame_bgr.shape[:2])
-            if sum(width * height for _, _, width, height in regions) < SMALL_SHARE * frame_bgr[..., 0].size:
+            regions = _regions(expected, frame_bgr.shape[:2], self.settings)
+            if (
+                sum(width * height for _, _, width, height in regions)
+                < self.settings.max_regions * frame_bgr[..., 0].size
+            ):
                 found = self._near(frame_bgr, expected, regions)
         if len(found) < len(expected):
             found = self._anywhere(self._in_all(frame_bgr, expected), expected, expected_after_impulse)
         found = self._looks.compared(frame_bgr, expected, found, lambda seen: self.hues[seen.hue_deg].off(seen))
         if len(found) < len(expected):
             found += self._by_rim(frame_bgr, expected, found)
-        found = _certain(found, expected)
+        found = _certain(found, expected, self.settings.association.ambiguity)
         self.missed = {one.name for one in expected} - {one.name for one in found}
         for nominal, followed in self.hues.items():
             followed.follow([f.detection for f in found if f.detection.hue_deg == nominal])
@@ -92,11 +79,18 @@ class MarkFinder:
         if not missing:
             return []
         seen = [
-            d for one in missing if (d := detect_by_rim(frame_bgr, one)) is not None and self.hues[d.hue_deg].fits(d)
+            d
+            for one in missing
+            if (d := detect_by_rim(frame_bgr, one, self.settings.detection)) is not None
+            and self.hues[d.hue_deg].fits(d)
         ]
         taken = [f.detection.center_px for f in found]
-        apart = [d for d in seen if all(np.hypot(*(d.center_px - place)) > PAD_PX for place in taken)]
-        return associate_marks(apart, missing)
+        apart = [
+            d
+            for d in seen
+            if all(np.hypot(*(d.center_px - place)) > self.settings.detection.coverage.pad_px for place in taken)
+        ]
+        return associate_marks(apart, missing, gate=self.settings.association.gate)
 
     def _in_all(self, frame_bgr: Image, expected: Sequence[Expected]) -> list[Detection]:
         """What is found in all of the picture; nothing where a hand before the camera takes most of it.
@@ -117,7 +111,8 @@ class MarkFinder:
         expected_after_impulse: Callable[[str], Expected] | None,
     ) -> list[AssociatedMark]:
         """The marks among the detections, looked for where they are expected, and what is missing as if struck."""
-        found = associate_marks(detections, expected)
+        gates = self.settings.association
+        found = associate_marks(detections, expected, gate=gates.gate)
         if expected_after_impulse is None:
             return found
         names = {f.name for f in found}
@@ -125,9 +120,11 @@ class MarkFinder:
         left = [d for d in detections if not any(d is f.detection for f in found)]
         if len(left) <= len(missing):
             # nothing else could be the mark
-            return found + associate_marks(left, [expected_after_impulse(name) for name in missing])
+            return found + associate_marks(left, [expected_after_impulse(name) for name in missing], gate=gates.gate)
         missing = [name for name in missing if self.missed is not None and name in self.missed]
-        return found + associate_marks(left, [expected_after_impulse(name) for name in missing], gate=BLOW_GATE)
+        return found + associate_marks(
+            left, [expected_after_impulse(name) for name in missing], gate=gates.impulse_gate
+        )
 
     def _near(self, frame_bgr: Image, expected: Sequence[Expected], regions: Sequence[Box]) -> list[AssociatedMark]:
         """The marks in these parts of the picture, of which none overlap."""
@@ -136,20 +133,26 @@ class MarkFinder:
         unclear: list[Detection] = []
         for region in regions:
             own = [one for one in expected if _inside(one.center_px, region)]
-            alone = detect_isolated(frame_bgr, hues, region, own[0]) if len(own) == 1 else None
+            alone = detect_isolated(frame_bgr, hues, region, own[0], self.settings.detection) if len(own) == 1 else None
             # alone in a part of its own: whose mark it is, is no question
-            if alone is not None and self.hues[alone.hue_deg].fits(alone) and squared_distance(own[0], alone) <= GATE:
+            if (
+                alone is not None
+                and self.hues[alone.hue_deg].fits(alone)
+                and squared_distance(own[0], alone) <= self.settings.association.gate
+            ):
                 found.append(AssociatedMark(own[0].name, alone))
             else:
                 unclear += self._detected(frame_bgr, expected, region)
         if not unclear:
             return found
         names = {f.name for f in found}
-        return found + associate_marks(unclear, [one for one in expected if one.name not in names])
+        return found + associate_marks(
+            unclear, [one for one in expected if one.name not in names], gate=self.settings.association.gate
+        )
 
     def _detected(self, frame_bgr: Image, expected: Sequence[Expected], region: Box | None) -> list[Detection]:
         own = [one for one in expected if region is None or _inside(one.center_px, region)]
-        outlines, min_area_px, max_area_px = _looks(own)
+        outlines, min_area_px, max_area_px = _looks(own, self.settings)
         detections = detect_marks(
             frame_bgr,
             [followed.now for followed in self.hues.values()],
@@ -159,11 +162,12 @@ class MarkFinder:
             outlines=outlines,
             expected_px=[one.center_px for one in own],
             expected_hues=[one.hue_deg for one in own],
+            settings=self.settings.detection,
         )
         return [d for d in detections if self.hues[d.hue_deg].fits(d)]
 
 
-def _certain(found: Sequence[AssociatedMark], expected: Sequence[Expected]) -> list[AssociatedMark]:
+def _certain(found: Sequence[AssociatedMark], expected: Sequence[Expected], ambiguity: float) -> list[AssociatedMark]:
     """Without those that touch another of their hue and might as well be it: better unseen than swapped."""
     where = {one.name: one for one in expected}
     sizes = {one.name: 0.0 if one.outline is None else (one.outline.area_px / np.pi) ** 0.5 for one in expected}
@@ -178,12 +182,12 @@ def _certain(found: Sequence[AssociatedMark], expected: Sequence[Expected]) -> l
             continue
         named = squared_distance(one, a.detection) + squared_distance(other, b.detection)
         swapped = squared_distance(one, b.detection) + squared_distance(other, a.detection)
-        if swapped - named < SURE:
+        if swapped - named < ambiguity:
             doubtful |= {a.name, b.name}
     return [one for one in found if one.name not in doubtful]
 
 
-def _looks(marks: Sequence[Expected]) -> tuple[list[Outline], float, float | None]:
+def _looks(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
     """What each of these marks looks like, where that is known and tells something, and the area of one [px].
 
     Least and largest, the latter of two that touch where outlines can part them.
@@ -192,10 +196,10 @@ def _looks(marks: Sequence[Expected]) -> tuple[list[Outline], float, float | Non
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None
     areas = [one.area_px for one in outlines]
-    if min(areas) < np.pi * OUTLINE_FROM_PX**2:
-        return [], HALF_AT_LEAST * min(areas), TWICE_AT_MOST * max(areas)
+    if min(areas) < np.pi * settings.min_radius_px**2:
+        return [], settings.min_area * min(areas), settings.max_area * max(areas)
     even = all(one.even for one in outlines)
-    return outlines, SEEN_AT_LEAST * min(areas), len(marks) * TWICE_AT_MOST * max(areas) if even else None
+    return outlines, settings.min_seen * min(areas), len(marks) * settings.max_area * max(areas) if even else None
 
 
 def _inside(place_px: Floats, region: Box) -> bool:
@@ -203,14 +207,15 @@ def _inside(place_px: Floats, region: Box) -> bool:
     return left <= place_px[0] < left + width and top <= place_px[1] < top + height
 
 
-def _regions(expected: Sequence[Expected], shape: tuple[int, ...]) -> list[Box]:
+def _regions(expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings) -> list[Box]:
     """Left, top, width, height of the parts of a picture, (height, width), where marks are expected; none overlap."""
     boxes = []
+    pad_px = settings.detection.coverage.pad_px + 4
     for one in expected:
         (u, v), ((uu, _), (_, vv)) = one.center_px.tolist(), one.cov_px2.tolist()
         (a, b), (c, d) = ((0.0, 0.0), (0.0, 0.0)) if one.outline is None else one.outline.shape_px.tolist()
-        across = REGION_SDS * uu**0.5 + 1.3 * hypot(a, b) + PAD_PX + 4
-        down = REGION_SDS * vv**0.5 + 1.3 * hypot(c, d) + PAD_PX + 4
+        across = REACH_SDS * uu**0.5 + 1.3 * hypot(a, b) + pad_px
+        down = REACH_SDS * vv**0.5 + 1.3 * hypot(c, d) + pad_px
         low = max(floor(u - across), 0), max(floor(v - down), 0)
         high = min(ceil(u + across) + 1, shape[1]), min(ceil(v + down) + 1, shape[0])
         if high[0] > low[0] and high[1] > low[1]:

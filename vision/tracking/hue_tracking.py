@@ -10,25 +10,7 @@ from math import exp, inf, log
 
 from vision.detection.hue import MarkHue, on_circle
 from vision.detection.records import Detection
-
-FOLLOW = 0.05
-"""Share of the newest frame in what is believed of a colour, once so many frames were seen; chosen."""
-FURTHEST = 1.5
-"""How far the hue may drift from where it began, in half widths of its range; chosen."""
-PALER, DARKER = 0.6, 0.3
-"""Saturation and value that count, by those that marks show: a shadow takes light and leaves colour; chosen."""
-LEAST_SATURATION, LEAST_VALUE = 0.12, 0.05
-"""Below these no drift is followed: grey and black have no hue; chosen."""
-
-
-LEAST_SDS = (6.0, 0.07)
-"""How far colours of one kind of mark scatter at least, in shadow and light: hue [degrees] and saturation; chosen."""
-MOST_SCATTER = (*((2.0 * least) ** 2 for least in LEAST_SDS), inf)
-"""Squared scatters of hue and saturation are never believed to be more: they would admit anything; chosen."""
-KNOWN_AFTER = 3
-"""Frames after which a colour is known well enough to refuse others; chosen."""
-GATE = 13.815510557964274
-"""Squared distance in these scatters at which a colour is not the mark's: chi-square, 2 degrees of freedom, 0.1 %."""
+from vision.tracking.settings import FINDER, HueTrackingSettings
 
 
 class AdaptiveHue:
@@ -39,13 +21,16 @@ class AdaptiveHue:
     saturation and log of value, and how colours scatter about it.
     """
 
-    def __init__(self, hue: MarkHue) -> None:
+    def __init__(self, hue: MarkHue, settings: HueTrackingSettings = FINDER.hue) -> None:
+        self._settings = settings
+        most = settings.max_scatter
+        self._max_scatter = (most * settings.hue_sd_deg) ** 2, (most * settings.saturation_sd) ** 2, inf
         self.now = hue
         self._first = hue
         self._n_frames = 0
         self._color, self._scatter = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
         if hue.saturation is not None and hue.value is not None:
-            self._n_frames = KNOWN_AFTER
+            self._n_frames = settings.n_learned
             self._color[1:] = hue.saturation, log(hue.value)
 
     def fits(self, detection: Detection) -> bool:
@@ -54,35 +39,35 @@ class AdaptiveHue:
 
     def off(self, detection: Detection) -> float:
         """How far a detection's colour is off, squared, by how far a mark's may be; 0 until some were seen."""
-        if self._n_frames < KNOWN_AFTER:
+        if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
         (mean_hue, mean_saturation, _), (scatter_hue, scatter_saturation, _) = self._color, self._scatter
-        squared = (hue - mean_hue) ** 2 / max(scatter_hue, LEAST_SDS[0] ** 2)
-        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, LEAST_SDS[1] ** 2)
-        return squared / GATE
+        squared = (hue - mean_hue) ** 2 / max(scatter_hue, self._settings.hue_sd_deg**2)
+        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, self._settings.saturation_sd**2)
+        return squared / self._settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly covered or cut do not count."""
-        first = self._first
+        first, settings = self._first, self._settings
         colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.covered or d.clipped)]
         if not colors:
             return
         self._n_frames += 1
-        share = max(FOLLOW, 1.0 / self._n_frames)
-        for k, (seen, most) in enumerate(zip(zip(*colors, strict=True), MOST_SCATTER, strict=True)):
+        share = max(settings.gain, 1.0 / self._n_frames)
+        for k, (seen, most) in enumerate(zip(zip(*colors, strict=True), self._max_scatter, strict=True)):
             off = [level - self._color[k] for level in seen]
             self._color[k] += share * sum(off) / len(off)
             if self._n_frames > 1:
                 spread = sum(each * each for each in off) / len(off)
                 self._scatter[k] = min(self._scatter[k] + share * (spread - self._scatter[k]), most)
-        furthest = FURTHEST * first.half_width_deg
+        furthest = settings.max_drift * first.half_width_deg
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
         # in steps, so that the table of classes is the same from frame to frame
         drift = round(2.0 * min(max(drift, -furthest), furthest)) / 2.0
         seen_deg = on_circle(first.middle_deg + drift)
-        min_saturation = max(LEAST_SATURATION, min(first.min_saturation, round(PALER * saturation, 2)))
-        min_value = max(LEAST_VALUE, min(first.min_value, round(DARKER * value, 2)))
+        min_saturation = max(settings.min_saturation, min(first.min_saturation, round(settings.paler * saturation, 2)))
+        min_value = max(settings.min_value, min(first.min_value, round(settings.darker * value, 2)))
         if (seen_deg, min_saturation, min_value) != (self.now.seen_deg, self.now.min_saturation, self.now.min_value):
             self.now = replace(first, seen_deg=seen_deg, min_saturation=min_saturation, min_value=min_value)
 

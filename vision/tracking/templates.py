@@ -8,45 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from vision.arrays import Floats, Image
-from vision.detection.coverage import PAD_PX
 from vision.detection.expected import Expected
 from vision.detection.records import Detection
 from vision.tracking.appearance import AppearanceMatch, AppearanceModel
 from vision.tracking.association import AssociatedMark
 from vision.tracking.candidates import (
-    FREE,
-    FREE_SCORE,
-    FREE_SHARE,
     is_mark,
     mark_in_other_light,
     missed_mark,
     seen_at,
     together,
 )
-
-LEAST_RADIUS_PX = 3.5
-"""Marks smaller than this have too few pixels to be compared; chosen."""
-CLEAR_PX2 = 0.15**2
-"""Variance below which the centre of something that nothing covers is a mark's, beyond doubt; chosen."""
-WHOLE_PX2 = 0.5**2
-"""The same from which on it is not kept as what the mark looks like; chosen."""
-UNTOLD_PX2 = 0.6
-"""And above which something that is not clear, and cannot be compared with anything, is no mark; chosen."""
-REFRESHED = 2
-"""Every so many frames a mark's looks are taken anew; chosen."""
-FORGOTTEN = 150
-"""Frames after which a mark that was not clearly seen may look different; chosen."""
-
-NEAR_PX = 3.0
-"""As far as this a centre may be off the place that looks most like the mark; chosen."""
-AS_GOOD = 0.1
-"""What was found may have so much less of a score than the best place, and is believed; chosen."""
-PLAIN_SCORE = 1.1
-"""What was found is plainly the mark where it has this score: nothing further away is looked at; chosen."""
-NEAR_SCORE, MERGED = 0.45, 0.65
-"""Below this score, or where more around it looks like it, what was found there is no mark; chosen."""
-WORTHLESS_PX2 = 3.0**2
-"""With more variance than this something is anywhere near; chosen."""
+from vision.tracking.settings import FINDER, FinderSettings
 
 
 class AppearanceTemplates:
@@ -55,7 +28,8 @@ class AppearanceTemplates:
     State: an appearance for each that was clearly seen in the last FORGOTTEN frames.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, settings: FinderSettings = FINDER) -> None:
+        self._settings = settings
         self._known: dict[str, AppearanceModel] = {}
 
     def __contains__(self, name: str) -> bool:
@@ -76,8 +50,8 @@ class AppearanceTemplates:
         kept: list[AssociatedMark] = []
         odd: list[AssociatedMark] = []
         for one in found:
-            clear = _is_clear(one.detection)
-            (kept if clear or not _is_even(where[one.name]) else odd).append(one)
+            clear = self._is_clear(one.detection)
+            (kept if clear or not self._is_even(where[one.name]) else odd).append(one)
             if clear:
                 self._remember(frame_bgr, one, where[one.name])
         for one in odd:
@@ -90,71 +64,82 @@ class AppearanceTemplates:
         names = {one.name for one in found}
         for each in expected:
             seen = None if each.name in names else self._sought(frame_bgr, each, off)
-            if seen is not None and all(_apart(seen, other.detection) for other in kept):
+            if seen is not None and all(self._apart(seen, other.detection) for other in kept):
                 kept.append(AssociatedMark(each.name, seen))
         self._forget()
         return kept
 
     def _remember(self, frame_bgr: Image, one: AssociatedMark, expected: Expected) -> None:
+        settings = self._settings.templates
         seen, look = one.detection, self._known.get(one.name)
-        if look is not None and look.unseen < REFRESHED and look.is_full:
+        if look is not None and look.unseen < settings.refresh and look.is_full:
             return
-        if seen.covered or seen.clipped or _variance(seen) > WHOLE_PX2 or not _is_even(expected):
+        if seen.covered or seen.clipped or _variance(seen) > settings.whole_sd_px**2 or not self._is_even(expected):
             return
         if look is None:
-            look = self._known[one.name] = AppearanceModel(expected.hue_deg)
+            look = self._known[one.name] = AppearanceModel(expected.hue_deg, self._settings.appearance)
         assert expected.outline is not None
         look.remember(frame_bgr, seen.center_px, expected.outline)
 
     def _forget(self) -> None:
-        longest = 0
+        longest, forget = 0, self._settings.templates.forget
         for look in self._known.values():
             look.unseen += 1
             longest = max(longest, look.unseen)
-        if longest > FORGOTTEN:
-            self._known = {name: look for name, look in self._known.items() if look.unseen <= FORGOTTEN}
+        if longest > forget:
+            self._known = {name: look for name, look in self._known.items() if look.unseen <= forget}
 
     def _sought(self, frame_bgr: Image, one: Expected, off: Callable[[Detection], float]) -> Detection | None:
         """A mark that is missing, where the picture looks like it."""
-        if not _is_even(one):
+        if not self._is_even(one):
             return None
         place = self._place(frame_bgr, one)
-        seen = None if place is None else missed_mark(place, one, off)
+        seen = None if place is None else missed_mark(place, one, off, self._settings.candidates)
         if seen is not None:
             return seen
         place = self._best_in_other_light(frame_bgr, one)
-        return None if place is None else mark_in_other_light(frame_bgr, place, one, off)
+        return None if place is None else mark_in_other_light(frame_bgr, place, one, off, self._settings)
 
     def _checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, off: Callable[[Detection], float]
     ) -> Detection | None:
         """What was found, where the picture looks like the mark; or the mark where it does; None where nowhere."""
+        settings, limits = self._settings.templates, self._settings.candidates
         plain = self._plainly_it(frame_bgr, one, seen)
         if plain is not None:
             return plain
         place = self._place(frame_bgr, one, seen.center_px)
-        if place is not None and _variance(seen) <= WORTHLESS_PX2:
-            if _near(place, seen) and np.isfinite(place.there):
-                alone = place.around < FREE and place.share >= FREE_SHARE
-                if alone or (place.score >= NEAR_SCORE and place.around <= MERGED):
-                    return together(seen, place)
-            elif self._score_there(frame_bgr, one, seen, place) >= max(place.score - AS_GOOD, NEAR_SCORE):
+        if place is not None and _variance(seen) <= settings.worthless_sd_px**2:
+            if self._near(place, seen) and np.isfinite(place.there):
+                alone = place.around < limits.free and place.share >= limits.free_share
+                if alone or (place.score >= settings.near_score and place.around <= settings.merged):
+                    return together(seen, place, limits)
+            elif self._score_there(frame_bgr, one, seen, place) >= max(
+                place.score - settings.as_good, settings.near_score
+            ):
                 return seen
-        if place is not None and is_mark(place, FREE_SCORE) and off(better := seen_at(place, one)) <= 1.0:
+        if (
+            place is not None
+            and is_mark(place, limits.free_score, limits)
+            and off(better := seen_at(place, one, limits)) <= 1.0
+        ):
             return better
         place = self._best_in_other_light(frame_bgr, one)
-        if _variance(seen) <= UNTOLD_PX2 and (place is None or _near(place, seen)):
+        if _variance(seen) <= settings.unknown_sd_px**2 and (place is None or self._near(place, seen)):
             return seen
-        return None if place is None else mark_in_other_light(frame_bgr, place, one, off)
+        return None if place is None else mark_in_other_light(frame_bgr, place, one, off, self._settings)
 
     def _plainly_it(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
         """What was found, where that is clear at once: the usual case in noise, and the quicker."""
+        settings = self._settings.templates
         if one.name not in self._known:
-            return seen if not seen.covered and _variance(seen) <= WHOLE_PX2 else None
-        place = self._place(frame_bgr, one, seen.center_px, NEAR_PX + 1.0)
-        if place is None or place.score < PLAIN_SCORE or not _near(place, seen) or _variance(seen) > WORTHLESS_PX2:
+            return seen if not seen.covered and _variance(seen) <= settings.whole_sd_px**2 else None
+        place = self._place(frame_bgr, one, seen.center_px, settings.near_px + 1.0)
+        if place is None or place.score < settings.plain_score or not self._near(place, seen):
             return None
-        return together(seen, place)
+        if _variance(seen) > settings.worthless_sd_px**2:
+            return None
+        return together(seen, place, self._settings.candidates)
 
     def _best_in_other_light(self, frame_bgr: Image, one: Expected) -> AppearanceMatch | None:
         """Where it looks most like a mark of this kind, in whatever light."""
@@ -176,26 +161,26 @@ class AppearanceTemplates:
         there = self._place(frame_bgr, replace(one, center_px=seen.center_px, cov_px2=np.eye(2)))
         return -np.inf if there is None else there.score
 
+    def _is_even(self, one: Expected) -> bool:
+        """Whether a mark is of one colour and has pixels enough to look like something."""
+        return (
+            one.outline is not None
+            and one.outline.even
+            and one.outline.area_px >= np.pi * self._settings.min_radius_px**2
+        )
 
-def _is_even(one: Expected) -> bool:
-    """Whether a mark is of one colour and has pixels enough to look like something."""
-    return one.outline is not None and one.outline.even and one.outline.area_px >= np.pi * LEAST_RADIUS_PX**2
+    def _is_clear(self, seen: Detection) -> bool:
+        """Whether this is a whole mark, beyond doubt."""
+        return not seen.covered and not seen.clipped and _variance(seen) <= self._settings.templates.clear_sd_px**2
 
+    def _near(self, place: AppearanceMatch, seen: Detection) -> bool:
+        return float(np.hypot(*(place.center_px - seen.center_px))) <= self._settings.templates.near_px
 
-def _is_clear(seen: Detection) -> bool:
-    """Whether this is a whole mark, beyond doubt."""
-    return not seen.covered and not seen.clipped and _variance(seen) <= CLEAR_PX2
+    def _apart(self, a: Detection, b: Detection) -> bool:
+        """Whether two detections are of different marks."""
+        return float(np.hypot(*(a.center_px - b.center_px))) > self._settings.detection.coverage.pad_px
 
 
 def _variance(seen: Detection) -> float:
     (uu, _), (_, vv) = seen.cov_px2.tolist()
     return max(uu, vv)
-
-
-def _near(place: AppearanceMatch, seen: Detection) -> bool:
-    return float(np.hypot(*(place.center_px - seen.center_px))) <= NEAR_PX
-
-
-def _apart(a: Detection, b: Detection) -> bool:
-    """Whether two detections are of different marks."""
-    return float(np.hypot(*(a.center_px - b.center_px))) > PAD_PX

@@ -6,21 +6,10 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from vision import Disc, Expected, Lighting, Outline, draw_frame
-from vision.tracking.appearance import (
-    AROUND,
-    BLUR_PX,
-    HIDDEN,
-    INNER,
-    KEPT,
-    LEAST_SD,
-    MATCH,
-    OUTER,
-    PRIOR,
-    SHADE,
-    WIDE_PX,
-    AppearanceModel,
-)
+from vision.tracking.appearance import AppearanceModel
+from vision.tracking.settings import FINDER
 
+SETTINGS = FINDER.appearance
 SIZE, RADIUS = (200, 160), 9.0
 OUTLINE = Outline(RADIUS * np.eye(2), 0.05)
 BLOOD = {"hue_deg": 0.0, "saturation": 0.9, "value": 0.45}
@@ -38,7 +27,7 @@ def expected(at: tuple[float, float], sd: float = 3.0) -> Expected:
     return Expected("M1", np.array(at), sd**2 * np.eye(2), 0.0, OUTLINE)
 
 
-def known(rng: np.random.Generator, n: int = KEPT) -> AppearanceModel:
+def known(rng: np.random.Generator, n: int = SETTINGS.n_views) -> AppearanceModel:
     look = AppearanceModel(0.0)
     for k in range(n):
         at = (60.0 + 1.3 * k, 70.0 + 0.4 * k)
@@ -103,7 +92,7 @@ def test_a_darker_mark_of_the_kind_is_known_only_where_light_may_have_changed() 
 def test_looks_are_lent_to_marks_seen_as_other_shapes(axes_px: tuple[float, float]) -> None:
     rng = np.random.default_rng(11)
     look = AppearanceModel(0.0)
-    for k in range(KEPT):
+    for k in range(SETTINGS.n_views):
         at = np.array([60.0 + 1.3 * k, 70.0])
         highlight = Disc(at + np.array([3.0, -3.5]), (2.5, 2.5), 0.0, saturation=0.1, value=0.95)
         look.remember(frame(rng, mark(tuple(at)), highlight), at, OUTLINE)
@@ -159,8 +148,8 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
     there = np.array([103.0, 78.0])
     place = look.place(picture, expected((101.0, 79.0)), there_px=there)
 
-    views = [cv2.GaussianBlur(view, (0, 0), BLUR_PX).astype(float) for view, _, _ in look._kept]
-    half = int(np.ceil(OUTER * RADIUS + WIDE_PX + 1.0))
+    views = [cv2.GaussianBlur(view, (0, 0), SETTINGS.blur_px).astype(float) for view, _, _ in look._kept]
+    half = int(np.ceil(SETTINGS.outer * RADIUS + SETTINGS.ring_px + 1.0))
     v, u = np.mgrid[-half : half + 1, -half : half + 1]
     cut = np.array(
         [
@@ -169,14 +158,14 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
         ]
     )
     median = np.median(cut, axis=0)
-    sd = max(2.2 * np.median(np.abs(cut - median)), LEAST_SD)
+    sd = max(2.2 * np.median(np.abs(cut - median)), SETTINGS.min_sd)
     off = np.hypot(u, v) / RADIUS
-    begin = OUTER + 0.5 / RADIUS
-    inside, ring = off <= INNER, (off > begin) & (off <= begin + WIDE_PX / RADIUS)
-    smooth = cv2.GaussianBlur(picture, (0, 0), BLUR_PX).astype(float)
+    begin = SETTINGS.outer + 0.5 / RADIUS
+    inside, ring = off <= SETTINGS.inner, (off > begin) & (off <= begin + SETTINGS.ring_px / RADIUS)
+    smooth = cv2.GaussianBlur(picture, (0, 0), SETTINGS.blur_px).astype(float)
 
     def apart(levels: np.ndarray, colors: np.ndarray) -> np.ndarray:
-        return ((levels - colors) ** 2 / (sd**2 + (SHADE * colors) ** 2)).mean(axis=-1) / MATCH
+        return ((levels - colors) ** 2 / (sd**2 + (SETTINGS.shade * colors) ** 2)).mean(axis=-1) / SETTINGS.match
 
     core, behind = np.median(median[inside], axis=0), np.median(median[ring], axis=0)
 
@@ -184,16 +173,16 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
         x, y = (int(n) for n in at)
         part = smooth[y - half : y + half + 1, x - half : x + half + 1]
         own, ground = apart(part, median)[inside], apart(part, behind)[inside]
-        each = np.where(own < 1.0, 1.0 - own, np.where(ground < 1.0, -1.0, -HIDDEN))
+        each = np.where(own < 1.0, 1.0 - own, np.where(ground < 1.0, -1.0, -SETTINGS.occluded_cost))
         around = np.maximum(1.0 - apart(part, core)[ring], -1.0)
-        return each.mean() - AROUND * around.mean(), (own < 1.0).mean()
+        return each.mean() - SETTINGS.ring_weight * around.mean(), (own < 1.0).mean()
 
     # views are redrawn in whole levels, between pixels to a 32nd of one
     assert place.there == pytest.approx(score(there)[0], abs=0.01)
     best = score(np.rint(place.center_px))
     assert (place.score, place.share) == pytest.approx(best, abs=0.01)
     off_px = np.rint(place.center_px) - (101.0, 79.0)
-    assert place.weighed == pytest.approx(place.score - PRIOR * float(off_px @ off_px) / 9.0, abs=1e-9)
+    assert place.weighed == pytest.approx(place.score - SETTINGS.prior * float(off_px @ off_px) / 9.0, abs=1e-9)
 
 
 def test_of_two_that_look_alike_the_one_nearer_to_where_it_is_expected_is_taken() -> None:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from vision import Detection, Expected, associate_marks
-from vision.tracking.association import GATE
+from vision.tracking.settings import GATE
 
 UNIT = np.eye(2)
 

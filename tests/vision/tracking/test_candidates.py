@@ -9,19 +9,14 @@ import pytest
 from vision import Detection, Disc, Expected, Lighting, Outline, draw_frame
 from vision.tracking.appearance import AppearanceMatch
 from vision.tracking.candidates import (
-    APART,
-    EVEN_SCORE,
-    FURTHEST_OFF,
-    LEAST_SD_PX,
-    MOST_SD_PX,
-    SURE_SCORE,
-    TOGETHER,
     mark_in_other_light,
     missed_mark,
     seen_at,
     together,
 )
+from vision.tracking.settings import FINDER
 
+SETTINGS = FINDER.candidates
 RADIUS, AT = 9.0, np.array([100.0, 80.0])
 ONE = Expected("M1", AT, 9.0 * np.eye(2), 0.0, Outline(RADIUS * np.eye(2), 0.05))
 BLANK = np.full((160, 200, 3), 200, np.uint8)
@@ -44,14 +39,14 @@ def test_a_centre_by_outline_and_a_place_make_the_mean_of_least_variance() -> No
     information = np.linalg.inv(cov) + np.linalg.inv(of_place)
     mean = np.linalg.solve(information, np.linalg.solve(cov, seen.center_px) + np.linalg.solve(of_place, AT))
     np.testing.assert_allclose(both.center_px, mean, atol=1e-9)
-    np.testing.assert_allclose(both.cov_px2, TOGETHER * np.linalg.inv(information), atol=1e-12)
+    np.testing.assert_allclose(both.cov_px2, SETTINGS.shared * np.linalg.inv(information), atol=1e-12)
     assert (both.area_px, both.covered, both.color_bgr) == (250.0, False, (1.0, 2.0, 3.0))
 
 
 def test_a_place_is_the_less_sure_the_less_it_looks_like_the_mark() -> None:
     sds = [seen_at(replace(PLACE, score=score), ONE).cov_px2[0, 0] ** 0.5 for score in (1.5, 1.35, 1.2, 1.0, 0.8, 0.3)]
-    assert sds[:2] == [LEAST_SD_PX, LEAST_SD_PX]
-    assert sds[-1] == MOST_SD_PX
+    assert sds[:2] == [SETTINGS.min_sd_px, SETTINGS.min_sd_px]
+    assert sds[-1] == SETTINGS.max_sd_px
     assert all(a < b for a, b in pairwise(sds[1:]))
 
 
@@ -59,7 +54,7 @@ def test_a_place_is_the_less_sure_the_less_it_looks_like_the_mark() -> None:
     ("change", "sure"),
     [
         ({}, True),
-        ({"score": SURE_SCORE - 0.01}, False),
+        ({"score": SETTINGS.sure_score - 0.01}, False),
         ({"share": 0.69}, False),
         ({"score": 0.74, "around": 0.31}, False),
         ({"score": 0.74, "around": 0.29}, True),
@@ -79,14 +74,14 @@ def test_a_mark_that_looks_a_little_like_it_must_have_its_colour() -> None:
     ("change", "sure"),
     [
         ({}, (True, True)),
-        ({"weighed": EVEN_SCORE + 0.01}, (True, False)),
-        ({"weighed": EVEN_SCORE - 0.01}, (False, False)),
+        ({"weighed": SETTINGS.even_score + 0.01}, (True, False)),
+        ({"weighed": SETTINGS.even_score - 0.01}, (False, False)),
         ({"share": 0.79}, (False, False)),
         ({"around": -0.19}, (False, False)),
-        ({"around": APART, "share": 0.4, "weighed": 0.1}, (True, True)),
-        ({"around": APART, "share": 0.39}, (False, False)),
-        ({"around": APART, "share": 0.4, "score": 0.7, "weighed": 0.1}, (True, False)),
-        ({"around": APART, "share": 0.4, "score": 0.64, "weighed": 0.1}, (False, False)),
+        ({"around": SETTINGS.apart, "share": 0.4, "weighed": 0.1}, (True, True)),
+        ({"around": SETTINGS.apart, "share": 0.39}, (False, False)),
+        ({"around": SETTINGS.apart, "share": 0.4, "score": 0.7, "weighed": 0.1}, (True, False)),
+        ({"around": SETTINGS.apart, "share": 0.4, "score": 0.64, "weighed": 0.1}, (False, False)),
     ],
 )
 def test_in_other_light_a_mark_must_be_even_and_apart(change: dict[str, float], sure: tuple[bool, bool]) -> None:
@@ -95,8 +90,8 @@ def test_in_other_light_a_mark_must_be_even_and_apart(change: dict[str, float], 
 
 
 def test_what_is_of_quite_another_colour_is_no_mark_in_any_light() -> None:
-    assert mark_in_other_light(BLANK, PLACE, ONE, lambda _: FURTHEST_OFF) is not None
-    assert mark_in_other_light(BLANK, PLACE, ONE, lambda _: FURTHEST_OFF + 1e-9) is None
+    assert mark_in_other_light(BLANK, PLACE, ONE, lambda _: SETTINGS.max_off) is not None
+    assert mark_in_other_light(BLANK, PLACE, ONE, lambda _: SETTINGS.max_off + 1e-9) is None
 
 
 def test_a_place_goes_half_the_way_to_its_rim_and_is_less_sure_the_further_that_is() -> None:

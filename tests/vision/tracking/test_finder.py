@@ -32,9 +32,9 @@ def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.Monke
         regions.append(more["region"])
         return detect(*given, **more)
 
-    def watched_alone(frame_bgr, hues, region, expected):
+    def watched_alone(frame_bgr, hues, region, expected, settings):
         regions.append(region)
-        return alone(frame_bgr, hues, region, expected)
+        return alone(frame_bgr, hues, region, expected, settings)
 
     monkeypatch.setattr(vision.tracking.finder, "detect_marks", watched)
     monkeypatch.setattr(vision.tracking.finder, "detect_isolated", watched_alone)

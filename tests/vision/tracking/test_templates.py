@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from vision import Disc, Expected, Lighting, MarkFinder, MarkHue, Outline, draw_frame
-from vision.tracking.templates import FORGOTTEN
+from vision.tracking.settings import FINDER
 
 SIZE, RADIUS = (400, 300), 9.0
 HOMES = {"M1": (90.0, 80.0), "M2": (300.0, 90.0), "M3": (200.0, 220.0)}
@@ -102,7 +102,7 @@ def test_looks_are_forgotten_where_a_mark_is_not_seen_for_long() -> None:
     others = {name: at for name, at in HOMES.items() if name != "M2"}
     cover = Disc(np.array(HOMES["M2"]), (30.0, 30.0), 120.0, saturation=0.02, value=0.8)
     hidden = frame(rng, [], [cover])
-    for _ in range(FORGOTTEN):
+    for _ in range(FINDER.templates.forget):
         finder.find(hidden, expected(rng, HOMES))
     assert "M2" not in finder._looks
     assert all(name in finder._looks for name in others)

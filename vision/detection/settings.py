@@ -1,0 +1,195 @@
+"""Settings of mark detection: what steers coverage, outline, rim, components and centres, with units and origins.
+
+Lengths that scale with a mark are in sizes of it: shares of its half axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class CoverageSettings:
+    """How the share of each pixel that a mark covers is measured.
+
+    grow_px: how far beyond the component the mark's blurred edge may reach [px]; choice
+    pad_px: rim of pixels around the component whose outer part shows the background [px]; choice
+    core_px: pixels this far inside the component are all mark, whatever highlights they show [px]; choice
+    outlier_sds: pixels further from the background's median are no background [standard deviations]; choice
+    grain_reach_px: width of the square of lags over which noise may be correlated [px]; choice
+    edge_reach_px: the same for the antisymmetric part of a mark [px]; choice
+    edge_gain: variance of noise by that of half the difference of two pixels, 2 for white noise [1]; choice
+    rough_gain: variance of noise as it moves a centre by that of one pixel, in the fast path [1]; choice
+    floor_sd_px: standard deviation of a centre when nothing else is wrong: rounding, shading [px]; choice
+    """
+
+    grow_px: int = 3
+    pad_px: int = 8
+    core_px: int = 2
+    outlier_sds: float = 4.0
+    grain_reach_px: int = 7
+    edge_reach_px: int = 3
+    edge_gain: float = 1.6
+    rough_gain: float = 12.0
+    floor_sd_px: float = 0.0025
+
+    def for_kernel(self) -> tuple[float, ...]:
+        """As `kernels.covered` takes them."""
+        floor_px2 = self.floor_sd_px**2
+        return (
+            self.outlier_sds,
+            self.grain_reach_px,
+            self.edge_gain,
+            self.edge_reach_px,
+            self.rough_gain,
+            floor_px2,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class OutlineSettings:
+    """How an outline is fitted to the edge of a mark.
+
+    reach: how far from the middle of what is seen an edge may lie [sizes]; choice
+    reach_among: the same from the expected place of one of several marks [sizes]; choice
+    near_px: edges so near to the circle lie on it [px]; choice
+    correlation_px: width over which errors of an edge are correlated [px]; choice
+    highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
+    edge_sd_px: least standard deviation of an edge [px]; choice
+    min_share: share of all directions that must show the mark's own edge [1]; choice
+    whole_share: share of directions with an edge up to which part of the mark may be occluded [1]; choice
+    max_beyond: share of directions with an edge outside up to which the outline holds [1]; choice
+    """
+
+    reach: float = 2.0
+    reach_among: float = 1.4
+    near_px: float = 0.4
+    correlation_px: float = 3.0
+    highest_wave: int = 7
+    edge_sd_px: float = 0.05
+    min_share: float = 0.2
+    whole_share: float = 0.85
+    max_beyond: float = 0.1
+
+    def for_kernel(self) -> tuple[float, ...]:
+        """As the kernels of `outline` and `rim` take them."""
+        return (
+            self.near_px,
+            self.correlation_px,
+            self.highest_wave,
+            self.edge_sd_px,
+            self.min_share,
+            self.whole_share,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RimSettings:
+    """How the rim of a mark is fitted to steps of colour.
+
+    inner, outer: where along a ray steps are looked for [sizes]; choice
+    blur_px: standard deviation of the smoothing before [px]; choice
+    min_step: least step over two pixels, summed over the colours [grey levels]; choice
+    wide, narrow_px: how far from the circle a step may lie, at first [sizes] and at last [px]; choice
+    min_share: share of all directions, weighed by contrast, below which part of the mark is occluded [1]; choice
+    min_share_alone: the same where nothing but the rim shows the mark [1]; choice
+    search_sds: how far about the expected place the search for a rim begins [standard deviations]; choice
+    max_sd: marks expected less exactly are not searched for by their rim [sizes]; choice
+    core: part of a mark from which its colour is taken [sizes]; choice
+    smear_gain: variance of the rim's centre by the spread that motion adds to the mark [1]; choice
+    shading: how far shading moves the rim of a ball that shows all of it [sizes]; choice
+    """
+
+    inner: float = 0.55
+    outer: float = 1.5
+    blur_px: float = 1.5
+    min_step: float = 5.0
+    wide: float = 0.3
+    narrow_px: float = 1.0
+    min_share: float = 0.3
+    min_share_alone: float = 0.45
+    search_sds: float = 2.0
+    max_sd: float = 1.5
+    core: float = 0.6
+    smear_gain: float = 0.12
+    shading: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentSettings:
+    """Which connected pixels of a class may be a mark.
+
+    max_picture_share: share of the picture from which on a hue shows the scene, not marks [1]; choice
+    max_elongation: longest by shortest axis [1]; choice
+    min_class_share: share of its area that a mark shows before its edge is counted [1]; choice
+    coarse_area_px: marks of at least this area are searched for at half the resolution [px]; choice
+    max_noise: noise of a pixel by a mark's contrast, above which it is a stain [1]; choice
+    """
+
+    max_picture_share: float = 0.3
+    max_elongation: float = 4.0
+    min_class_share: float = 0.4
+    coarse_area_px: float = 60.0
+    max_noise: float = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class CenterSettings:
+    """Which of several centres of a mark is taken.
+
+    gate: squared Mahalanobis distance beyond which two centres differ [1]; source: chi-square, 2 dof, 99.9 %
+    agree_sd_px: by what two centres of one mark may differ beside their covariances [px]; choice
+    min_area, max_area: share of a mark's area that something without an outline must show, and may show [1]; choice
+    merged_area: share from which on it may be several marks that touch [1]; choice
+    apart: outlines nearer than this are those of one mark [sizes]; choice
+    whole_area: share below which part of the mark is occluded [1]; choice
+    grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
+        their variance at most [1]; choice
+    blurred: spread of a mark at rest by that of its outline [1]; choice
+    """
+
+    gate: float = 13.815510557964274
+    agree_sd_px: float = 0.08
+    min_area: float = 0.5
+    max_area: float = 1.6
+    merged_area: float = 1.25
+    apart: float = 0.5
+    whole_area: float = 0.9
+    grain_noise: float = 0.02
+    grain_gain: float = 3.2
+    blurred: float = 1.2
+
+
+@dataclass(frozen=True, slots=True)
+class DetectionSettings:
+    """Settings of `detect_marks`, a record a stage."""
+
+    coverage: CoverageSettings = field(default_factory=CoverageSettings)
+    outline: OutlineSettings = field(default_factory=OutlineSettings)
+    rim: RimSettings = field(default_factory=RimSettings)
+    components: ComponentSettings = field(default_factory=ComponentSettings)
+    centers: CenterSettings = field(default_factory=CenterSettings)
+
+
+@dataclass(frozen=True, slots=True)
+class HueLearningSettings:
+    """How a kind of mark is learned from one place in a picture.
+
+    max_distance: how far colours of one mark differ at most, by how far grey does [1]; choice
+    sds: standard deviations of its pixels' hues that a kind of mark reaches [1]; choice
+    min_width_deg, max_width_deg: half widths of a learned range [degrees]; choice
+    paler, darker: how much less saturation and value others may show [1]; choice
+    """
+
+    max_distance: float = 0.6
+    sds: float = 3.0
+    min_width_deg: float = 8.0
+    max_width_deg: float = 25.0
+    paler: float = 0.6
+    darker: float = 0.3
+
+
+DETECTION = DetectionSettings()
+"""The defaults."""
+HUE_LEARNING = HueLearningSettings()
+"""The defaults."""
