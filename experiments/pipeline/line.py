@@ -76,7 +76,7 @@ class Line:
         self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
         self._measured = frozenset(measured)
         self._marks = {mark.node: mark for mark in scene.marks}
-        self.finder = vision.MarkFinder({mark.hue_deg: mark.hue for mark in scene.marks}.values())
+        self.finder = vision.MarkFinder([mark.hue for mark in scene.marks])
 
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""

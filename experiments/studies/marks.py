@@ -14,8 +14,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +41,15 @@ from vision import (
     posed_camera,
     synthetic_run,
 )
+from vision.tracking.settings import FinderSettings
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
 """Seeds below were used to choose figures by; the study's are from this one on."""
+DEVELOPMENT_SEEDS = tuple(range(101, 117))
+"""Runs that settings are chosen by."""
+COMPARED = ("found", "rms_px", "predicted_by_real", "false_per_1000_frames")
+"""Figures that a setting is judged by."""
 VISIBLE = 0.5
 """Share of a mark that must be seen for it to count as visible."""
 FAR_PX = 4.0
@@ -54,7 +60,14 @@ PREDICTED_SD_PX = 3.0
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
     """A row a mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether it was named so."""
-    frames = synthetic_run(seed, n_frames, level)
+    return followed(seed, synthetic_run(seed, n_frames, level))
+
+
+def followed(
+    seed: int, run_frames: Iterable[RunFrame], settings: FinderSettings | None = None, *, even: bool = True
+) -> pd.DataFrame:
+    """The rows of `run` for rendered frames; even: marks are of one colour, else found by their rim."""
+    frames = iter(run_frames)
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
     lens = Lens(view.matrix, np.array(view.distortion))
@@ -62,7 +75,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
     names = [f"M{k}" for k in range(len(first.marks))]
     clearest = int(np.argmax(first.frame.visible))
     hue = learn_hue(first.frame.image, first.frame.centers_px[clearest])
-    finder = MarkFinder([hue])
+    finder = MarkFinder([hue], settings)
     rng = np.random.default_rng([seed, 7])
     gate = PREDICTED_SD_PX**2 * np.eye(2)
 
@@ -73,7 +86,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
         for name, truth in zip(names, one.frame.centers_px, strict=True):
             place = truth + rng.normal(0.0, PREDICTED_SD_PX, 2)
             at = camera.to_plane(np.clip(place, 0.0, np.array(view.size_px) - 1.0))[0]
-            outline = Outline(camera.disc_shape(at, radius_m), 0.05)
+            outline = Outline(camera.disc_shape(at, radius_m), 0.05, even)
             expected.append(Expected(name, place, gate, hue.hue_deg, outline))
         radius_px = [float(np.sqrt(one.outline.area_px / np.pi)) for one in expected if one.outline is not None]
         found = {f.name: f.detection for f in finder.find(one.frame.image, expected)}
@@ -120,8 +133,39 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
-    """Two marks of one hue that cross, touching or one over the other, at 2 px a frame or more: frames lost, and all.
+@lru_cache(maxsize=64)
+def _rendered(seed: int, level: Level, n_frames: int) -> tuple[RunFrame, ...]:
+    return tuple(synthetic_run(seed, n_frames, level))
+
+
+def marks_figures(
+    settings: FinderSettings, seeds: Sequence[int] = DEVELOPMENT_SEEDS, n_frames: int = 20
+) -> dict[str, float]:
+    """Figures of the mark finder with these settings, at both levels, by rims alone, and where two marks cross.
+
+    seeds: of runs that settings may be chosen by, below FIRST_SEED; frames are rendered once a process
+    """
+    told: dict[str, float] = {}
+    kinds: tuple[tuple[str, Level, bool, Sequence[int]], ...] = (
+        ("good light", "good light", True, seeds[:4]),
+        ("whole range", "whole range", True, seeds),
+        ("rim alone", "whole range", False, seeds[:2]),
+    )
+    for name, level, even, own in kinds:
+        rows = pd.concat([followed(seed, _rendered(seed, level, n_frames), settings, even=even) for seed in own])
+        row = figures(rows)
+        told |= {f"{name}: {key}": row[key] for key in COMPARED}
+    lost = [crossing(FIRST_SEED + seed, settings=settings) for seed in seeds[:4]]
+    return told | {
+        "crossing: frames_lost": float(sum(n for n, _, _ in lost)),
+        "crossing: found": sum(n for _, _, n in lost) / sum(2 * n for _, n, _ in lost),
+    }
+
+
+def crossing(seed: int, n_frames: int = 50, settings: FinderSettings | None = None) -> tuple[int, int, int]:
+    """Two marks of one hue that cross, touching or one over the other, at 2 px a frame or more.
+
+    Returns the frames lost, all frames, and the marks found.
 
     A filter of constant velocity says where each is expected; a frame is lost in which a mark is named by the other's
     place, beyond the first frame in which they are apart again.
@@ -137,18 +181,19 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     times = np.arange(n_frames) - n_frames / 2.0
     hue, outline = MarkHue(0.0), Outline(radius * np.eye(2), 0.05)
     places = middle + miss[:, None] + times[None, :, None] * ways[:, None]
-    follower = PxFollower({"a": hue, "b": hue}, 60.0, {"a": places[0, 0], "b": places[1, 0]})
-    lost = 0
+    follower = PxFollower({"a": hue, "b": hue}, 60.0, {"a": places[0, 0], "b": places[1, 0]}, settings=settings)
+    lost = n_found = 0
     for k in range(n_frames):
         discs = [Disc(place, (radius, radius), 0.0) for place in places[:, k]]
         frame = Frame(k, k / 30.0, draw_frame((280, 220), discs, Lighting(), rng))
         found = follower.see(frame, {"a": outline, "b": outline})
+        n_found += len(found)
         apart = float(np.hypot(*(places[0, k] - places[1, k])))
         for own, name in enumerate(("a", "b")):
             if name in found and apart > 2.0 * radius:
                 off = np.linalg.norm(places[:, k] - found[name].center_px, axis=1)
                 lost += int(off[own] > off[1 - own])
-    return lost, n_frames
+    return lost, n_frames, n_found
 
 
 def crossings(n_runs: int, n_processes: int = 2) -> dict[str, float]:
@@ -156,9 +201,9 @@ def crossings(n_runs: int, n_processes: int = 2) -> dict[str, float]:
     with ProcessPoolExecutor(n_processes) as pool:
         told = list(pool.map(crossing, range(n_runs), chunksize=5))
     return {
-        "frames": sum(frames for _, frames in told),
-        "frames_lost": sum(lost for lost, _ in told),
-        "crossings_swapped": sum(lost > 0 for lost, _ in told),
+        "frames": sum(frames for _, frames, _ in told),
+        "frames_lost": sum(lost for lost, _, _ in told),
+        "crossings_swapped": sum(lost > 0 for lost, _, _ in told),
     }
 
 

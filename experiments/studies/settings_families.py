@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from experiments.studies.marks import marks_figures
+from vision.tracking.settings import FINDER
+
 Figures = Mapping[str, float]
 
 
@@ -17,4 +20,4 @@ class Family:
     figures: Callable[[Any], Figures]
 
 
-FAMILIES: dict[str, Family] = {}
+FAMILIES: dict[str, Family] = {"marks": Family(FINDER, marks_figures)}

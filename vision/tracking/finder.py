@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields
 from itertools import combinations
 from math import ceil, floor, hypot
 
@@ -35,7 +36,7 @@ class MarkFinder:
 
     def __init__(self, hues: Iterable[MarkHue], settings: FinderSettings | None = None) -> None:
         self.settings = settings = FINDER if settings is None else settings
-        self.hues = {hue.hue_deg: AdaptiveHue(hue, settings.hue) for hue in hues}
+        self.hues = {hue.hue_deg: AdaptiveHue(hue, settings.hue) for hue in _of_one_range(hues)}
         self.missed: set[str] | None = None
         self._looks = AppearanceTemplates(settings)
 
@@ -165,6 +166,21 @@ class MarkFinder:
             settings=self.settings.detection,
         )
         return [d for d in detections if self.hues[d.hue_deg].fits(d)]
+
+
+def _of_one_range(hues: Iterable[MarkHue]) -> list[MarkHue]:
+    """Each hue once; raises HueError where marks of one hue differ in what counts as their colour."""
+    known: dict[float, MarkHue] = {}
+    for hue in hues:
+        other = known.setdefault(hue.hue_deg, hue)
+        for key in (field.name for field in fields(MarkHue)):
+            own, first = getattr(hue, key), getattr(other, key)
+            if own != first:
+                raise HueError(
+                    f"marks of hue {hue.hue_deg:g} degrees: expected one {key} for all of them, found {first} and {own}"
+                    "; give all the same, or hues that differ"
+                )
+    return list(known.values())
 
 
 def _certain(found: Sequence[AssociatedMark], expected: Sequence[Expected], ambiguity: float) -> list[AssociatedMark]:

@@ -159,3 +159,10 @@ def test_the_quick_way_leaves_what_is_odd_to_the_long_way() -> None:
 def replace_even(outline: Outline | None) -> Outline:
     assert outline is not None
     return Outline(outline.shape_px, outline.size_sd, even=False)
+
+
+def test_marks_of_one_hue_have_one_range_of_colours() -> None:
+    finder = MarkFinder([MarkHue(0.0, min_saturation=0.3), MarkHue(120.0), MarkHue(0.0, min_saturation=0.3)])
+    assert list(finder.hues) == [0.0, 120.0]
+    with pytest.raises(HueError, match=r"marks of hue 0 degrees: expected one min_saturation .* found 0.3 and 0.5"):
+        MarkFinder([MarkHue(0.0, min_saturation=0.3), MarkHue(0.0, min_saturation=0.5)])
