@@ -96,12 +96,12 @@ def identified(study: Study) -> dict[str, Row]:
 
 
 def unidentified(study: Study) -> dict[str, Row]:
-    """10 % off and not identified: the covariance is told so, and not told."""
+    """10 % off and not identified: the filter considers their uncertainty, or ignores it."""
     network = four_mass_phantom()
     which = parameters(network)
     known = independent_uncertainty(which, [OFF[one.kind] for one in which])
     rows: dict[str, Row] = {}
-    for label, uncertainty in (("told", known), ("not told", None)):
+    for label, uncertainty in (("considered", known), ("ignored", None)):
         outcomes = {
             name: study.all(run, [(Trial(name, seed), perturbed(seed, OFF, uncertainty)) for seed in study.seeds])
             for name in ("quiet", "poked", "shoved")

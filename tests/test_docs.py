@@ -1,0 +1,132 @@
+"""Whatever the pages name exists: links, pictures, paths, modules, subcommands and renamed names."""
+
+import importlib
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from experiments.commands.app import COMMANDS
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+FOLDERS = "dynamics|estimators|vision|experiments|tests|docs"
+SUFFIXES = "py|md|toml|csv|png|json"
+
+page_by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def missing_links(page: Path) -> list[str]:
+    """Targets of relative links and pictures that are not there, and anchors without their heading."""
+    missing = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        linked = (page.parent / path).resolve() if path else page
+        if not linked.is_file() or (anchor and anchor not in anchors(linked)):
+            missing.append(target)
+    return missing
+
+
+def anchors(page: Path) -> set[str]:
+    """Names under which the headings of a page are linked."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def missing_paths(page: Path) -> list[str]:
+    """Paths of the repository in backticks that are not there."""
+    named = re.findall(rf"`((?:{FOLDERS})/[\w./-]*\.(?:{SUFFIXES}))`", page.read_text(encoding="utf-8"))
+    return [path for path in named if not (ROOT / path).is_file()]
+
+
+def missing_modules(page: Path) -> list[str]:
+    """Modules that a command of a page runs and that are not there; a part in capitals stands for any name."""
+    named = re.findall(r"python -m ((?:experiments|tests)[\w.]*\w)", page.read_text(encoding="utf-8"))
+    return [name for name in named if not is_module(name) and not any(part.isupper() for part in name.split("."))]
+
+
+def is_module(name: str) -> bool:
+    """Whether a module of this name can be imported."""
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def missing_subcommands(page: Path) -> list[str]:
+    """Subcommands that a page names, in backticks or at the start of a line of a block, and that are not registered."""
+    named = re.findall(r"(?:`|^)softaim ([a-z][\w-]*)", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    known = {command.__name__.replace("_", "-") for command in COMMANDS}
+    return [name for name in named if name not in known]
+
+
+@page_by_page
+def test_links_and_pictures_exist(page: Path) -> None:
+    assert missing_links(page) == []
+
+
+@page_by_page
+def test_paths_exist(page: Path) -> None:
+    assert missing_paths(page) == []
+
+
+@page_by_page
+def test_modules_can_be_run(page: Path) -> None:
+    assert missing_modules(page) == []
+
+
+@page_by_page
+def test_subcommands_exist(page: Path) -> None:
+    assert missing_subcommands(page) == []
+
+
+def test_what_is_missing_is_found(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# One\n[a](gone.md) [b](#one) [c](#two) [d](https://example.org/x)\n"
+        "`dynamics/gone.py`, `dynamics/__init__.py`, `python -m experiments.studies.NAME`\n"
+        "`python -m experiments.gone`, `python -m experiments.studies.readme`\n`softaim vanish`, `softaim track rec`\n",
+        encoding="utf-8",
+    )
+    assert missing_links(page) == ["gone.md", "#two"]
+    assert missing_paths(page) == ["dynamics/gone.py"]
+    assert missing_modules(page) == ["experiments.gone"]
+    assert missing_subcommands(page) == ["vanish"]
+
+
+def test_every_picture_is_shown_on_a_page() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    pictures = sorted((ROOT / "docs" / "images").iterdir())
+    assert [path.name for path in pictures if f"images/{path.name})" not in text] == []
+
+
+@pytest.mark.parametrize("package", ["dynamics", "estimators", "vision"])
+def test_new_names_are_public_and_old_ones_are_gone(package: str) -> None:
+    page = (ROOT / "docs" / "renamed.md").read_text(encoding="utf-8")
+    section = page.split(f"## `{package}`\n", 1)[1].split("\n## ", 1)[0]
+    renamed = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \|$", section, flags=re.MULTILINE)
+    assert len(renamed) >= 10
+    module = importlib.import_module(package)
+    new_names = {new for _, new in renamed}
+    for old, new in renamed:
+        assert has(module, new), new
+        # A name may have been given to something else: estimators.Needle and dynamics' are two
+        assert old in new_names or not has(module, old), old
+
+
+def has(module: object, dotted: str) -> bool:
+    """Whether a module has a name, or a class of it the attribute or field."""
+    first, _, rest = dotted.partition(".")
+    if first not in getattr(module, "__all__", ()):
+        return False
+    return not rest or rest in dir(getattr(module, first))
+
+
+def test_studies_that_moved_can_be_run() -> None:
+    page = (ROOT / "docs" / "renamed.md").read_text(encoding="utf-8")
+    moved = re.findall(r"^\| `(experiments\.\w+)` \| `([\w.]+)` \|$", page, flags=re.MULTILINE)
+    assert len(moved) >= 5
+    assert all(is_module(new) and not is_module(old) for old, new in moved)
