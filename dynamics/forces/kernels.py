@@ -43,7 +43,7 @@ class SpringConstants(NamedTuple):
     """Constants of one spring, or arrays (n_springs,) of all: stiffness [N/m], rest length [m], damping [N s/m]."""
 
     stiffness: Floats
-    rest_length: Numbers
+    rest_length: Floats
     damping: Floats
 
 
