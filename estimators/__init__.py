@@ -120,12 +120,15 @@ from estimators.tissue import (
     OpenLoopCovariance,
     Status,
     TargetEstimate,
+    TargetMap,
+    TargetPoint,
     TissueFilter,
     TissueModel,
     accumulated_noise,
     after_frame,
     fast_prediction_tables,
     predict_fast,
+    target_map,
 )
 
 __all__ = [
@@ -183,7 +186,9 @@ __all__ = [
     "Status",
     "StockUnscented",
     "TargetEstimate",
+    "TargetMap",
     "TargetPath",
+    "TargetPoint",
     "TissueFilter",
     "TissueModel",
     "TrackingProblem",
@@ -229,6 +234,7 @@ __all__ = [
     "predict_fast",
     "principal_uncertainty",
     "reliability_bins",
+    "target_map",
     "tune_noise",
     "uniformity",
 ]

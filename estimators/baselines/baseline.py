@@ -16,6 +16,7 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target import TargetPoint, target_map
 
 
 class Baseline(ABC):
@@ -28,13 +29,17 @@ class Baseline(ABC):
     """
 
     def __init__(
-        self, network: MassSpringNetwork, target: str, marked: Sequence[str], settings: FilterSettings | None = None
+        self,
+        network: MassSpringNetwork,
+        target: str | TargetPoint,
+        marked: Sequence[str],
+        settings: FilterSettings | None = None,
     ) -> None:
         self.settings = FilterSettings() if settings is None else settings
         self.model = TissueModel(network, marked)
         self.time_s: float | None = None
         self.seen_s: float | None = None
-        self._target = network.coordinates(target)
+        self.target = target_map(network, target)
         self._starter = TissueFilter(network, target, marked, self.settings)
 
     @abstractmethod
@@ -50,8 +55,8 @@ class Baseline(ABC):
         """Take in z = x[rows] + noise of covariance R, (m,), (m, m); normalised innovation squared if there is one."""
 
     @abstractmethod
-    def _moments(self, place: slice) -> tuple[Floats, Floats]:
-        """Mean and covariance of these coordinates of the state."""
+    def _moments(self) -> tuple[Floats, Floats]:
+        """Mean and covariance of the state, (n,), (n, n), which begins with the free coordinates."""
 
     def _poked(self) -> float | None:
         """Probability that an outside force acts, None where the method has one mode only."""
@@ -86,7 +91,8 @@ class Baseline(ABC):
         if marks:
             nis = self._take(*self._stacked(marks))
             self.seen_s = self.time_s
-        mean, cov = self._moments(self._target)
+        mean, cov = self._moments()
+        mean, cov = self.target.position(mean), self.target.cov(cov)
         status = self._status(self.time_s - self.seen_s)
         return TargetEstimate(self.time_s, mean, cov, status, len(marks), nis, self._poked())
 

@@ -11,6 +11,7 @@ from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline, sub_steps
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target import TargetPoint
 
 N_MEMBERS = 200
 """Nine times the phantom's 22 states: sample deviations err by 5 %, and nothing needs to be localised; chosen."""
@@ -31,7 +32,7 @@ class EnsembleKalmanFilter(Baseline):
     def __init__(
         self,
         network: MassSpringNetwork,
-        target: str,
+        target: str | TargetPoint,
         marked: Sequence[str],
         settings: FilterSettings | None = None,
         *,
@@ -70,6 +71,6 @@ class EnsembleKalmanFilter(Baseline):
         self.members = moved + np.sqrt(self._n_members - 1) * narrowed
         return float(((U.T @ y) ** 2 / (1.0 + s**2)).sum() + y @ y - ((U.T @ y) ** 2).sum())
 
-    def _moments(self, place: slice) -> tuple[Floats, Floats]:
-        part = self.members[:, place]
+    def _moments(self) -> tuple[Floats, Floats]:
+        part = self.members[:, : self.model.network.n_state // 2]
         return part.mean(axis=0), np.cov(part, rowvar=False)

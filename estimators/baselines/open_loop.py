@@ -9,6 +9,7 @@ import numpy as np
 from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
 from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.target import TargetPoint, target_map
 
 
 class OpenLoop:
@@ -22,12 +23,12 @@ class OpenLoop:
     State: positions and velocities of all nodes [m, m/s], (n_nodes, dim), at time_s.
     """
 
-    def __init__(self, network: MassSpringNetwork, target: str) -> None:
+    def __init__(self, network: MassSpringNetwork, target: str | TargetPoint) -> None:
         self.network = network
         self.positions = rest_shape(network)
         self.velocities = np.zeros_like(self.positions)
         self.time_s: float | None = None
-        self._target = network.index(target)
+        self.target = target_map(network, target)
         self._stepper = Stepper(network)
         self._free = set(network.free.tolist())
 
@@ -45,7 +46,8 @@ class OpenLoop:
             self._follow(time_s - self.time_s, seen)
         self.time_s = time_s
         status = Status.TRACKING if marks else Status.COASTING
-        return TargetEstimate(time_s, self.positions[self._target].copy(), None, status, len(marks))
+        mean = self.target.position(self.positions[self.network.free].ravel())
+        return TargetEstimate(time_s, mean, None, status, len(marks))
 
     def _follow(self, dt: float, seen: dict[int, Floats]) -> None:
         driven = sorted(seen)

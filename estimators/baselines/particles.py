@@ -14,6 +14,7 @@ from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
 from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
+from estimators.tissue.target import TargetPoint
 
 N_PARTICLES = 100
 
@@ -37,7 +38,7 @@ class ParticleFilter(Baseline):
     def __init__(
         self,
         network: MassSpringNetwork,
-        target: str,
+        target: str | TargetPoint,
         marked: Sequence[str],
         settings: FilterSettings | None = None,
         *,
@@ -99,10 +100,10 @@ class ParticleFilter(Baseline):
         self.means, self.covs, self.modes = self.means[kept], self.covs[kept], self.modes[kept]
         self.weights = weights
 
-    def _moments(self, place: slice) -> tuple[Floats, Floats]:
+    def _moments(self) -> tuple[Floats, Floats]:
         columns = np.zeros((len(self.means), self.model.dim_x, 0))
         means, covs, _ = mixed_each(self.weights[:, None], self.means, self.covs, columns)
-        return means[0][place], covs[0][place, place]
+        return means[0], covs[0]
 
     def _poked(self) -> float:
         return float(self.weights[self.modes >= N_QUIET].sum())

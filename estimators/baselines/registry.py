@@ -19,6 +19,7 @@ from estimators.baselines.smoother import FixedIntervalSmoother
 from estimators.baselines.stock import StockUnscented
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target import TargetPoint
 
 
 class UnknownMethodError(LookupError):
@@ -27,14 +28,14 @@ class UnknownMethodError(LookupError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackingProblem:
-    """What every method is given: the tissue, the node to follow, and the belief about forces.
+    """What every method is given: the tissue, the target (a node or a point beside it), and the belief about forces.
 
     marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
     seed: of methods that draw random numbers
     """
 
     network: MassSpringNetwork
-    target: str
+    target: str | TargetPoint
     marked: Sequence[str]
     settings: FilterSettings
     uncertainty: ParameterUncertainty | None = None
@@ -42,7 +43,7 @@ class TrackingProblem:
     seed: int = 0
 
     @property
-    def physics(self) -> tuple[MassSpringNetwork, str, Sequence[str], FilterSettings]:
+    def physics(self) -> tuple[MassSpringNetwork, str | TargetPoint, Sequence[str], FilterSettings]:
         """The arguments that all baselines have in common."""
         return self.network, self.target, self.marked, self.settings
 

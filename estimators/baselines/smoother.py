@@ -9,6 +9,7 @@ from estimators.smoothing.smoother import fixed_interval
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target import TargetPoint
 
 
 class FixedIntervalSmoother:
@@ -20,7 +21,7 @@ class FixedIntervalSmoother:
     def __init__(
         self,
         network: MassSpringNetwork,
-        target: str,
+        target: str | TargetPoint,
         marked: Sequence[str],
         settings: FilterSettings | None = None,
         *,

@@ -13,6 +13,7 @@ from estimators.filters.adaptation import VarianceScale
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target import TargetPoint
 
 MOST = 100.0
 """Factor on the target's variance at most: ten times as unsure; beyond, the model is of no use; chosen."""
@@ -42,7 +43,7 @@ class LeaveOneOut:
     def __init__(
         self,
         network: MassSpringNetwork,
-        target: str,
+        target: str | TargetPoint,
         marked: Sequence[str],
         settings: FilterSettings | None = None,
         *,

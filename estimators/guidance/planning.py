@@ -18,6 +18,7 @@ from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, node_weights, rest_sha
 from estimators.arrays import Floats
 from estimators.guidance.kernels import ball_hits
 from estimators.guidance.obstacles import Obstacle, clearances
+from estimators.tissue.target import TargetPoint, target_map
 
 AIMING = 6
 """How often a path is aimed anew at where its own push moves the target; on the phantom micrometres are left."""
@@ -119,10 +120,10 @@ class Plan:
         return int(self.order[0]) if self.allowed.any() else None
 
 
-def compliance(network: MassSpringNetwork, target: str) -> Floats:
+def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
     """How the target moves by a force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
     K = stiffness_matrix(network, rest_shape(network))
-    return np.asarray(np.linalg.solve(K, np.eye(len(K))[:, network.coordinates(target)]).T)
+    return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
 
 def needle_displacement(
@@ -143,7 +144,7 @@ def needle_displacement(
 
 def candidate_paths(
     network: MassSpringNetwork,
-    target: str,
+    target: str | TargetPoint,
     lesion: PlannedTarget,
     needle: PlannedNeedle,
     entries: Floats,
@@ -172,7 +173,7 @@ def candidate_paths(
 
 def plan(
     network: MassSpringNetwork,
-    target: str,
+    target: str | TargetPoint,
     lesion: PlannedTarget,
     needle: PlannedNeedle,
     skin: Skin,

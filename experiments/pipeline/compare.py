@@ -67,7 +67,7 @@ def tracking_problem(scene: Scene) -> TrackingProblem:
     """What a scene gives every method."""
     return TrackingProblem(
         scene.network,
-        scene.target.node,
+        scene.target.point,
         scene.measured_nodes,
         scene.settings,
         uncertainty=scene.uncertainty,

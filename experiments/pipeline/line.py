@@ -67,13 +67,13 @@ class Line:
         if fixes and settings.fix_bias is None:
             settings = replace(settings, fix_bias=USUAL_BIAS)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
-        told = scene.network, scene.target.node, measured, settings
+        told = scene.network, scene.target.point, measured, settings
         made = LeaveOneOut if check else TissueFilter
         filters = made(*told, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
         self.checks = filters if isinstance(filters, LeaveOneOut) else None
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
         self.identity = AssociationFilter(self.filter, scene.nodes_alike)
-        self.open_loop = OpenLoop(scene.network, scene.target.node) if baseline else None
+        self.open_loop = OpenLoop(scene.network, scene.target.point) if baseline else None
         self._measured = frozenset(measured)
         self._marks = {mark.node: mark for mark in scene.marks}
         self.finder = vision.MarkFinder([mark.hue for mark in scene.marks])

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from dynamics import rest_shape
-from estimators import Plan, PlannedTarget, TissueModel, candidate_paths
+from estimators import Plan, PlannedTarget, TissueModel, candidate_paths, target_map
 from estimators import plan as ranked
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -70,12 +70,13 @@ def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: Non
         task = read_task(plan_path, scene.network.dim)
         shape = rest_shape(scene.network)
         model = TissueModel(scene.network, scene.measured_nodes, uncertainty=scene.uncertainty)
-        columns = model.resting_columns(shape)[scene.network.coordinates(scene.target.node)]
-        mean = shape[scene.network.index(scene.target.node)]
+        target = target_map(scene.network, scene.target.point)
+        columns = target.linear(model.resting_columns(shape))
+        mean = target.position(shape[scene.network.free].ravel())
         cov = task.belief_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
         belief, time_s = "at rest", None
     lesion = PlannedTarget(mean, cov, scene.target.radius_m)
-    told = (scene.network, scene.target.node, lesion, task.needle)
+    told = (scene.network, scene.target.point, lesion, task.needle)
     skin = task.skin.entries(task.n_entries)
     if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():
         raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")

@@ -90,7 +90,7 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> Floats:
     """Where the target was at each frame [m], (n_frames, dim), NaN where nobody knows.
 
-    From truth.csv; without it from the target's own mark, where that is seen for scoring only.
+    From truth.csv; without it from the target's own mark, where that is seen for scoring only; and the target's offset.
     """
     node = recording.scene.target.node
     known = np.full((len(steps), recording.scene.network.dim), np.nan)
@@ -102,7 +102,7 @@ def target_truth(recording: Recording, steps: list[Step]) -> Floats:
             for mark in step.marks:
                 if mark.node == node:
                     known[k] = mark.position
-    return known
+    return known + np.array(recording.scene.target.offset_m or 0.0)
 
 
 def table(done: Track, method: str) -> pd.DataFrame:

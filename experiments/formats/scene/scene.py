@@ -14,16 +14,9 @@ from experiments.formats.scene.filter import filter_table, settings_of, uncertai
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import network_lines, network_of
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
+from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, read_toml, toml_bool, toml_list, toml_number, toml_text
 from vision import PlaneCamera
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """The hidden node that the needle is for, and the radius that counts as a hit [m]."""
-
-    node: str
-    radius_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +42,11 @@ class Scene:
                 )
         self._check_marks()
         self._check_free("target.node", self.target.node, "a hidden target")
+        if len(self.target.offset_m) not in (0, self.network.dim):
+            raise SceneError(
+                f"target.offset_mm: expected {self.network.dim} numbers, as network.gravity_m_s2 has,"
+                f" found {len(self.target.offset_m)}"
+            )
         seen: dict[str, int] = {}
         for i, camera in enumerate(self.cameras):
             if camera.name in seen:
@@ -111,7 +109,7 @@ def read_scene(path: Path) -> Scene:
         return Scene(
             network=network,
             marks=tuple(mark_of(table) for table in file.mark),
-            target=Target(file.target.node, 1e-3 * file.target.radius_mm),
+            target=target_of(file.target),
             cameras=tuple(_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
@@ -135,8 +133,7 @@ def write_scene(scene: Scene, path: Path) -> None:
     lines = [f"version = {VERSION}", "", *network_lines(network)]
     for mark in scene.marks:
         lines += mark_lines(mark)
-    lines += ["", "[target]", f"node = {toml_text(scene.target.node)}"]
-    lines += [f"radius_mm = {toml_number(1e3 * scene.target.radius_m)}"]
+    lines += target_lines(scene.target)
     if scene.uncertainty is not None:
         names = uncertainty_names(network, scene.uncertainty)
         lines += ["", "[uncertainty]", "parameters = [", *(f"    {toml_text(name)}," for name in names), "]"]

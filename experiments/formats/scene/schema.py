@@ -71,6 +71,7 @@ class TargetTable(Strict):
 
     node: Name
     radius_mm: Positive
+    offset_mm: Coordinates | None = None
 
 
 class CameraTable(Strict):
