@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,23 @@ def missing_subcommands(page: Path) -> list[str]:
     return [name for name in named if name not in known]
 
 
+def crooked_tables(page: Path) -> list[str]:
+    """Rows of a table that have another number of cells than the row before."""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    pairs = [(a, b) for a, b in pairwise(lines) if a.startswith("|") and b.startswith("|")]
+    return [b for a, b in pairs if cells(a) != cells(b)]
+
+
+def cells(row: str) -> int:
+    """How many cells a row of a table has; a bar in backticks or escaped ends none."""
+    return re.sub(r"`[^`]*`|\\\|", "", row).count("|")
+
+
+@page_by_page
+def test_rows_of_a_table_have_as_many_cells(page: Path) -> None:
+    assert crooked_tables(page) == []
+
+
 @page_by_page
 def test_links_and_pictures_exist(page: Path) -> None:
     assert missing_links(page) == []
@@ -88,13 +106,15 @@ def test_what_is_missing_is_found(tmp_path: Path) -> None:
     page.write_text(
         "# One\n[a](gone.md) [b](#one) [c](#two) [d](https://example.org/x)\n"
         "`dynamics/gone.py`, `dynamics/__init__.py`, `python -m experiments.studies.NAME`\n"
-        "`python -m experiments.gone`, `python -m experiments.studies.readme`\n`softaim vanish`, `softaim track rec`\n",
+        "`python -m experiments.gone`, `python -m experiments.studies.readme`\n`softaim vanish`, `softaim track rec`\n"
+        "| a | b |\n| --- | --- |\n| 1 |\n",
         encoding="utf-8",
     )
     assert missing_links(page) == ["gone.md", "#two"]
     assert missing_paths(page) == ["dynamics/gone.py"]
     assert missing_modules(page) == ["experiments.gone"]
     assert missing_subcommands(page) == ["vanish"]
+    assert crooked_tables(page) == ["| 1 |"]
 
 
 def test_every_picture_is_shown_on_a_page() -> None:

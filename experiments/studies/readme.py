@@ -1,6 +1,6 @@
-"""Rewrites the README's pictures and figures: `python -m experiments.studies.readme` in the checkout.
+"""Rewrites the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
-It takes some three minutes. They stand between comments;
+It takes some three minutes. Figures stand between comments;
 `tests/experiments/studies/test_readme.py` holds them against a new demo and a few runs.
 """
 
@@ -55,7 +55,7 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
 
 
 def rewritten(text: str, name: str, made: str) -> str:
-    """The README with what stands between the comments of that name made anew."""
+    """The README with what stands between the comments of that name replaced."""
     start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     return re.sub(f"{start}.*{end}", lambda _: f"{start}\n{made}\n{end}", text, flags=re.DOTALL)
 
