@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import inspect
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -138,11 +139,12 @@ def test_new_names_are_public_and_old_ones_are_gone(package: str) -> None:
 
 
 def has(module: object, dotted: str) -> bool:
-    """Whether a module has a name, or a class of it the attribute or field."""
+    """Whether a module has a public name, or a class of it the method, field or attribute."""
     first, _, rest = dotted.partition(".")
     if first not in getattr(module, "__all__", ()):
         return False
-    return not rest or rest in dir(getattr(module, first))
+    kind = getattr(module, first)
+    return not rest or rest in dir(kind) or f"self.{rest}" in inspect.getsource(kind)
 
 
 def test_studies_that_moved_can_be_run() -> None:
