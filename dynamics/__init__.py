@@ -15,7 +15,7 @@ Names to start with:
     pack, unpack          state vectors to and from positions and velocities
 """
 
-from dynamics.equilibrium import equilibrium_with_held, fit_rest_lengths, inverted_springs, rest_shape
+from dynamics.equilibrium import equilibrium_with_fixed, fit_rest_lengths, inverted_springs, rest_shape
 from dynamics.forces import (
     KINDS,
     LAWS,
@@ -50,12 +50,12 @@ from dynamics.integration import (
 from dynamics.needle import (
     GAUGES_MM,
     SHAFT,
-    ForceKnots,
     InsertionHistory,
-    NeedleDrive,
     NeedleLoad,
     NeedleMechanics,
+    NeedleMotion,
     NeedlePose,
+    SampledForces,
     advance_steered,
     distributed_force,
     force_on_free,
@@ -79,24 +79,24 @@ __all__ = [
     "SAME_STEP",
     "SHAFT",
     "SLIP_VELOCITY",
-    "ForceKnots",
     "InsertionHistory",
     "MassSpringNetwork",
-    "NeedleDrive",
     "NeedleLoad",
     "NeedleMechanics",
+    "NeedleMotion",
     "NeedlePose",
     "NetworkError",
     "Parameter",
     "ParameterForces",
     "ParameterUncertainty",
+    "SampledForces",
     "Stepper",
     "advance_steered",
     "all_positions",
     "damping_matrix",
     "derivative",
     "distributed_force",
-    "equilibrium_with_held",
+    "equilibrium_with_fixed",
     "fit_rest_lengths",
     "force_on_free",
     "forced_states",

@@ -12,15 +12,15 @@ from scipy.optimize import minimize
 from dynamics.arrays import Floats
 from dynamics.forces.energy import node_forces, potential_energy
 from dynamics.forces.parameters import parameter_forces, parameter_label, parameters
-from dynamics.forces.tangent import stiffness_matrix
+from dynamics.forces.tangent import STRETCHES, stiffness_matrix
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions
 
 RESIDUAL = 1e-9
 """Largest force left on a node at rest, relative to weights and spring tensions."""
 
 
-MOST_CHANGE = 0.5
-"""Relative change of a rest length beyond which a still picture shows another network; chosen."""
+MOST_CHANGE = 1.0 - float(STRETCHES[0])
+"""Largest relative change of a rest length: beyond it springs leave the range for which the stability limit is made."""
 
 RANK_TOLERANCE = 1e-12
 """Singular values below this part of the largest are rounding: the forces do not depend on that combination."""
@@ -33,22 +33,22 @@ CONVERGED = 1e-11
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
 
-    force: held on the free nodes meanwhile [N], (n_free, dim), default none
-    A mass-spring network has several rest shapes; the drawn one says which is meant. Raises NetworkError where
+    force: a constant force on the free nodes [N], (n_free, dim), default none
+    A mass-spring network has several rest shapes; the drawn one selects which. Raises NetworkError where
     the energy has no stable minimum to be found there.
     """
     shape = (len(network.free), network.dim)
-    held = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
+    constant = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
 
     def everywhere(q: Floats) -> Floats:
         return all_positions(network, q.reshape(shape))
 
     def gradient(q: Floats) -> Floats:
         x = everywhere(q)
-        return -node_forces(network, x, np.zeros_like(x))[network.free].ravel() - held
+        return -node_forces(network, x, np.zeros_like(x))[network.free].ravel() - constant
 
     found = minimize(
-        lambda q: potential_energy(network, everywhere(q)) - held @ q,
+        lambda q: potential_energy(network, everywhere(q)) - constant @ q,
         network.positions[network.free].ravel(),
         jac=gradient,
         hess=lambda q: stiffness_matrix(network, everywhere(q)),
@@ -68,13 +68,13 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     return everywhere(q)
 
 
-def equilibrium_with_held(network: MassSpringNetwork, held: Mapping[str, ArrayLike]) -> Floats:
-    """Positions of all nodes where these free nodes are held and the others rest [m], (n_nodes, dim).
+def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, ArrayLike]) -> Floats:
+    """Positions of all nodes where these free nodes are fixed and the others rest [m], (n_nodes, dim).
 
-    held: position of each held node [m], (dim,). Raises NetworkError as `rest_shape` does.
+    places: position of each fixed node by its name [m], (dim,). Raises NetworkError as `rest_shape` does.
     """
     positions, fixed = network.positions.copy(), network.fixed.copy()
-    for node, position in held.items():
+    for node, position in places.items():
         positions[network.index(node)] = position
         fixed[network.index(node)] = True
     if fixed.all():

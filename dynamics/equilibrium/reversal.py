@@ -1,4 +1,4 @@
-"""Whether shapes have springs turned against another shape: the sign of a network inside out."""
+"""Whether shapes have springs reversed against another shape: the sign of a network turned inside out."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """Whether in any state of a set a spring points against where it points in the set's first state, (n_sets,).
+    """Whether in any state of a set a spring is reversed against the set's first state, (n_sets,).
 
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states the
-    spring's length passes through zero or its direction through a right angle: no linear picture holds there.
+    spring's length passes through zero or its direction through a right angle: no linearisation is valid there.
     """
     place = np.full(network.n_nodes, -1)
     place[network.free] = np.arange(len(network.free)) * network.dim

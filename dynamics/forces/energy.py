@@ -1,4 +1,4 @@
-"""Forces and energy of a mass-spring network: the paper's Lagrangian, with its signs put right.
+"""Forces and energy of a mass-spring network: the paper's Lagrangian, with its signs corrected.
 
 Source: [paper], equations (3) to (6). With K = sum m_i v_i.v_i / 2 (4), the potential of each spring
 k (l - l0)^2 / 2, which (5) expands, gravity -m_i g.x_i and Rayleigh's dissipation function
@@ -7,7 +7,7 @@ P = sum c (dl/dt)^2 / 2 + sum drag_i v_i.v_i / 2, Lagrange's equation (3) gives
     m_i a_i = sum_j (k_ij (l_ij - l0_ij) + c_ij dl_ij/dt) n_ij  -  drag_i v_i  +  m_i g  +  Q_i
 
 with n_ij the unit vector from i to j. Differs from [paper] (6), where the spring and gravity terms are printed with
-signs under which a stretched spring pushes and the tissue flies away; the force here is minus the gradient of (5).
+signs under which a stretched spring repels its nodes and motion diverges; the force here is minus the gradient of (5).
 """
 
 from __future__ import annotations

@@ -30,7 +30,8 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed over which Coulomb friction builds up [m/s]; chosen: dry friction has a jump there, a filter cannot."""
+"""Speed over which Coulomb friction builds up [m/s]: numerical, for dry friction jumps at speed 0 and integrators and
+filters need a slope there. `tests/dynamics/forces/test_laws.py`: half and twice move the phantom by less than 1 %."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
@@ -230,7 +231,7 @@ def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
 def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # type: ignore[no-untyped-def]
     """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
 
-    outside: force on each free coordinate, held during the steps [N], (n_points, n_free dim)
+    outside: force on each free coordinate, constant during the steps [N], (n_points, n_free dim)
     nodes: where all nodes stand, of which only the anchors are used [m], (n_nodes, dim)
     """
     n_points = states.shape[0]
@@ -278,7 +279,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 
 class PackedNeedle(NamedTuple):
-    """A needle's constants as `steered_steps` reads them; see `dynamics.needle.loads.Needle`."""
+    """A needle's constants as `steered_steps` reads them; see `dynamics.needle.loads.NeedleMechanics`."""
 
     puncture: float
     contact: float
@@ -290,7 +291,7 @@ class PackedNeedle(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def _share(nodes, point, reach, share):  # type: ignore[no-untyped-def]
-    """Write the part that each node takes of a force at a point into `share`, (n_nodes,)."""
+    """Write the share of each node in a force at a point into `share`, (n_nodes,)."""
     n_nodes, dim = nodes.shape
     nearest = np.inf
     for i in range(n_nodes):
@@ -308,7 +309,7 @@ def _share(nodes, point, reach, share):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # type: ignore[no-untyped-def]
-    """Add the needle's push to `force` (n_nodes, dim, 1); gives the contact force [N] before the puncture, else 0.
+    """Add the needle's force to `force` (n_nodes, dim, 1); returns the contact force [N] before the puncture, else 0.
 
     at: tip (dim,), direction (dim,), speed along it, length in the tissue
     """
@@ -323,11 +324,11 @@ def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # 
         for i in range(n_nodes):
             for d in range(dim):
                 dent -= share[i] * (x[i, d, 0] - nodes[i, d]) * u[d]
-        push = contact_force(dent, needle.contact)
+        axial = contact_force(dent, needle.contact)
         for i in range(n_nodes):
             for d in range(dim):
-                force[i, d, 0] += push * share[i] * u[d]
-        return push
+                force[i, d, 0] += axial * share[i] * u[d]
+        return axial
     for q in range(shaft.shape[1] + 1):
         most = needle.cutting
         back = 0.0
@@ -341,21 +342,21 @@ def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # 
         for i in range(n_nodes):
             for d in range(dim):
                 slide -= share[i] * v[i, d, 0] * u[d]
-        push = sliding_force(slide, most, needle.slip)
+        axial = sliding_force(slide, most, needle.slip)
         if q == 0:
-            push = max(0.0, push)
+            axial = max(0.0, axial)
         for i in range(n_nodes):
             for d in range(dim):
-                force[i, d, 0] += push * share[i] * u[d]
+                force[i, d, 0] += axial * share[i] * u[d]
     return 0.0
 
 
 @njit(cache=True, nogil=True)
-def steered_steps(state, knots, place, dt, n_steps, nodes, free, inverse_mass, p, needle, moves, punctured, shaft):  # type: ignore[no-untyped-def]
-    """State after n_steps Runge-Kutta steps of dt under forces told by knots and a needle, and whether it is punctured.
+def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass, p, needle, moves, punctured, shaft):  # type: ignore[no-untyped-def]
+    """State after n_steps Runge-Kutta steps of dt under sampled forces and a needle, and whether it is punctured.
 
-    knots: forces on the free coordinates [N], (n_knots, n_free dim), straight between
-    place: where now is among the knots, and how long a step is, in knots
+    samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
+    place: the present time and the length of a step, in intervals between samples
     moves: tip (dim,) and its velocity (dim,), direction (dim,), length in the tissue now; punctured: so far
     """
     n_nodes, dim = nodes.shape
@@ -385,14 +386,14 @@ def steered_steps(state, knots, place, dt, n_steps, nodes, free, inverse_mass, p
             if length > 0.0:
                 at = (tip, u, speed, length)
                 contact = _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force)
-            where = min(max(place[0] + done * place[1], 0.0), knots.shape[0] - 1.000001)
+            where = min(max(place[0] + done * place[1], 0.0), samples.shape[0] - 1.000001)
             k = int(where)
             part = where - k
             by = dt / 6.0 if stage in (0, 3) else dt / 3.0
             ahead = dt if stage == 2 else dt / 2.0
             for r in range(n_half):
                 i, d = free[r // dim], r % dim
-                outside = (1.0 - part) * knots[k, r] + part * knots[k + 1, r]
+                outside = (1.0 - part) * samples[k, r] + part * samples[k + 1, r]
                 moved = v[i, d, 0]
                 acceleration = (force[i, d, 0] + outside) * inverse_mass[i]
                 total[r] += by * moved

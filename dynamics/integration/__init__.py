@@ -1,6 +1,6 @@
 """Time integration: compiled Runge-Kutta steps for filters, adaptive ones for reference.
 
-What may enter: another integrator. It knows forces only through `dynamics.forces`.
+What may enter: another integrator. It takes forces only from `dynamics.forces`.
 """
 
 from dynamics.integration.plain import plain_derivative, plain_step

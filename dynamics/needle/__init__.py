@@ -16,17 +16,17 @@ from dynamics.needle.loads import (
     node_weights,
     straight_insertion,
 )
-from dynamics.needle.steered import ForceKnots, NeedleDrive, advance_steered, sliding_friction
+from dynamics.needle.steered import NeedleMotion, SampledForces, advance_steered, sliding_friction
 
 __all__ = [
     "GAUGES_MM",
     "SHAFT",
-    "ForceKnots",
     "InsertionHistory",
-    "NeedleDrive",
     "NeedleLoad",
     "NeedleMechanics",
+    "NeedleMotion",
     "NeedlePose",
+    "SampledForces",
     "advance_steered",
     "distributed_force",
     "force_on_free",

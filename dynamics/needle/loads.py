@@ -1,7 +1,7 @@
-"""A needle that pushes, cuts and rubs: a known input of the tissue's equations of motion.
+"""Needle forces of contact, cutting and friction: a known input of the tissue's equations of motion.
 
 Three phases, as [okamura2004] and [simone2002] take a measured force apart. Before the puncture the tip dents the skin
-like a spring. After it the tip cuts with a constant force and the shaft rubs along its length:
+like a spring. After it the tip cuts with a constant force and there is friction along the shaft:
 
     contact   F = k (depth of the tip beyond the skin)          until F reaches the puncture force
     cutting   F = f_c s(v)  at the tip, forward only
@@ -12,7 +12,7 @@ whose displacement is a weighted mean of the nodes' displacements: the nodes sha
 that the work done at the point is the work done on the nodes.
 
 Differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction builds up
-over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and does not push sideways.
+over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
 """Outer diameters of needles by gauge, nominal [mm]: [iso9626]."""
 
 SHAFT = np.polynomial.legendre.leggauss(8)
-"""Points and weights on (-1, 1) at which the friction along the shaft is summed; chosen."""
+"""Gauss-Legendre points and weights on (-1, 1) for the friction along the shaft: numerical, exact to degree 15."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedlePose:
     """Where a needle is at one time.
 
-    tip: [m], (dim,); direction: in which it is pushed, of length 1, (dim,)
+    tip: [m], (dim,); direction: of insertion, of length 1, (dim,)
     speed: along the direction [m/s], negative when it is drawn back; inserted_m: length of shaft in the tissue [m]
     """
 
@@ -50,7 +50,7 @@ class NeedlePose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleMechanics:
-    """A needle, how it is moved, and what the tissue does to it. Its forces: `docs/needle.md`.
+    """A needle: its motion and the constants of its forces, which `docs/needle.md` explains.
 
     pose: where it is at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
     radius_m: of the shaft [m]
@@ -58,6 +58,7 @@ class NeedleMechanics:
     cutting_N: at the tip [N]; friction_N_m: along the shaft, per length [N/m]
     reach_m: width of the kernel by which nodes share a force [m]; slip_m_s: speed over which friction builds up [m/s]
 
+    The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are no settings of an estimator.
     Raises ValueError for numbers that no needle has.
     """
 
@@ -83,11 +84,11 @@ class NeedleMechanics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleLoad:
-    """What needle and tissue do to each other at one time, for one state or a batch of them (...).
+    """Forces between needle and tissue at one time, for one state or a batch of them (...).
 
     nodes: force on each node, anchors included [N], (..., n_nodes, dim)
-    on_needle: what a force sensor at its hub reads, the tissue's push against it [N], (..., dim)
-    contact, cutting, friction: parts of the push on the tissue along the needle [N], (...)
+    on_needle: what a force sensor at its hub reads, the tissue's force on it [N], (..., dim)
+    contact, cutting, friction: parts of the axial force on the tissue [N], (...)
     """
 
     nodes: Floats
@@ -100,10 +101,10 @@ class NeedleLoad:
 def straight_insertion(
     entry: ArrayLike, towards: ArrayLike, speed: float, *, start_s: float = 0.0, depth_m: float = np.inf
 ) -> Callable[[float], NeedlePose]:
-    """The pose of a needle pushed along a line at a constant speed [m/s] from the entry on, to a depth [m].
+    """The pose of a needle inserted along a line at a constant speed [m/s] from the entry on, to a depth [m].
 
     entry: [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
-    Before, the needle comes at the same speed; at the depth it stands. Raises ValueError where the two points are one.
+    Before, the needle approaches at the same speed; at the depth it stops. Raises ValueError where both points are one.
     """
     from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
     length = float(np.linalg.norm(to - from_))
@@ -156,7 +157,7 @@ def needle_load(
     """Forces of the needle at time t [s] on the tissue and of the tissue on it.
 
     positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin has given way,
-    which stays so: `insert_needle` finds when.
+    which is permanent: `simulate_insertion` finds when.
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
@@ -179,7 +180,7 @@ def needle_load(
 def distributed_force(
     network: MassSpringNetwork, needle: NeedleMechanics, t: float, push_N: float, *, punctured: bool
 ) -> Floats:
-    """A measured push along the needle as forces on the free nodes [N], (n_free, dim): what a filter may be told.
+    """A measured axial force as forces on the free nodes [N], (n_free, dim), a known input for a filter.
 
     push_N: on the tissue along the needle [N], as a sensor at the hub reads it with the other sign. Before the puncture
     it acts at the entry. Then tip and shaft share it as cutting and full friction would.

@@ -1,8 +1,8 @@
 """The tissue under a needle that a robot steers: fine compiled steps for experiments that close the loop.
 
-The forces are those of `dynamics.needle.loads`. `insert_needle` follows one needle whose way is known
-beforehand, by DOP853; here the way is given piece by piece, and a whole insertion takes milliseconds. The tests hold
-the one against the other.
+The forces are those of `dynamics.needle.loads`. `simulate_insertion` follows one needle whose motion is known
+beforehand, by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests
+compare the two.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from dynamics.needle.loads import SHAFT, NeedleMechanics, node_weights
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step [s]; chosen: a sixteenth of the filter's."""
+"""Longest step [s]: numerical, the target is within 2 µm of the adaptive integrator's after 0.5 s of insertion, which
+`tests/dynamics/needle/test_steered.py` checks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NeedleDrive:
-    """How a needle is moved until it is told anew.
+class NeedleMotion:
+    """The straight motion of a needle until the next command.
 
     tip: where it is now [m], (dim,); velocity: of the needle, along and across itself [m/s], (dim,)
     direction: of length 1, (dim,); inserted_m: how deep the tip is in the tissue now, below 0 before the skin [m]
@@ -36,8 +37,8 @@ class NeedleDrive:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ForceKnots:
-    """Outside forces on the free nodes [N], (n, n_free, dim), at every interval_s [s] from time 0, straight between."""
+class SampledForces:
+    """Outside forces on the free nodes [N], (n, n_free, dim), every interval_s [s] from time 0, linear in between."""
 
     forces: Floats
     interval_s: float
@@ -47,15 +48,15 @@ def advance_steered(
     network: MassSpringNetwork,
     needle: NeedleMechanics,
     state: Floats,
-    drive: NeedleDrive,
+    motion: NeedleMotion,
     *,
-    outside: ForceKnots,
+    outside: SampledForces,
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State (n_state,) at the later of two times [s], and whether the skin has given way by then; from the earlier.
+    """State (n_state,) at the later of two times [s] and whether the skin is punctured by then, from the earlier.
 
-    needle: for its constants; its pose and entry are not asked
+    needle: for its constants; its pose and entry are not used
     Raises ValueError where time goes back.
     """
     start, end = between_s
@@ -83,7 +84,7 @@ def advance_steered(
             needle.reach_m,
             needle.slip_m_s,
         ),
-        (drive.tip, drive.velocity, drive.direction, float(drive.inserted_m)),
+        (motion.tip, motion.velocity, motion.direction, float(motion.inserted_m)),
         punctured,
         np.ascontiguousarray(SHAFT),
     )

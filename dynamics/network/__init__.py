@@ -1,4 +1,4 @@
-"""The network: nodes and springs, checked once when made, and the order of a state vector.
+"""The network: nodes and springs, checked at construction, and the order of a state vector.
 
 What may enter: what a tissue is made of. It computes nothing; forces do.
 """

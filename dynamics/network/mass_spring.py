@@ -1,4 +1,4 @@
-"""Mass-spring networks: what the tissue is made of, checked once when made."""
+"""Mass-spring networks: what the tissue is made of, checked at construction."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class MassSpringNetwork:
     """Point masses joined by two-way springs with dashpots, in the plane or in space.
 
     names: node names, unique, n_nodes of them
-    positions: where each node stands in the picture that was taken at rest [m], shape (n_nodes, dim), dim 2 or 3
+    positions: where each node is in the drawn shape, at rest [m], shape (n_nodes, dim), dim 2 or 3
     masses: [kg], shape (n_nodes,), positive; an anchor's mass plays no part
     fixed: True for an anchor, shape (n_nodes,)
     drag: viscous friction against the ground [N s/m], shape (n_nodes,)

@@ -1,7 +1,9 @@
 """The paper's phantom: four masses between two acrylic planes, standing on three points of the floor.
 
-[paper] gives the topology (Fig. 3, Fig. 5) and that constants are known, not their values. Every figure here is
-chosen; `docs/decisions.md` says what they are chosen for.
+[paper] gives the topology (Fig. 3, Fig. 5) and that constants are known, not their values. The constants below are the
+definition of this phantom, not settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs sturdy enough to
+stay the right way up under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. `docs/decisions.md` has
+the reasons.
 """
 
 from __future__ import annotations
@@ -13,12 +15,12 @@ import numpy as np
 from dynamics.equilibrium.rest import rest_shape
 from dynamics.network.mass_spring import MassSpringNetwork
 
-SPACING_M = 0.200  # chosen: between neighbours of the grid on which the masses stand
-MASS_KG = 0.200  # chosen
-STIFFNESS_N_M = 250.0  # chosen: sturdy enough to stay the right way up under pokes of 10 m/s²
-DAMPING_N_S_M = 0.6  # chosen
-DRAG_N_S_M = 0.2  # chosen
-FRICTION_N = 0.02  # chosen: "slightly friction" of the acrylic planes
+SPACING_M = 0.200
+MASS_KG = 0.200
+STIFFNESS_N_M = 250.0
+DAMPING_N_S_M = 0.6
+DRAG_N_S_M = 0.2
+FRICTION_N = 0.02
 
 _PLACES = {
     "M1": (-1, 1),
@@ -49,7 +51,7 @@ HIDDEN = "M2"
 def four_mass_phantom() -> MassSpringNetwork:
     """The phantom standing at rest under gravity: M1, M3, M4 outside, M2 hidden, anchors In1 to In3 on the floor.
 
-    Springs are as long at ease as the grid on which the masses would stand without gravity.
+    Rest lengths are the distances on the grid on which the masses would stand without gravity.
     """
     names = tuple(_PLACES)
     grid = SPACING_M * np.array(list(_PLACES.values()), dtype=float)

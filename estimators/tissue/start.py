@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import NetworkError, equilibrium_with_held, pack, rest_shape, stiffness_matrix
+from dynamics import NetworkError, equilibrium_with_fixed, pack, rest_shape, stiffness_matrix
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture
 from estimators.tissue.estimate import MarkMeasurement
@@ -48,7 +48,7 @@ def restart_from_marks(
     """
     network, rows = model.network, stacked.rows
     try:
-        shape = equilibrium_with_held(network, {mark.node: mark.position for mark in marks})
+        shape = equilibrium_with_fixed(network, {mark.node: mark.position for mark in marks})
     except NetworkError:
         restart_from_shape(mixture, model, settings, rest_shape(network))
         mixture.update_linear(stacked.z, stacked.H(model.dim_x), stacked.R, stacked.shared)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics import NeedleDrive
+from dynamics import NeedleMotion
 from estimators import (
     Advice,
     AdviceSettings,
@@ -166,10 +166,10 @@ def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float
     return _Shot(now, left, aside, GaussianMixture.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
 
 
-def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> NeedleDrive:
+def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> NeedleMotion:
     tip = world.entry + robot.depth * robot.axis + robot.beside * robot.across
     inserted = robot.depth if robot.doing != "waiting" else -1.0
-    return NeedleDrive(tip, speed * robot.axis + sideways * robot.across, robot.axis, inserted)
+    return NeedleMotion(tip, speed * robot.axis + sideways * robot.across, robot.axis, inserted)
 
 
 def _way(world: World, robot: _Robot, speed: float, steps: int = 0) -> Floats:

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dynamics import HIDDEN, OUTER, NeedleDrive, four_mass_phantom, sliding_friction
+from dynamics import HIDDEN, OUTER, NeedleMotion, four_mass_phantom, sliding_friction
 from estimators import (
     AdviceSettings,
     Breathing,
@@ -271,7 +271,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     settings = settings_for(case.scenario)
     tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, settings), Paper(world)
     tables = _tables(settings, horizon_s(world))
-    state, outside = world.start, NeedleDrive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+    state, outside = world.start, NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
     estimate, breathing = None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):
         marks = world.marks(k, state)

@@ -13,11 +13,11 @@ import numpy as np
 from dynamics import (
     HIDDEN,
     OUTER,
-    ForceKnots,
     MassSpringNetwork,
-    NeedleDrive,
     NeedleMechanics,
+    NeedleMotion,
     NeedlePose,
+    SampledForces,
     advance_steered,
     four_mass_phantom,
     pack,
@@ -77,7 +77,7 @@ class World:
 
     case: Case
     network: MassSpringNetwork
-    knots: ForceKnots
+    knots: SampledForces
     needle: NeedleMechanics
     start: Floats
     noise: Floats
@@ -103,7 +103,7 @@ class World:
         ]
 
     def moved(
-        self, state: Floats, drive: NeedleDrive, between_s: tuple[float, float], punctured: bool
+        self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
         """The tissue under the needle from one time to another [s], and whether the skin has given way."""
         return advance_steered(
@@ -140,7 +140,7 @@ def world_of(case: Case) -> World:
     return World(
         case,
         network,
-        ForceKnots(knots, KNOT_S),
+        SampledForces(knots, KNOT_S),
         needle_with(entry, true),
         pack(start, np.zeros_like(start)),
         rng.normal(0.0, case.mark_sd_m, (case.n_frames, len(OUTER), network.dim)),

@@ -6,7 +6,7 @@ import pytest
 from dynamics import (
     NetworkError,
     Stepper,
-    equilibrium_with_held,
+    equilibrium_with_fixed,
     node_forces,
     pack,
     rest_shape,
@@ -85,7 +85,7 @@ def test_no_stable_equilibrium_is_an_error(build, case):
 def test_what_is_held_stays_and_the_others_balance(phantom):
     """M1 and M3 held 20 mm off: forces on M2 and M4 vanish up to rounding, those on the held ones do not."""
     held = {"M1": phantom.positions[0] + [0.02, 0.0], "M3": phantom.positions[2] + [0.0, 0.02]}
-    shape = equilibrium_with_held(phantom, held)
+    shape = equilibrium_with_fixed(phantom, held)
     force = node_forces(phantom, shape, np.zeros((7, 2)))
     for node, position in held.items():
         np.testing.assert_array_equal(shape[phantom.index(node)], position)
@@ -96,13 +96,13 @@ def test_what_is_held_stays_and_the_others_balance(phantom):
 
 
 def test_holding_nothing_is_the_rest_shape_and_holding_all_is_what_is_held(phantom):
-    np.testing.assert_allclose(equilibrium_with_held(phantom, {}), phantom.positions, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(equilibrium_with_fixed(phantom, {}), phantom.positions, rtol=0, atol=1e-14)
     held = {name: phantom.positions[phantom.index(name)] + 0.01 for name in ("M1", "M2", "M3", "M4")}
-    shape = equilibrium_with_held(phantom, held)
+    shape = equilibrium_with_fixed(phantom, held)
     np.testing.assert_array_equal(shape[phantom.free], phantom.positions[phantom.free] + 0.01)
     np.testing.assert_array_equal(shape[phantom.fixed], phantom.positions[phantom.fixed])
 
 
 def test_holding_a_node_that_is_not_there_is_an_error(phantom):
     with pytest.raises(NetworkError, match='no node named "M9"'):
-        equilibrium_with_held(phantom, {"M9": [0.0, 0.0]})
+        equilibrium_with_fixed(phantom, {"M9": [0.0, 0.0]})

@@ -20,6 +20,7 @@ from dynamics import (
     parameter_forces,
     parameters,
     plain_derivative,
+    plain_step,
     potential_energy,
     rest_shape,
     scale_parameters,
@@ -324,3 +325,20 @@ def test_rest_lengths_fitted_to_a_shape_rest_there(following, law, dim):
     np.testing.assert_allclose(fitted.positions, seen, rtol=0, atol=1e-9)
     force = node_forces(fitted, seen, np.zeros_like(seen))[network.free]
     np.testing.assert_allclose(force, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_the_slip_velocity_is_numerical(phantom, monkeypatch, factor):
+    """Half of it and twice move a phantom hit by 0.5 m/s by less than 1 % of its own motion, and by something."""
+    rest = pack(phantom.positions[phantom.free], np.zeros((4, 2)))
+    state = rest.copy()
+    state[8:] += 0.5 * np.random.default_rng(10).normal(size=8)
+    ends, slip = [], kernels.SLIP_VELOCITY
+    for each in (1.0, factor):
+        monkeypatch.setattr(kernels, "SLIP_VELOCITY", each * slip)
+        path = [state]
+        for _ in range(12):
+            path.append(plain_step(phantom, path[-1], 1.0 / 24.0, 10))
+        ends.append(np.array(path)[:, :8] - rest[:8])
+    moved = np.sqrt(np.mean((ends[1] - ends[0]) ** 2)) / np.sqrt(np.mean(ends[0] ** 2))
+    assert 1e-6 < moved < 0.01

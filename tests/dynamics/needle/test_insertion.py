@@ -46,7 +46,7 @@ def test_a_mass_pushed_slowly_goes_as_far_as_force_by_stiffness(one_mass):
     )
     force = 0.005 / (1.0 / 160.0 + 1.0 / 400.0)
     assert done.punctured_s is None
-    assert done.pushes[-1] == pytest.approx(force, rel=1e-6)
+    assert done.axial_forces[-1] == pytest.approx(force, rel=1e-6)
     assert done.states[-1, 0] - 0.2 == pytest.approx(force / 160.0, rel=1e-6)
 
 
@@ -62,10 +62,10 @@ def test_the_skin_gives_way_when_the_contact_reaches_the_puncture_force(one_mass
     times = np.linspace(0.0, 4.0, 401)
     done = simulate_insertion(one_mass, needle, at_rest(one_mass), times)
     assert done.punctured_s == pytest.approx(2.1875, abs=0.03)
-    before = done.pushes[~done.punctured]
+    before = done.axial_forces[~done.punctured]
     assert before.max() == pytest.approx(0.5, abs=0.003)
     assert (np.diff(before[50:]) > 0.0).all()  # after the first touch has died away
-    after = done.pushes[done.punctured][100:]
+    after = done.axial_forces[done.punctured][100:]
     sliding = 0.002 / np.sqrt(0.002**2 + 2e-4**2)
     np.testing.assert_allclose(after, sliding * (0.2 + 5.0 * 0.002 * times[done.punctured][100:]), rtol=0.002)
 
@@ -98,7 +98,7 @@ def test_work_of_the_hand_is_energy_of_the_tissue_and_what_was_lost(phantom):
     needle = NeedleMechanics(straight_insertion(entry, [0.0, 0.2], 0.03), entry, puncture_N=50.0)
     times = np.linspace(0.0, 0.8, 801)
     done = simulate_insertion(phantom, needle, at_rest(phantom), times)
-    work = np.trapezoid(done.pushes * 0.03, times)
+    work = np.trapezoid(done.axial_forces * 0.03, times)
 
     def energies(y):
         places, speeds = unpack(y, 2)

@@ -7,10 +7,10 @@ import pytest
 
 from dynamics import (
     HIDDEN,
-    ForceKnots,
-    NeedleDrive,
     NeedleMechanics,
+    NeedleMotion,
     NeedlePose,
+    SampledForces,
     advance_steered,
     four_mass_phantom,
     needle_load,
@@ -27,7 +27,7 @@ SPEED = 0.05
 def drive(towards, depth):
     """The needle from ENTRY towards a point, so deep [m]."""
     u = (towards - ENTRY) / np.linalg.norm(towards - ENTRY)
-    return NeedleDrive(ENTRY + depth * u, SPEED * u, u, depth)
+    return NeedleMotion(ENTRY + depth * u, SPEED * u, u, depth)
 
 
 @pytest.mark.parametrize("pieces", [1, 20])
@@ -56,7 +56,7 @@ def test_an_insertion_is_that_of_dop853(pieces):
     for a, b in pairwise(edges):
         told = drive(target, SPEED * a)
         state, punctured = advance_steered(
-            network, needle, state, told, outside=ForceKnots(forces, 1e-3), between_s=(a, b), punctured=punctured
+            network, needle, state, told, outside=SampledForces(forces, 1e-3), between_s=(a, b), punctured=punctured
         )
     assert punctured
     still, _ = advance_steered(
@@ -64,7 +64,7 @@ def test_an_insertion_is_that_of_dop853(pieces):
         needle,
         rest,
         drive(target, -1.0),
-        outside=ForceKnots(forces, 1e-3),
+        outside=SampledForces(forces, 1e-3),
         between_s=(0.0, 0.5),
         punctured=False,
     )
@@ -93,7 +93,7 @@ def test_time_does_not_go_back():
             needle,
             np.zeros(16),
             drive(np.zeros(2), 0.0),
-            outside=ForceKnots(np.zeros((2, 4, 2)), 1.0),
+            outside=SampledForces(np.zeros((2, 4, 2)), 1.0),
             between_s=(1.0, 0.5),
             punctured=False,
         )

@@ -123,7 +123,7 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
         tremor = masses * 0.05 / np.sqrt(FRAME_S) * rng.normal(size=(n, 4, 2))
         shaking = interp1d(times, tremor, axis=0, assume_sorted=True)
         truth = simulate_insertion(phantom, needle, rest_state, times, outside=shaking, rtol=1e-4, atol=1e-8)
-        read = truth.pushes * (1.0 + 0.02 * rng.normal(size=n))
+        read = truth.axial_forces * (1.0 + 0.02 * rng.normal(size=n))
         frames = [marks_of(phantom, state, 2e-3, rng) for state in truth.states]
         pushes = [None]
         for k in range(1, n):

@@ -7,7 +7,7 @@ import pytest
 
 from dynamics import (
     OUTER,
-    equilibrium_with_held,
+    equilibrium_with_fixed,
     independent_uncertainty,
     integrate_adaptive,
     pack,
@@ -75,7 +75,7 @@ def test_columns_of_a_rest_shape_are_those_of_other_rest_shapes(phantom):
         ends = [scale_parameters(phantom, which[k : k + 1], [sign * SMALL]) for sign in (1.0, -1.0)]
         for found, shapes in (
             (free, [rest_shape(end) for end in ends]),
-            (kept, [equilibrium_with_held(end, held) for end in ends]),
+            (kept, [equilibrium_with_fixed(end, held) for end in ends]),
         ):
             moved = (shapes[0] - shapes[1])[phantom.free].ravel() / (2.0 * SMALL)
             np.testing.assert_allclose(found[:8, k], moved, rtol=0, atol=1e-5 * max(np.abs(moved).max(), 1e-3))

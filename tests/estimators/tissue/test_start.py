@@ -66,7 +66,7 @@ def test_first_marks_in_a_shape_without_rest_are_taken_in_as_any_others(phantom,
     def no_rest(*_args):
         raise NetworkError("rest shape: expected a stable equilibrium near the drawn shape, found none")
 
-    monkeypatch.setattr("estimators.tissue.start.equilibrium_with_held", no_rest)
+    monkeypatch.setattr("estimators.tissue.start.equilibrium_with_fixed", no_rest)
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     x, P = tissue.mixture.x.copy(), tissue.mixture.P.copy()
     H = np.zeros((2, len(x)))

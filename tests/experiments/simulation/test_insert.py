@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from dynamics import HIDDEN, OUTER, NeedleDrive, sliding_friction
+from dynamics import HIDDEN, OUTER, NeedleMotion, sliding_friction
 from estimators import Breathing, TissueFilter, compliance
 from experiments.commands.app import app
 from experiments.errors import InputError
@@ -68,7 +68,7 @@ def test_a_breathing_target_is_foretold_half_a_second_ahead():
     for seed in (1, 2):
         world = world_of(Case(read_scenario("breathing"), seed, warm_s=18.0, patience_s=0.5))
         tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
-        away, state = NeedleDrive(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
+        away, state = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
         truth, said = [], {}
         for k in range(18 * 30):
             t = world.frame_s(k)
