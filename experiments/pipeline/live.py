@@ -1,6 +1,6 @@
-"""The line on frames as they come: what `softaim live` does.
+"""Live tracking of frames as they come: what `softaim live` does.
 
-State lives in `Session`: the line, the rows written so far, and what the person is shown.
+State lives in `Session`: the pipeline, the rows written so far, and the status line.
 """
 
 from __future__ import annotations
@@ -9,11 +9,12 @@ import csv
 import shutil
 import sys
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 
@@ -24,22 +25,32 @@ from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.outputs import output_folder
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import tell_events, tell_swap
+from experiments.pipeline.events import report_source_events, report_swap
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.live_advice import LiveAdvice, words
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 
-SMOOTHING = 0.1
-"""Share of the newest frame in the running frames per second and latency shown; chosen."""
-COAST_S = 0.1
-"""How long a frame is waited for before the target is told without one [s]; chosen."""
-BEHIND_S, BEHIND_FRAMES = 0.25, 2.0
-"""The filter goes on without a frame that is late by so long [s] and so many frame intervals; chosen."""
 ADVICE = "advice.csv"
-UNKNOWN_S = 2.0
-"""By so long before two frames told the interval: a slow camera's must not always be late; chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSettings:
+    """How long a live run waits for frames.
+
+    wait_s: without a frame for so long, the target is predicted and shown without one [s]; choice
+    behind_s: the filter stays behind by so long, and by two frame intervals, for a frame that comes late [s]; choice
+    source: its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are
+        those of which the median interval is the usual one
+    """
+
+    wait_s: float = 0.1
+    behind_s: float = 0.25
+    source: vision.SourceSettings = vision.SourceSettings()
+
+
+LIVE_DEFAULTS = LiveSettings()
 
 
 class Session:
@@ -58,8 +69,10 @@ class Session:
         *,
         needle: NeedlePlan | None = None,
         clock: Callable[[], float] = time.monotonic,
+        settings: LiveSettings = LIVE_DEFAULTS,
     ) -> None:
         _warm_up(scene)
+        self.settings = settings
         self.line = Line(scene, baseline=False)
         self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE))
         self._clock = clock
@@ -70,13 +83,13 @@ class Session:
         self._file = rows.open("w", encoding="utf-8", newline="")
         self._csv = csv.writer(self._file)
         self._csv.writerow(header(scene.network.dim))
-        self._fps: float | None = None
+        self._intervals_s: deque[float] = deque(maxlen=settings.source.settled_frames)
         self._last_s: float | None = None
 
     def take(self, frame: vision.Frame) -> bool:
         """Estimate, write and show one frame; whether it could be used.
 
-        A frame older than what was told without it cannot, nor one of a size that the scene's camera does not give.
+        Not used is a frame older than the filter's state, or of another size than the scene's camera gives.
         Raises InputError where the first frame has another size.
         """
         height, width = frame.image.shape[:2]
@@ -86,43 +99,43 @@ class Session:
                 f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
             )
         if self._last_s is not None:
-            now = 1.0 / max(frame.exposure_s - self._last_s, 1e-6)
-            self._fps = now if self._fps is None else (1.0 - SMOOTHING) * self._fps + SMOOTHING * now
+            self._intervals_s.append(max(frame.exposure_s - self._last_s, 1e-6))
         self._last_s = frame.exposure_s
-        told_s = self.line.filter.time_s
-        if size_px != (width, height) or (told_s is not None and frame.exposure_s < told_s):
+        reached_s = self.line.filter.time_s
+        if size_px != (width, height) or (reached_s is not None and frame.exposure_s < reached_s):
             self.n_unused += 1
             return False
         step = self.line.see(frame.exposure_s, frame.image)
         if step.swap is not None:
-            tell_swap(step.swap)
+            report_swap(step.swap)
         estimate = step.estimates[FILTER]
         self._write(estimate)
-        said = None if self.advice is None else self.advice.seen(self.line.filter, estimate, self._clock())
+        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, self._clock())
         latency_ms = 1e3 * (self._clock() - frame.exposure_s)
         self.latencies_ms.append(latency_ms)
         self.n_frames += 1
-        self._show(told(estimate, self._fps, latency_ms, said))
+        self._show(status_text(estimate, self.interval_s, latency_ms, advised))
         return True
 
     def coast(self, now_s: float) -> None:
-        """Show where the target is by now [s] though no frame came.
+        """Predict and show the target at now_s [s] without a frame.
 
-        The filter itself stays behind, for a frame may yet come; what it goes through without one is written.
+        The filter itself stays behind, for a frame may yet come; its predictions without a frame are written.
         """
         tissue = self.line.filter
         if tissue.time_s is None or self._last_s is None:
             self._show("no frame yet")
             return
-        behind_s = now_s - (UNKNOWN_S if self._fps is None else BEHIND_S + BEHIND_FRAMES / self._fps)
+        interval_s, settings = self.interval_s, self.settings
+        behind_s = now_s - (settings.source.hung_s if interval_s is None else settings.behind_s + 2.0 * interval_s)
         if behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
             self.n_coasted += 1
         if now_s > tissue.time_s:
             status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
             ahead = replace(tissue.predict_at(now_s), status=status)
-            said = None if self.advice is None else self.advice.unseen(tissue, now_s)
-            self._show(told(ahead, self._fps, 1e3 * (now_s - self._last_s), said))
+            advised = None if self.advice is None else self.advice.unseen(tissue, now_s)
+            self._show(status_text(ahead, interval_s, 1e3 * (now_s - self._last_s), advised))
 
     def _write(self, estimate: TargetEstimate) -> None:
         self._csv.writerow(row(estimate))
@@ -137,12 +150,18 @@ class Session:
 
     @property
     def wait_s(self) -> float:
-        """How long a frame is waited for before the target is told without one [s]: not until advice is stale."""
-        return COAST_S if self.advice is None else min(COAST_S, self.advice.plan.settings.stale_s)
+        """Longest wait for a frame before the target is predicted [s]: no longer than advice takes to go stale."""
+        wait_s = self.settings.wait_s
+        return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
+
+    @property
+    def interval_s(self) -> float | None:
+        """Usual time from frame to frame [s], None before two came."""
+        return median(self._intervals_s) if self._intervals_s else None
 
 
 def _warm_up(scene: Scene) -> None:
-    """Load what is compiled and cached before the first frame has to wait for it."""
+    """Compile and load all that the first frame would have to wait for."""
     line, camera = Line(scene, baseline=False), scene.cameras[0]
     positions = scene.network.positions[[scene.network.index(node) for node in scene.measured_nodes]]
     plain = np.eye(scene.network.dim)
@@ -160,17 +179,19 @@ def _warm_up(scene: Scene) -> None:
     detect_by_rim(image, one)
 
 
-def told(estimate: TargetEstimate, fps: float | None, latency_ms: float, said: Guidance | None = None) -> str:
-    """The line that renews itself: time, target, sigma, status, frames per second, latency.
+def status_text(
+    estimate: TargetEstimate, interval_s: float | None, latency_ms: float, advised: Guidance | None = None
+) -> str:
+    """Text of the status line: time, target, sigma, status, frames per second, latency.
 
     With advice: time, status, latency, sigma, and the advice.
     """
     place = ", ".join(f"{1e3 * x:7.2f}" for x in estimate.mean)
     sigma = np.nan if estimate.cov is None else 1e3 * np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])
-    if said is not None:
+    if advised is not None:
         ms = f"{latency_ms:4.0f} ms"
-        return f"{estimate.time_s:10.2f} s  {estimate.status:<8} {ms}  sigma {sigma:.2f} mm  {words(said)}"
-    rate = "  – " if fps is None else f"{fps:4.0f}"
+        return f"{estimate.time_s:10.2f} s  {estimate.status:<8} {ms}  sigma {sigma:.2f} mm  {words(advised)}"
+    rate = "  – " if interval_s is None else f"{1.0 / interval_s:4.0f}"
     return (
         f"{estimate.time_s:10.2f} s  target ({place}) mm  sigma {sigma:5.2f} mm  {estimate.status:<8}"
         f"  {rate} frames/s  latency {latency_ms:5.1f} ms"
@@ -187,11 +208,11 @@ def live(
     needle_path: Path | None = None,
     force: bool = False,
 ) -> None:
-    """Follow the target until the source ends, the duration is over or Ctrl-C; then write estimates.csv.
+    """Track the target live until the source ends, the duration is over or Ctrl-C; then write estimates.csv.
 
     Rows are written as they come, in a folder beside `out` that takes its name at the end. While no frame comes the
-    target is predicted; what happens to the source is told on standard error. With a needle's file there is advice on
-    it, too, in the line that is shown and in advice.csv. Raises InputError.
+    target is predicted; events of the source are reported on standard error. With a needle's file there is advice on
+    it, too, in the status line and in advice.csv. Raises InputError.
     """
     folder_path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
     name = f"--source {vision.shown_source(source)}"
@@ -212,7 +233,7 @@ def live(
                     raise InputError(f"{name}: {error}") from error
                 fault = error  # what was estimated until then is kept
             finally:
-                tell_events(frames)
+                report_source_events(frames)
                 session.close()
             if not session.n_frames:
                 raise InputError.at(name, "frames", "none")
@@ -224,8 +245,8 @@ def live(
     )
     print(f"Estimates in {folder_path / 'estimates.csv'}")
     if session.advice is not None:
-        said = ", ".join(f"{name} {n}" for name, n in session.advice.counts.items())
-        print(f"Advice in {folder_path / ADVICE}: {said}")
+        counts = ", ".join(f"{name} {n}" for name, n in session.advice.counts.items())
+        print(f"Advice in {folder_path / ADVICE}: {counts}")
     if fault is not None:
         raise InputError(f"{name}: {fault}")
 
@@ -233,18 +254,18 @@ def live(
 def follow(
     session: Session, frames: vision.Source, duration_s: float, clock: Callable[[], float] = time.monotonic
 ) -> None:
-    """Take frames as they come, and coast where none does, until they end or for so long [s] by their clock."""
+    """Process frames as they come, and coast where none does, until they end or for duration_s [s]."""
     began = clock()
     while not frames.ended and clock() - began < duration_s:
         frame = frames.next(session.wait_s)
-        tell_events(frames)
+        report_source_events(frames)
         if (frame is None or not session.take(frame)) and not frames.ended:
             session.coast(clock())
 
 
 @contextmanager
 def status_line() -> Iterator[Callable[[str], None]]:
-    """Show one line that renews itself on a terminal; elsewhere a line about once a second."""
+    """Show a status line: rewritten in place on a terminal; elsewhere a new line about once a second."""
     terminal = sys.stdout.isatty()
     last = -np.inf
 

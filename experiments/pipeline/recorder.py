@@ -1,4 +1,4 @@
-"""Frames written as they come: what `softaim record` does.
+"""Record frames as they come: what `softaim record` does.
 
 Unlike all else that is written, a recording stands under its own name while it grows, so that what was written is there
 when the program is killed: the film in pieces of a second, each named when it is whole on the disk, then its rows of
@@ -19,19 +19,17 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.pictures import SEGMENTS, VIDEOS, source_in
 from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, write_scene
-from experiments.pipeline.events import tell_events
+from experiments.pipeline.events import report_source_events
 from experiments.pipeline.frame_sources import open_source
 
 PIECE_S = 1.0
-"""Length of a piece: what a kill may cost; chosen."""
-WAIT_S = 0.1
-"""How long a frame is waited for before the clock is looked at; chosen."""
+"""Length of a piece [s], the most that a kill may cost: promised in the README as the last second."""
 
 Advance = Callable[[float], None]
 
 
 class Recorder:
-    """A recording that grows. Errors of the disk are InputErrors.
+    """Writer of a recording that grows piece by piece. Errors of the disk are InputErrors.
 
     State: the pieces, exposure times of the piece that is being written [s], when it was begun, rows written.
     """
@@ -68,14 +66,14 @@ class Recorder:
             raise InputError.at(self.folder, f"a frame after {self._last_s:.9f} s", f"{frame.exposure_s:.9f} s")
         if self._times and frame.exposure_s - self._times[0] >= PIECE_S:
             self.finish_piece()
-        self.look()  # where frames are written more slowly than they come
+        self.check()  # where frames are written more slowly than they come
         if not self._times:
             self._began = self._clock()
         self._pieces.write(frame.image)
         self._times.append(frame.exposure_s)
         self._last_s = frame.exposure_s
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Finish the piece if it was begun a second ago."""
         if self._times and self._clock() - self._began >= PIECE_S:
             self.finish_piece()
@@ -85,8 +83,8 @@ class Recorder:
         try:
             self._pieces.finish()
             with (self.folder / "frames.csv").open("ab") as rows:
-                told = (f"{self.n_rows + k},{time_s:.9f}\n" for k, time_s in enumerate(self._times))
-                rows.write("".join(told).encode("ascii"))
+                lines = (f"{self.n_rows + k},{time_s:.9f}\n" for k, time_s in enumerate(self._times))
+                rows.write("".join(lines).encode("ascii"))
                 rows.flush()
                 os.fsync(rows.fileno())
         except OSError as error:
@@ -105,7 +103,7 @@ def record(
     seconds: float = float("inf"),
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Write frames to a new folder until they end, the seconds are over or Ctrl-C; how many were written, in pieces.
+    """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns how many, in pieces.
 
     scene: what is in view, checked against the frames' size; scene_path: its file, copied in place of writing it anew
     Nothing is made before the first frame came. Raises InputError, SourceError; what came until then is kept.
@@ -114,11 +112,11 @@ def record(
     began, first_s = clock(), 0.0
     try:
         while not frames.ended:
-            frame = frames.next(WAIT_S)
-            tell_events(frames)
+            frame = frames.next(0.1 * PIECE_S)
+            report_source_events(frames)
             if frame is None:
                 if recorder is not None:
-                    recorder.look()
+                    recorder.check()
                 if clock() - began >= seconds:
                     break
                 continue
@@ -131,7 +129,7 @@ def record(
     except KeyboardInterrupt:
         pass  # Ctrl-C is how a recording ends
     finally:
-        tell_events(frames)
+        report_source_events(frames)
         if recorder is not None:
             recorder.finish_piece()
     return 0 if recorder is None else recorder.n_rows

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from experiments.arrays import Floats
 from vision import (
     Board,
     Calibration,
@@ -26,6 +25,7 @@ from vision import (
     calibrate_together,
     find_board,
 )
+from vision.arrays import Image
 from vision.cameras.bundle import project
 
 SIZE_PX = (400, 300)
@@ -112,7 +112,9 @@ def _pictures_kept(settings: CalibrationSettings) -> int:
     n = 0
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
-        done = _done(_seen(_poses(9, rng), rng, rng.uniform(0.5, 1.5, 9) * CORNER_SD_PX), settings)
+        done = _done(
+            _seen(_poses(9, rng), rng, [float(sd) for sd in rng.uniform(0.5, 1.5, 9) * CORNER_SD_PX]), settings
+        )
         n += 0 if done is None else len(done.images_used)
     return n
 
@@ -156,16 +158,17 @@ def _pose_error_mm(settings: CalibrationSettings) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def _picture(board: Board, pose: Pose, rng: np.random.Generator) -> Floats:
+def _picture(board: Board, pose: Pose, rng: np.random.Generator) -> Image:
     """The board as a pinhole camera sees it, drawn four times as fine, with blur and noise; (height, width) uint8."""
     square, fine = 60, 4
     columns, rows = board.columns + 1, board.rows + 1
     if board.dictionary is None:
-        inner = np.kron(np.where(np.indices((rows, columns)).sum(axis=0) % 2, 255, 0), np.ones((square, square)))
+        squares = np.where(np.indices((rows, columns)).sum(axis=0) % 2 == 1, 255, 0).astype(np.uint8)
+        inner = np.kron(squares, np.ones((square, square), dtype=np.uint8))
     else:
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
         printed = cv2.aruco.CharucoBoard((columns, rows), board.square_m, board.marker_m or 0.0, dictionary)
-        inner = printed.generateImage((columns * square, rows * square), marginSize=0)
+        inner = np.asarray(printed.generateImage((columns * square, rows * square), marginSize=0), dtype=np.uint8)
     texture = np.pad(inner.astype(np.float32), square, constant_values=255.0)
     # board metres (x right, y up from the middle) to pixels of the print, to pixels of the fine picture
     scale = square / board.square_m

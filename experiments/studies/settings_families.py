@@ -6,7 +6,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from experiments.studies.calibration_figures import calibration_figures
 from experiments.studies.marks import marks_figures
+from experiments.studies.source_figures import source_figures
+from vision import CalibrationSettings, SourceSettings
 from vision.tracking.settings import FINDER
 
 Figures = Mapping[str, float]
@@ -20,4 +23,8 @@ class Family:
     figures: Callable[[Any], Figures]
 
 
-FAMILIES: dict[str, Family] = {"marks": Family(FINDER, marks_figures)}
+FAMILIES: dict[str, Family] = {
+    "marks": Family(FINDER, marks_figures),
+    "sources": Family(SourceSettings(), source_figures),
+    "calibration": Family(CalibrationSettings(), calibration_figures),
+}

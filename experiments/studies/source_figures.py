@@ -16,6 +16,7 @@ import numpy as np
 from experiments.arrays import Floats
 from experiments.studies.calibration_figures import film_focal_sd
 from vision import DeviceTimes, EventKind, LiveFrames, SourceSettings, SourceWatchdog
+from vision.arrays import Image
 
 INTERVAL_S = 1.0 / 30.0
 SEEDS = range(9100, 9104)
@@ -49,7 +50,7 @@ class _Device:
 
 
 def _exposure_error_ms(settings: SourceSettings) -> float:
-    """Root mean square error of exposure times [ms] over devices that are steady, drift, queue, are noisy, or silent."""
+    """RMS error of exposure times [ms] over devices that are steady, drift, queue, are noisy or silent."""
     squares = []
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
@@ -58,13 +59,14 @@ def _exposure_error_ms(settings: SourceSettings) -> float:
         queued_s = late_s.copy()
         for k in range(200, 900, 200):
             queued_s[k : k + 4] = np.linspace(0.5, 0.4, 4)
-        for device_s, arrival_s in (
+        cases: tuple[tuple[Floats, Floats], ...] = (
             (complete_s, late_s),
             (50.0 + (complete_s - 50.0) * (1.0 - 2e-4), late_s),
             (complete_s, queued_s),
             (complete_s + rng.normal(0.0, 0.004, 900), late_s),
             (np.zeros(900), late_s),
-        ):
+        )
+        for device_s, arrival_s in cases:
             errors = _exposures(settings, device_s, complete_s + arrival_s) - (complete_s - INTERVAL_S / 2.0)
             squares.append((errors[5:] ** 2).mean())
     return 1e3 * float(np.sqrt(np.mean(squares)))
@@ -151,7 +153,7 @@ class _BenchCapture:
         self._left -= 1
         return True
 
-    def retrieve(self) -> tuple[bool, Floats]:
+    def retrieve(self) -> tuple[bool, Image]:
         return True, self._image
 
     def get(self, _prop: int) -> float:

@@ -31,11 +31,11 @@ def track(
         write_tables(done, folder)
         write_plots(done, folder)
     from experiments.commands.console import track_table
-    from experiments.pipeline.events import tell_swap
+    from experiments.pipeline.events import report_swap
 
     for step in done.steps:
         if step.swap is not None:
-            tell_swap(step.swap)
+            report_swap(step.swap)
     print_table(track_table(summary(done)))
     if check:
         nees, scale = done.counts["check_nees"], done.counts["check_scale"]

@@ -10,7 +10,7 @@ import pytest
 
 import vision
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.live import COAST_S, Session, follow
+from experiments.pipeline.live import LIVE_DEFAULTS, Session, follow
 from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.simulate import draw, scene_of
 from vision import EventKind, Frame, SourceEvent
@@ -131,9 +131,9 @@ def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_b
     # what is shown is of now: within two waits of the last frame, and all along
     coasting = [t for t, text in shown if "COASTING" in text]
     lost = [t for t, text in shown if "LOST" in text]
-    assert coasting[0] - (gap[0] + 0.02) <= 2 * COAST_S
-    assert lost[0] == pytest.approx(gap[0] + 1.0, abs=2 * COAST_S)
-    assert np.diff(coasting + lost).max() < 2 * COAST_S
+    assert coasting[0] - (gap[0] + 0.02) <= 2 * LIVE_DEFAULTS.wait_s
+    assert lost[0] == pytest.approx(gap[0] + 1.0, abs=2 * LIVE_DEFAULTS.wait_s)
+    assert np.diff(coasting + lost).max() < 2 * LIVE_DEFAULTS.wait_s
     # sigma grows while nothing comes
     widths = [float(row["xx"]) for row in rows if gap[0] < float(row["time_s"]) < gap[0] + 1.0]
     assert widths[-1] > 2.0 * widths[0]
