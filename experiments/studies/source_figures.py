@@ -54,7 +54,7 @@ def _exposure_error_ms(settings: SourceSettings) -> float:
     squares = []
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
-        complete_s = 50.0 + INTERVAL_S * np.arange(900)
+        complete_s: Floats = 50.0 + INTERVAL_S * np.arange(900, dtype=np.float64)
         late_s = rng.uniform(0.002, 0.02, 900) + (rng.random(900) < 0.02) * rng.uniform(0.0, 0.08, 900)
         queued_s = late_s.copy()
         for k in range(200, 900, 200):
