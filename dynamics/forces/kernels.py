@@ -165,11 +165,13 @@ def packed(network: MassSpringNetwork) -> Packed:
     return Packed(network.springs, np.stack(of_springs, axis=1), np.stack(of_nodes, axis=1), weight)
 
 
+@lru_cache(maxsize=64)
 def spring_constants(network: MassSpringNetwork) -> SpringConstants:
     """Constants of all springs, each (n_springs,), as the force laws take them."""
     return SpringConstants(*packed(network).spring_constants.T)
 
 
+@lru_cache(maxsize=64)
 def node_constants(network: MassSpringNetwork) -> NodeConstants:
     """Constants of all nodes, each (n_nodes,), as the force laws take them."""
     return NodeConstants(*packed(network).node_constants.T)

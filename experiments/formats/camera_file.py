@@ -44,7 +44,7 @@ class CameraFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedCamera:
-    """What `camera.toml` tells of a camera before a plane.
+    """A calibrated camera before a plane, as `camera.toml` has it.
 
     name, size_px: what it is called; width and height of its pictures [px]
     lens: matrix and distortion

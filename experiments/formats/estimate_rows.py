@@ -1,4 +1,4 @@
-"""Estimates as rows of estimates.csv: mm, mm², seconds, empty where a method does not say."""
+"""Estimates as rows of estimates.csv: mm, mm², seconds, empty where a method gives none."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def header(dim: int) -> list[str]:
 
 
 def row(estimate: TargetEstimate) -> list[object]:
-    """The values of one estimate under `header`, None where it does not say."""
+    """The values of one estimate under `header`, None where it has none."""
     dim = len(estimate.mean)
     cov = np.full((dim, dim), np.nan) if estimate.cov is None else 1e6 * estimate.cov
     covs = [None if np.isnan(cov[a, b]) else float(cov[a, b]) for b in range(dim) for a in range(b + 1)]

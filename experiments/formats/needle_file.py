@@ -1,4 +1,4 @@
-"""Needle files: the words of `needle.toml`, and the needle, its way, the lesion and the thresholds that they make."""
+"""Needle files: the tables of `needle.toml`, and the needle, its path, the lesion and the thresholds that they make."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class NeedleFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedlePlan:
-    """What a needle file says."""
+    """A needle file in metres: the needle, its insertion, the lesion and the settings of advice."""
 
     needle: Needle
     insertion: Insertion
@@ -84,7 +84,7 @@ class NeedlePlan:
 def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     """The plan in a needle file for a scene of this dimension; raises InputError.
 
-    radius_m: of the lesion where the file does not say [m]
+    radius_m: of the lesion where the file does not give one [m]
     """
     file = read_toml(path, NeedleFile)
     for key in ("entry_mm", "direction"):
@@ -102,9 +102,9 @@ def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     insertion = Insertion(
         1e-3 * np.array(file.entry_mm), np.array(file.direction), 1e-3 * file.speed_mm_s, 1e-3 * file.depth_mm
     )
-    told = file.advice
+    table = file.advice
     settings = AdviceSettings(
-        told.go, told.worth, told.horizon_s, told.step_s, told.stale_s, told.coasting_s, 1e-3 * told.overshot_mm
+        table.go, table.worth, table.horizon_s, table.step_s, table.stale_s, table.coasting_s, 1e-3 * table.overshot_mm
     )
     return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings)
 

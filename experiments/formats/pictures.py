@@ -48,8 +48,8 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 def count_pictures(source: Path) -> tuple[int, str]:
     """How many frames there are, and what to call them; InputError, SourceError where some are missing.
 
-    A film is counted by going through it, for what its header says is not always true: a fraction of the time that
-    tracking it takes.
+    A film is counted by reading it through, for its header is not always true: a fraction of the time that tracking
+    it takes.
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"

@@ -150,7 +150,7 @@ def _check_frames(recording: Recording, source: Path, scene_path: Path) -> None:
 
 
 def read_frames(path: Path, *, torn: bool = False) -> Floats:
-    """Exposure times of frames.csv [s], (n_frames,); torn: the last line may have been cut off. Raises InputError."""
+    """Exposure times of frames.csv [s], (n_frames,); torn: the last line may be incomplete. Raises InputError."""
     table = read_table(path, ["frame", "exposure_s"], refused={"camera": ONE_CAMERA}, torn=torn)
     if not table.n_rows:
         raise InputError.at(path, "a row for each frame", "none")

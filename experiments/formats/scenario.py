@@ -1,4 +1,4 @@
-"""Scenario files: what `softaim simulate` builds, moves and films."""
+"""Scenario files: the phantom, forces and camera that `softaim simulate` simulates."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from experiments.formats.toml_file import Strict, read_toml
 Positive = Annotated[float, Field(gt=0)]
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 MOST_STEPS = 1_000_000
-"""Frames of a film, knots of a tremor, pokes: more than so many are a slip of the pen; chosen."""
+"""Most frames of a film, samples of a tremor or pokes: more are a misprint, at 30 frames/s nine hours of film."""
 
 
 class Tremor(Strict):
-    """The table trembles: noise acceleration on every free node, white below half of 1 / interval_s."""
+    """Tremor of the table: noise acceleration on every free node, white below half of 1 / interval_s."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0
 
 
 class Release(Strict):
-    """At the start one node is held aside by a steady force, and let go."""
+    """At the start one node is displaced by a constant force, then released."""
 
     node: str
     force_n: Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class Pokes(Strict):
-    """A rod pushes the outer nodes now and then: half a sine wave in a random direction.
+    """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
 
-    acceleration_m_s2: the highest push by the node's mass; each poke has between the part `weakest` and all of it
+    acceleration_m_s2: the largest force by the node's mass; each poke has between the part `weakest` and all of it
     pause_s: mean of the exponential pause between two pokes
     together: all of the nodes at once, in the same direction, and not one of them at random
     """
@@ -55,7 +55,7 @@ class Pokes(Strict):
 
 
 class Breathing(Strict):
-    """Nodes are pushed to and fro as breath does: a wave and half as much of its second harmonic.
+    """Periodic forces on nodes as of breathing: a wave and half as much of its second harmonic.
 
     shortest_s, longest_s: between which the period is drawn, the same for the whole run
     acceleration_m_s2: of the first wave, by the node's mass, along `direction`

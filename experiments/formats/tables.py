@@ -20,7 +20,7 @@ from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
 
 CHUNK_ROWS = 50_000
-"""Rows held as text at once; a million rows of text would take ten times the memory of their numbers."""
+"""Rows in memory as text at once; a million rows of text would take ten times the memory of their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +81,7 @@ def read_table(
 ) -> Table:
     """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are let be.
 
-    refused: what to say of columns that might be met and are not read, by name
+    refused: the message for columns that may occur and are not read, by name
     torn: the writer may have been killed in the last line: it is left out if it has no end
 
     Raises InputError for anything else; for a number that is not finite too.

@@ -26,7 +26,7 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
-        # before all else: a misspelt key should be told as such, not as the key that it leaves missing
+        # before all else: a misspelt key is reported as such, not as the key that it leaves missing
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
                 raise PydanticCustomError("unknown_key", "{keys}", {"key": key, "keys": ", ".join(cls.model_fields)})
@@ -52,7 +52,7 @@ def read_toml(path: Path, model: type[Model]) -> Model:
         raise InputError.at(path, "TOML", "lists nested too deeply") from None
     except ValueError as error:  # TOMLDecodeError, or an integer too long for Python
         raise _not_toml(path, text, str(error)) from None
-    # first: what another version's keys would be is not for this reader to say
+    # first: the keys of another version are not known here
     version = data.get("version")
     if type(version) is not int or version != VERSION:
         raise InputError.at(f"{path}: version", str(VERSION), "none" if version is None else shown(version))
@@ -96,14 +96,14 @@ EXPECTED = {
     "too_long": "{max_length} entries or fewer",
     "literal_error": "{expected}",
 }
-"""What to say was expected, by pydantic's type of error."""
+"""The text for what was expected, by pydantic's type of error."""
 
 
 def _reported(error: ErrorDetails) -> str:
     kind, context, loc = error["type"], error.get("ctx", {}), error["loc"]
     if kind == "unknown_key":
         return f"{key_path((*loc, context['key']))}: expected one of {context['keys']}, found an unknown key"
-    if kind == "value_error":  # a check of a model's own, already in these words
+    if kind == "value_error":  # a check of a model's own, already in this form
         return f"{key_path(loc)}: {context['error']}".removeprefix(": ")
     expected = EXPECTED[kind].format(**context) if kind in EXPECTED else error["msg"]
     if kind == "missing":

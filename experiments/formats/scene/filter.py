@@ -1,4 +1,4 @@
-"""What a scene says of the filter: `[uncertainty]` of the constants and `[filter]`, noise levels."""
+"""The filter's tables of a scene file: `[uncertainty]` of the constants and `[filter]`, noise levels."""
 
 from __future__ import annotations
 

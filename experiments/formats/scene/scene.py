@@ -1,4 +1,4 @@
-"""Scenes: what is in view, read from `scene.toml` and written to it."""
+"""Scenes: tissue, marks, target and cameras, read from `scene.toml` and written to it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Scene:
     """What is in view: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit.
 
     uncertainty: how well the constants of the tissue are known, None where they are taken as exact
-    settings: what the filter is to assume of noise and pokes
+    settings: noise levels and pokes that the filter assumes
     """
 
     network: MassSpringNetwork
@@ -86,7 +86,7 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """In how many directions the calibration of the camera that is looked through may be off."""
+        """Number of directions in which the calibration of the first camera is uncertain."""
         return len(self.cameras[0].calibration) if self.cameras else 0
 
     @property

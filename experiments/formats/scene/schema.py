@@ -75,7 +75,7 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]` before a flat scene: a homography, or a lens and where it stands, or the file that tells both."""
+    """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both."""
 
     name: Name | None = None
     size_px: Annotated[list[Annotated[int, Field(gt=0)]], Field(min_length=2, max_length=2)] | None = None
