@@ -4,9 +4,11 @@ What may enter: another way to decide which mark is which over time. One frame's
 """
 
 from estimators.association.identity import AssociatedEstimate, AssociationFilter, IdentitySwap
+from estimators.association.settings import IdentitySettings
 
 __all__ = [
     "AssociatedEstimate",
     "AssociationFilter",
+    "IdentitySettings",
     "IdentitySwap",
 ]

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, log
+from math import isfinite
 
 import numpy as np
 
 from estimators.arrays import Floats
 from estimators.association.exchanges import InterchangeableMarks, Names, renamed, seen_from
+from estimators.association.settings import IdentitySettings
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import Snapshot, TissueFilter
 from estimators.tissue.health import Health, diverged
-
-DOUBT = log(1e3)
-"""Names are in doubt that are worse than those told by less than this, by one frame; chosen: odds of 1,000 to 1."""
-RARE = log(1e2)
-"""What an exchange of two names costs before anything was seen of it; chosen: one in a hundred doubts is one."""
-SURE = log(1e3)
-"""By so much, beyond that, other names must be better before they are believed; chosen."""
-UNEASY_SIGMAS = 5.0
-"""Innovations as improbable as this may come of wrong names, which are then tried from a start; chosen."""
-PAUSE_S, LONGEST_PAUSE_S = 0.5, 8.0
-"""Not again within this time after that; each time in vain makes it twice as long, up to the other [s]; chosen."""
-MOST = 5
-"""Other names at most that are followed at a time, the best: those of three marks alike; chosen."""
-LONGEST_S = 5.0
-"""Names that were neither believed nor ruled out for so long are no longer followed [s]; chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +62,14 @@ class AssociationFilter:
     A hidden Markov model of the names. In each frame an exchange of two names that the frame alone does not rule out
     makes a rival: the filter as it was before, given the marks by those names, and followed from then on. Of two ways
     to the same names the more probable is kept (Viterbi's algorithm). The probability of a rival is the product of the
-    likelihoods of its marks, frame by frame, with RARE for each exchange. It is dropped when it is clearly the worse;
-    when it is clearly the better, and TRACKING, the filter goes on as if it had been believed from the start.
+    likelihoods of its marks, frame by frame, with the odds against each exchange. It is dropped when it is clearly the
+    worse; when it is clearly the better, and TRACKING, the filter goes on as if it had been adopted from the start.
 
-    Where nothing is believed yet, any names may be right: at a start, after a divergence, and when innovations are
-    too large for some time. Then the filter starts anew by each of those that lie best about the rest shape; for the
-    tissue may be turned or displaced, that counts for no more than DOUBT. One by the names that are believed starts
-    beside them, which they must beat as well: or else a filter that knows nothing, and is refuted by nothing, would win
-    by that and not by its names.
+    Where there is no estimate yet, any names may be right: at a start, after a divergence, and when innovations are
+    too large for some time. Then the filter restarts by each of those that lie best about the rest shape; for the
+    tissue may be turned or displaced, that counts for no more than `decisive`. One by the present names restarts
+    beside them, which they must beat as well: or else a filter of large covariance, which nothing refutes, would win by
+    that and not by its names.
 
     tissue: the filter; predict it, and then come here with the marks
     alike: groups of nodes whose marks look alike; names are never exchanged between groups
@@ -91,14 +77,17 @@ class AssociationFilter:
     one beside them; swaps undone; when names may next be tried from a start, and the pause after that.
     """
 
-    def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
+    def __init__(
+        self, tissue: TissueFilter, alike: Iterable[Collection[str]], settings: IdentitySettings | None = None
+    ) -> None:
         self.tissue = tissue
+        self.settings = IdentitySettings() if settings is None else settings
         self.namesakes = InterchangeableMarks(tissue, alike)
         self.called: dict[str, str] = {}
         self.rivals: list[Hypothesis] = []
         self.swaps: list[IdentitySwap] = []
         self.same_names: Hypothesis | None = None
-        self._next_s, self._pause_s = -np.inf, PAUSE_S
+        self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
         """Marks that another tracker named, by the nodes that they are believed to be on."""
@@ -124,7 +113,7 @@ class AssociationFilter:
         tissue, sakes = self.tissue, self.namesakes
         before = tissue.snapshot()
         anew = tissue.health.since_s is None or tissue.health.status is Status.LOST
-        others = {} if anew else sakes.others(sakes.own, sakes.costs(tissue, marks), DOUBT, MOST)
+        others = {} if anew else self._others(sakes.own, sakes.costs(tissue, marks), self.settings.decisive)
         estimate = tissue.update(marks)
         if anew:
             self.rivals, self.same_names = [], None
@@ -136,28 +125,42 @@ class AssociationFilter:
         readings = {sakes.own: believed}
         start = replace(believed, ahead=-told, knows=before)
         for names, n_changes in others.items():
-            _keep(readings, self._read(_changed(start, names, n_changes), marks))
+            _keep(readings, self._read(self._changed(start, names, n_changes), marks))
         for rival in self.rivals:
             self._follow(readings, replace(rival, ahead=rival.ahead - told), estimate.time_s, marks)
         if self.same_names is not None:
             same = self._at(self.same_names, estimate.time_s)
             self.same_names = same and self._read(replace(same, ahead=same.ahead - told), marks)
         best = _best(readings)
-        if try_all and not (best.ahead > SURE and best.estimate.status is not Status.DIVERGED):
+        if try_all and not (best.ahead > self.settings.decisive and best.estimate.status is not Status.DIVERGED):
             nothing = replace(start, ahead=best.ahead, knows=replace(before, health=Health()))
             self._start_anew(readings, nothing, marks, beside=not anew)
         return self._decided(readings, marks)
+
+    @property
+    def _shortest_pause_s(self) -> float:
+        """Until innovations have been tested that are not those of the last time [s], and as long again."""
+        return 2.0 * self.tissue.settings.test_s
+
+    def _others(self, names: Names, costs: Floats, worst: float) -> Mapping[Names, int]:
+        return self.namesakes.others(names, costs, worst, self.settings.max_hypotheses)
+
+    def _changed(self, rival: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
+        """Other names by the state of a rival, after so many exchanges of two."""
+        return replace(rival, names=names, ahead=rival.ahead - n_changes * self.settings.exchange)
 
     def _uneasy(self, estimate: TargetEstimate) -> bool:
         """Whether the innovations are such that any names may be right, and it is time to try them."""
         tested, now_s = self.tissue.health.innovations, estimate.time_s
         refuted = estimate.status is Status.DIVERGED and not tested
-        if now_s < self._next_s or not (refuted or (estimate.marks_used and diverged(tested, UNEASY_SIGMAS))):
+        if now_s < self._next_s or not (
+            refuted or (estimate.marks_used and diverged(tested, 0.5 * self.tissue.settings.test_sigmas))
+        ):
             return False
         if now_s - self._next_s > self._pause_s:
-            self._pause_s = PAUSE_S
+            self._pause_s = self._shortest_pause_s
         self._next_s = now_s + self._pause_s
-        self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
+        self._pause_s = min(2.0 * self._pause_s, self.settings.longest_s)
         return True
 
     def _start_anew(
@@ -166,11 +169,11 @@ class AssociationFilter:
         """Start the filter anew by other names, as far ahead as the best is now, and by the same beside them."""
         costs = self.namesakes.costs(self.tissue, marks, anew=True)
         own = self.namesakes.own
-        others = self.namesakes.others(own, costs, np.inf, MOST)
+        others, most = self._others(own, costs, np.inf), self.settings.decisive
         for names, n_changes in others.items():
             better = float(costs.trace() - costs[list(names), own].sum())
-            start = replace(nothing, ahead=nothing.ahead + float(np.clip(better, -DOUBT, DOUBT)))
-            _keep(readings, self._read(_changed(start, names, n_changes), marks))
+            start = replace(nothing, ahead=nothing.ahead + float(np.clip(better, -most, most)))
+            _keep(readings, self._read(self._changed(start, names, n_changes), marks))
         if others and beside:
             self.same_names = self._read(nothing, marks)
 
@@ -181,9 +184,9 @@ class AssociationFilter:
             return
         costs = self.namesakes.costs(self.tissue, marks)
         _keep(readings, self._read(predicted, marks))
-        for names, n_changes in self.namesakes.others(rival.names, costs, DOUBT, MOST).items():
+        for names, n_changes in self._others(rival.names, costs, self.settings.decisive).items():
             if names not in readings:
-                _keep(readings, self._read(_changed(replace(predicted, since_s=time_s), names, n_changes), marks))
+                _keep(readings, self._read(self._changed(replace(predicted, since_s=time_s), names, n_changes), marks))
 
     def _at(self, rival: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None) -> Hypothesis | None:
         """The rival at a later time [s], and after what is done then; None where its filter cannot follow."""
@@ -207,20 +210,20 @@ class AssociationFilter:
 
     def _decided(self, readings: Readings, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
         """Believe the best names if they are clearly so, and keep those that are not clearly worse."""
-        own = self.namesakes.own
+        own, settings = self.namesakes.own, self.settings
         best = _best(readings)
         same = 0.0 if self.same_names is None else max(0.0, self.same_names.ahead)
-        if best.ahead <= same + SURE or best.estimate.status is not Status.TRACKING:
+        if best.ahead <= same + settings.decisive or best.estimate.status is not Status.TRACKING:
             best = readings[own]
         self.tissue.restore(best.knows)
         now_s, nodes = best.estimate.time_s, self.namesakes.by_node(best.names)
-        worst = max(best.ahead, same) - DOUBT - RARE - SURE
+        worst = max(best.ahead, same) - settings.exchange - 2.0 * settings.decisive
         kept = [
             replace(one, names=seen_from(one.names, best.names), ahead=one.ahead - best.ahead)
             for one in readings.values()
-            if one is not best and one.ahead >= worst and now_s - one.since_s <= LONGEST_S
+            if one is not best and one.ahead >= worst and now_s - one.since_s <= settings.longest_s
         ]
-        self.rivals = sorted(kept, key=lambda one: -one.ahead)[:MOST]
+        self.rivals = sorted(kept, key=lambda one: -one.ahead)[: settings.max_hypotheses]
         swap = None
         if best.names != own:
             swap = IdentitySwap(now_s, best.since_s, tuple(node for node, other in nodes.items() if node != other))
@@ -229,11 +232,6 @@ class AssociationFilter:
         if swap is not None or not self.rivals:
             self.same_names = None
         return AssociatedEstimate(best.estimate, renamed(marks, nodes), swap)
-
-
-def _changed(rival: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-    """Other names by what a rival knows, after so many exchanges of two."""
-    return replace(rival, names=names, ahead=rival.ahead - n_changes * RARE)
 
 
 def _best(readings: Readings) -> Hypothesis:

@@ -34,12 +34,6 @@ from estimators.tissue.start import inflate, restart_from_marks, restart_from_sh
 from estimators.tissue.target import TargetPoint, target_map
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
 
-DOUBT = 10.0
-"""Factor on the covariance of a start that is added to a belief which was refuted by ten sigma; chosen."""
-
-MODEL_ONLY = 0.5
-"""Part of the variance that the target has without any marks, above which the model alone speaks; chosen."""
-
 
 class TissueFilter:
     """Position of the target: unscented filters of the tissue, calm, between pokes and poked, mixed by the marks.
@@ -88,7 +82,7 @@ class TissueFilter:
         self.mixture = self._mixture()
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
         self._start_cov = self.mixture.filters[0].P.copy()
-        self._alone_m2 = float(np.trace(self.target.cov(self.mixture.P)))
+        self._model_only_m2 = self.settings.model_only_share * float(np.trace(self.target.cov(self.mixture.P)))
         nodes = self.target.point.nodes
         self._driven = frozenset(node for node in marked if (node,) != nodes)
         self.open_loop = OpenLoopCovariance(
@@ -221,7 +215,8 @@ class TissueFilter:
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
         """As `expected`, at rest and without any marks; inflated, for the tissue may be turned or displaced."""
         place = self._places[node]
-        return self._rest[self.model.network.index(node)].copy(), DOUBT * self._start_cov[place, place]
+        mean = self._rest[self.model.network.index(node)].copy()
+        return mean, self.settings.inflation * self._start_cov[place, place]
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and estimate the target.
@@ -311,18 +306,19 @@ class TissueFilter:
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
     def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
-        """Inflate the state after a divergence; restart from the marks after another within settle_s.
+        """Inflate the state after a divergence; restart from the marks after another within lost_s.
 
         The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is
         kept but that the tissue rests as the marks hold it.
         """
-        again = self._refuted_s is not None and time_s - self._refuted_s <= self.settings.settle_s
+        again = self._refuted_s is not None and time_s - self._refuted_s <= self.settings.lost_s
         self._refuted_s = time_s
         self.repairs["restarted" if again else "inflated"] += 1
         if again:
-            restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked, inflation=DOUBT**2)
+            inflation = self.settings.inflation**2
+            restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked, inflation=inflation)
         else:
-            inflate(self.mixture, DOUBT * self._start_cov, stacked)
+            inflate(self.mixture, self.settings.inflation * self._start_cov, stacked)
 
     def _estimate(
         self, time_s: float, marks_used: int, nis: float | None, shares: dict[str, float] | None = None
@@ -338,7 +334,7 @@ class TissueFilter:
             marks_used=marks_used,
             nis=nis,
             poked=self.settings.poked_share(self.mixture.mu),
-            model_only=unseen_s > self.settings.lost_s or float(np.trace(cov)) > MODEL_ONLY * self._alone_m2,
+            model_only=unseen_s > self.settings.lost_s or float(np.trace(cov)) > self._model_only_m2,
             gain=None if open_loop_m2 <= 0.0 else 1.0 - float(np.trace(cov)) / open_loop_m2,
             carried={} if shares is None else shares,
         )

@@ -39,7 +39,7 @@ def gate_marks(
     settings: FilterSettings,
     considered: bool,
 ) -> Gated:
-    """Marks within the gate of where an impulse could have brought them, or beyond it for longer than outlier_s.
+    """Marks within the gate of where an impulse could have brought them, or beyond it for longer than confirm_s.
 
     Outliers pass; what stays away is the tissue.
     considered: whether `shared` of the marks is an error that the filter's columns hold, and not noise of each
@@ -48,7 +48,7 @@ def gate_marks(
     for mark in marks:
         if squared_distance(mark, expected, considered=considered) <= settings.gate:
             since.pop(mark.node, None)
-        elif time_s - since.setdefault(mark.node, time_s) <= settings.outlier_s:
+        elif time_s - since.setdefault(mark.node, time_s) <= settings.confirm_s:
             rejected.append(mark.node)
             S = expected(mark.node, None)[1] + mark.total_cov
             log_likelihood -= 0.5 * (settings.gate + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))

@@ -9,7 +9,7 @@ from estimators.tissue.estimate import Status
 from estimators.tissue.settings import FilterSettings
 
 LEAST_FRAMES = 2
-"""Frames whose innovations are tested together, at least: one wild frame is for the gate."""
+"""Frames whose innovations are tested together, at least: the fewest that are together; one is for the gate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class Health:
 def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings) -> Health:
     """The health after a frame that brought marks of this NIS and so many coordinates, or none (nis None).
 
-    INITIALISING until marks were taken in for start_s: one frame tells no velocity. Then TRACKING with each frame that
-    brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
+    INITIALISING until marks were taken in for confirm_s: one frame shows no velocity. Then TRACKING with each frame
+    that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
     further apart than lost_s but bring marks lose nothing. DIVERGED as soon as
     the innovations of test_s are too large together, in any of these; the filter then starts anew, and after test_s
     of marks that fit the target is tracked again.
@@ -49,7 +49,7 @@ def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, 
         return Health(Status.DIVERGED, time_s, time_s, ())
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
-    started = time_s - since_s >= settings.start_s
+    started = time_s - since_s >= settings.confirm_s
     return replace(known, status=Status.TRACKING if started else Status.INITIALISING)
 
 

@@ -34,13 +34,13 @@ LEGENDRE = np.polynomial.legendre.leggauss(12)
 
 @dataclass(frozen=True, slots=True)
 class ForceMode:
-    """One belief about the unknown force.
+    """The unknown forces in one mode.
 
-    white: acceleration noise on every free node [m/s²/sqrt(Hz)]: what the model leaves out
-    poke: standard deviation of the poke on each marked node, by its mass [m/s²]
-    lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]
-    only: place among the marked nodes of the only one that is poked so; None: all are
-    others: what is believed of the poke on the others then
+    white: acceleration noise on every free node: what the model leaves out [m/s²/sqrt(Hz)]; choice
+    poke: standard deviation of the poke on each marked node, by its mass [m/s²]; choice
+    lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]; choice
+    only: place among the marked nodes of the only one that is poked so; None: all are [1]; source: the scene
+    others: the pokes on the others then; source: the scene
     """
 
     white: float

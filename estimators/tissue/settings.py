@@ -15,26 +15,30 @@ N_QUIET = 2
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """What the filter assumes about forces it cannot see; every figure chosen, see `docs/decisions.md`.
+    """What the filter assumes about forces that it cannot see, and where its gate and its tests stand.
 
-    Three modes: calm, where nobody pokes; between, where somebody does but not now; poked. The first two believe the
-    same of the force and differ in how soon a poke may come, so that the filter learns whether pokes are about.
+    Three modes: calm, where nobody pokes; between, where somebody does but not now; poked. The first two have the same
+    forces and differ in how soon a poke may come, so that the filter learns whether pokes are about.
 
-    calm_s, between_s, poked_s: how long each lasts on average [s]
-    calm_share: part of the pokes after which there is calm
-    settle_s: the filter starts as unsure as the tissue would be after unseen pokes of this duration [s]
-    start_s: marks are taken in for so long before the target counts as tracked [s]
-    startle_m_s, startle_s: a blow may change a node's velocity by this at once [m/s] and carry it on for so long [s]
-        before the springs have it back; marks are looked for that far off
-    gate: squared Mahalanobis distance beyond which a mark is refused: chi-square, 2 degrees, one in 100,000
-    stubborn_s: a mark that stays beyond the gate for longer than this is the tissue and not an outlier [s]
-    lost_s: without any mark for longer than this the target counts as lost [s]
-    test_s: innovations of this time [s] are tested together for divergence
-    test_sigmas: and may be improbable as a normal variable so many standard deviations out
-    mix_s: the modes are mixed at least this often [s]
-    one_of: so many marked nodes are poked one at a time, a poked mode for each; 0: any, all in one mode
-    marks_bounds: between which factors the variances of the marks, as told, adapt to their innovations; (1, 1): not
-    fix_bias: what fixes of the target are off by together; None where none are to come
+    quiet, poked: forces without and with a poke; source: fields of `ForceMode`
+    calm_s, between_s, poked_s: mean duration of each mode [s]; choice
+    calm_share: share of the pokes after which there is calm [1]; choice
+    impulse_m_s: a node's velocity may change by this at once [m/s]; choice
+    impulse_s: for so long, then the springs have it back; marks are expected that far away [s]; choice
+    gate: squared Mahalanobis distance beyond which a mark is rejected [1]; source: chi-square, 2 dof, 99.999 %
+    confirm_s: marks that began, or that lie beyond the gate, are believed after so long [s]; choice
+    lost_s: without marks for longer the target is LOST; a start is as uncertain as after unseen pokes for so long [s];
+        choice
+    test_s: innovations of this time are tested together for divergence [s]; choice
+    test_sigmas: standard deviations of a normal variable at which they have diverged [1]; choice
+    inflation: factor on a start's covariance that is added to the state after a divergence [1]; choice
+    model_only_share: share of the variance without marks above which the model alone speaks [1]; choice
+    mix_s: the modes are mixed at least this often [s]; choice
+    one_of: so many marked nodes are poked one at a time, a poked mode for each; 0: any, all in one mode [1]; source:
+        the scene
+    marks_bounds: factors on the variances of the marks between which they adapt to innovations; (1, 1): not [1];
+        source: the scene
+    fix_bias: the error that fixes of the target have in common; None where none are to come; source: the scene
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -43,15 +47,15 @@ class FilterSettings:
     between_s: float = 1.5
     poked_s: float = 0.3
     calm_share: float = 0.05
-    settle_s: float = 1.0
-    start_s: float = 0.1
     impulse_m_s: float = 1.0
     impulse_s: float = 0.05
     gate: float = 23.03
-    outlier_s: float = 0.1
+    confirm_s: float = 0.1
     lost_s: float = 1.0
     test_s: float = 0.25
     test_sigmas: float = 10.0
+    inflation: float = 10.0
+    model_only_share: float = 0.5
     mix_s: float = 1.0 / 30.0
     one_of: int = 0
     marks_bounds: tuple[float, float] = (1.0, 1.0)

@@ -18,12 +18,12 @@ from estimators.tissue.update import StackedMarks
 def restart_from_shape(
     mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, shape: Floats
 ) -> None:
-    """Set every mode to the tissue at rest in this shape of all nodes [m], (n_nodes, dim), as uncertain as settle_s."""
+    """Set all modes to rest in a shape of all nodes [m], (n_nodes, dim), as uncertain as pokes for lost_s make it."""
     network = model.network
     mean = np.zeros(model.dim_x)
     mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
     A, density = model.linearised(shape, settings.poked)
-    cov = accumulated_noise(A, density, settings.settle_s)
+    cov = accumulated_noise(A, density, settings.lost_s)
     if settings.fix_bias is not None:
         cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
     mixture.restart(mean, cov, model.resting_columns(shape))

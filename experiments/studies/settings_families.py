@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from estimators import FilterSettings
 from experiments.studies.calibration_figures import calibration_figures
+from experiments.studies.estimation.figures import estimation_figures
 from experiments.studies.marks import marks_figures
 from experiments.studies.source_figures import source_figures
 from vision import CalibrationSettings, SourceSettings
@@ -24,6 +26,7 @@ class Family:
 
 
 FAMILIES: dict[str, Family] = {
+    "estimation": Family(FilterSettings(), estimation_figures),
     "marks": Family(FINDER, marks_figures),
     "sources": Family(SourceSettings(), source_figures),
     "calibration": Family(CalibrationSettings(), calibration_figures),

@@ -9,7 +9,7 @@ import pytest
 from dynamics import HIDDEN, OUTER
 from estimators import AssociationFilter, TissueFilter
 from estimators.association.exchanges import seen_from
-from estimators.association.identity import DOUBT, RARE
+from estimators.association.settings import IdentitySettings
 from estimators.filters.kernels import ambiguous_exchanges, association_costs
 
 EVERY = 4
@@ -98,13 +98,13 @@ def test_names_wrong_from_the_start_are_mended(phantom, frames, order):
 
 
 def test_a_start_alone_tells_no_names(phantom, frames):
-    """The tissue may be turned: the shape in the first frame makes no names more probable than DOUBT, by 1,000 to 1."""
+    """The tissue may be turned: the shape in the first frame makes no names more probable than `decisive`, 1e3 to 1."""
     identity, made = followed(phantom, frames[:1], lambda _k: {"M1": "M4", "M4": "M1"})
     assert made[0].swap is None
     assert sorted(one.names for one in identity.rivals) == sorted(p for p in permutations(range(3)) if p != (0, 1, 2))
     best = max(identity.rivals, key=lambda one: one.ahead)
     assert best.names == (2, 1, 0)
-    assert best.ahead == pytest.approx(DOUBT - RARE)
+    assert best.ahead == pytest.approx(IdentitySettings().decisive - IdentitySettings().exchange)
 
 
 def test_marks_of_different_hues_are_never_tried(phantom, frames):

@@ -32,7 +32,7 @@ def test_before_marks_it_is_initialising_however_long():
 
 
 def test_one_frame_tells_no_velocity():
-    """INITIALISING until marks were taken in for start_s = 0.1 s."""
+    """INITIALISING until marks were taken in for confirm_s = 0.1 s."""
     frames = [(0.0, FINE), (0.05, FINE), (0.09, FINE), (0.1, FINE), (0.2, FINE)]
     assert walked(frames)[0] == ["INITIALISING"] * 3 + ["TRACKING"] * 2
 

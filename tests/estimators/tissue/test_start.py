@@ -10,7 +10,7 @@ MARK_SD = 4.14e-3
 
 
 def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
-    """There it is believed at rest, as unsure as settle_s of unseen pokes leave it: `accumulated_noise`. Rounding."""
+    """There it is believed at rest, as unsure as lost_s of unseen pokes leave it: `accumulated_noise`. Rounding."""
     ours = TissueFilter(phantom, HIDDEN, OUTER)
     ours.predict(7.0)
     estimate = ours.update([])
@@ -18,7 +18,7 @@ def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
     assert (estimate.time_s, estimate.status) == (7.0, Status.INITIALISING)
     np.testing.assert_allclose(estimate.mean, rest_state[hidden], rtol=0, atol=1e-12)
-    expected = accumulated_noise(A, density, settings.settle_s)[2:4, 2:4]
+    expected = accumulated_noise(A, density, settings.lost_s)[2:4, 2:4]
     np.testing.assert_allclose(estimate.cov, expected, rtol=1e-9, atol=1e-15)
 
 

@@ -1,0 +1,25 @@
+"""Settings of data association over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import factorial, log
+
+
+@dataclass(frozen=True, slots=True)
+class IdentitySettings:
+    """When other names of interchangeable marks are followed, and when they are adopted.
+
+    What else it takes from the tissue filter's settings: other names are tried from a start when the innovations of
+    test_s are half as many standard deviations out as mean divergence, and again no sooner than twice test_s later.
+
+    decisive: log of the odds at which names are ruled out, or adopted [1]; choice
+    exchange: log of the odds against one exchange of two names before any mark speaks for it [1]; choice
+    longest_s: names neither adopted nor ruled out are followed, and vain restarts put off, for so long [s]; choice
+    max_hypotheses: other names followed at a time [1]; source: all those of three interchangeable marks, 3! - 1
+    """
+
+    decisive: float = log(1e3)
+    exchange: float = log(1e2)
+    longest_s: float = 5.0
+    max_hypotheses: int = factorial(3) - 1
