@@ -89,7 +89,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     considered: whether gains allow for the columns; if not, these are the sensitivities of a filter that knows of none
     log_likelihood: of the last measurement
     wary: see `WARY`
-    told: (n_modes, m, r): what the directions made of the last innovations
+    innovation_columns: (n_modes, m, r): what the directions made of the last innovations
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
     repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`
@@ -106,7 +106,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.wary = WARY
         self.omega: Floats
         self.cbar: Floats
-        self.told = self.columns
+        self.innovation_columns = self.columns
         self.log_likelihood = 0.0
         self.repairs: Counter[str] = Counter()
         super().__init__(list(filters), np.array(mu, dtype=float), np.eye(len(filters)))
@@ -183,7 +183,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
         """
         columns = np.empty_like(self.columns)
-        self.told = H @ self.columns if shared is None else H @ self.columns + shared
+        self.innovation_columns = H @ self.columns if shared is None else H @ self.columns + shared
         for k, f in enumerate(self.filters):
             if shared is not None and self.considered:
                 found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.wary)
@@ -195,7 +195,7 @@ class InteractingMixture(filterpy.IMMEstimator):
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
             f._accept(x, P, (y, S, K))
             f._judge(nis, log_det)
-            columns[k] = self.columns[k] - K @ self.told[k]
+            columns[k] = self.columns[k] - K @ self.innovation_columns[k]
         self.columns = columns
         logs = np.array([f.log_likelihood for f in self.filters])
         self.likelihood = np.exp(logs - logs.max())

@@ -157,7 +157,7 @@ def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:
         if not (started and used):
             continue
         log_likelihood += mixture.log_likelihood
-        for weight, f, T in zip(mixture.mu, mixture.filters, mixture.told, strict=True):
+        for weight, f, T in zip(mixture.mu, mixture.filters, mixture.innovation_columns, strict=True):
             if weight > 1e-6:
                 solved = np.linalg.solve(f.S, np.column_stack([T, f.y]))
                 information += weight * T.T @ solved[:, :-1]

@@ -65,11 +65,11 @@ class TargetEstimate:
     status: see `Status`
     marks_used: marks taken in with this frame
     nis: normalised innovation squared of those marks, None where there were none or the method gives none
-    poked: probability that an outside force acts, None where the method does not tell
-    model_only: whether the marks told next to nothing of it and the model alone speaks
+    poked: probability that an outside force acts, None where the method gives none
+    model_only: whether the marks contribute next to nothing and the model alone speaks
     gain: part of the open loop's variance of the target that the filter takes away, at most 1; below 0 where the
-        filter, which knows of pokes and wrong constants, is less sure than the open loop has reason to be
-    carried: by node, how much larger the target's variance would be had that mark been left out of this frame
+        filter, which allows for pokes and wrong constants, is the more uncertain of the two
+    information_share: by node, how much larger the target's variance would be had that mark been left out of this frame
     """
 
     time_s: float
@@ -81,7 +81,7 @@ class TargetEstimate:
     poked: float | None = None
     model_only: bool = False
     gain: float | None = None
-    carried: Mapping[str, float] = field(default_factory=dict)
+    information_share: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -95,7 +95,7 @@ class TissueFilter:
         filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
         move = Move(
             points=lambda points, dt: propagate_points(model, points, dt, modes),
-            columns=lambda means, columns, dt: model.carried(means, columns, dt, modes),
+            columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, modes),
             turned=model.turned,
         )
         return InteractingMixture(filters, stationary(rates), rates, move)
@@ -336,5 +336,5 @@ class TissueFilter:
             poked=self.settings.poked_share(self.mixture.mu),
             model_only=unseen_s > self.settings.lost_s or float(np.trace(cov)) > self._model_only_m2,
             gain=None if open_loop_m2 <= 0.0 else 1.0 - float(np.trace(cov)) / open_loop_m2,
-            carried={} if shares is None else shares,
+            information_share={} if shares is None else shares,
         )

@@ -130,11 +130,11 @@ class TissueModel:
             moved[:, :, self.bias_rows] = np.exp(-dt / self.bias.lasting_s) * points[:, :, self.bias_rows]
         return moved
 
-    def carried(self, means: Floats, columns: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """What constants off by one standard deviation along each direction make of the error, dt seconds later.
+    def propagate_columns(self, means: Floats, columns: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
+        """Columns of the error dt [s] later: what each constant, one standard deviation away, makes of it.
 
-        means (n_modes, dim_x), columns (n_modes, dim_x, n_columns). A constant that is off is a force beside the
-        model's; the shift is taken as it is, not as a derivative. A calibration that is off is no force.
+        means (n_modes, dim_x), columns (n_modes, dim_x, n_columns). A constant with an error is a force beside the
+        model's; the shift is taken as it is, not as a derivative. An error of the calibration is no force.
         """
         if not self.n_columns:
             return columns

@@ -132,7 +132,7 @@ def test_innovations_are_told_of():
     mixture.predict(DT)
     before = mixture.columns.copy()
     mixture.update_linear(np.zeros(1), H, R)
-    np.testing.assert_allclose(mixture.told, H @ before, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(mixture.innovation_columns, H @ before, rtol=0, atol=1e-15)
 
 
 def test_narrow_points_are_counted_and_change_no_linear_model():

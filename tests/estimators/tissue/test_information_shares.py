@@ -37,8 +37,8 @@ def test_a_mark_carries_what_the_target_is_less_sure_of_without_it(phantom, rest
         after = P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)
         return np.trace(after[2:4, 2:4])
 
-    assert set(estimate.carried) == set(OUTER)
-    for node, share in estimate.carried.items():
+    assert set(estimate.information_share) == set(OUTER)
+    for node, share in estimate.information_share.items():
         expected = left([mark for mark in marks if mark.node != node]) / left(marks) - 1.0
         assert share == pytest.approx(expected, rel=1e-6)
         assert share > 0.01

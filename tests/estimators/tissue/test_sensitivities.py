@@ -1,6 +1,7 @@
 """What constants that are off make of the error: against motions and rest shapes of networks that have them so."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def test_columns_of_a_calibration_move_as_errors_do(phantom, rest_state, constan
     model = TissueModel(phantom, OUTER, uncertainty=unsure, n_calibration=3)
     mean = np.r_[rest_state + np.random.default_rng(0).normal(0.0, 0.02, 16), np.zeros(6)]
     columns = np.random.default_rng(1).normal(0.0, 1e-3, (22, constants + 3))
-    moved = model.carried(mean[None], columns[None], 1 / 120, (MODE,))[0]
+    moved = model.propagate_columns(mean[None], columns[None], 1 / 120, (MODE,))[0]
     ends = model.propagate(np.vstack([mean, mean + columns.T]), 1 / 120, MODE)
     assert model.n_columns == constants + 3
     np.testing.assert_allclose(moved[:, constants:], (ends[1:] - ends[0]).T[:, constants:], rtol=0, atol=1e-14)
@@ -52,7 +53,7 @@ def test_columns_are_what_changed_constants_do_to_the_motion(phantom, kind):
     model = TissueModel(phantom, OUTER, uncertainty=independent_uncertainty(which, SMALL))
     mean, columns = np.r_[start, np.zeros(6)], np.zeros((1, 22, len(which)))
     for _ in range(12):
-        columns = model.carried(mean[None], columns, 0.1 / 12, (MODE,))
+        columns = model.propagate_columns(mean[None], columns, 0.1 / 12, (MODE,))
         mean = model.propagate(mean[None], 0.1 / 12, MODE)[0]
     usual = integrate_adaptive(phantom, start, [0.0, 0.1])[-1]
     for k in range(len(which)):
@@ -124,3 +125,27 @@ def test_modes_move_together_as_they_do_alone(phantom, rest_state):
     together = model.propagate_each(points, 1 / 120, modes)
     for k, mode in enumerate(modes):
         np.testing.assert_array_equal(together[k], model.propagate(points[k], 1 / 120, mode))
+
+
+@pytest.mark.parametrize("kind", ["stiffness", "rest_length", "damping", "drag"])
+def test_columns_of_constants_converge_in_second_order(phantom, kind):
+    """Over 0.1 s in n, 2n, 4n steps: log2 of |c(n) - c(2n)| / |c(2n) - c(4n)| is 2 within 0.1 from 24 steps on.
+
+    The trapezium of a constant's force at both ends of a step; held from its start it would be of first order. Changes
+    of 1e-6, so that nothing but the step matters, and no friction, whose bend is sharper than a step.
+    """
+    phantom = replace(phantom, friction=np.zeros(7))
+    rng = np.random.default_rng(0)
+    start = pack(phantom.positions[phantom.free] + rng.normal(0.0, 0.02, (4, 2)), rng.normal(0.0, 0.3, (4, 2)))
+    which = parameters(phantom, (kind,))
+    model = TissueModel(phantom, OUTER, uncertainty=independent_uncertainty(which, 1e-6))
+    found = []
+    for n in (24, 48, 96, 192):
+        mean, columns = np.r_[start, np.zeros(6)], np.zeros((1, 22, len(which)))
+        for _ in range(n):
+            columns = model.propagate_columns(mean[None], columns, 0.1 / n, (MODE,))
+            mean = model.propagate(mean[None], 0.1 / n, MODE)[0]
+        found.append(columns[0, :16])
+    steps = [np.linalg.norm(b - a) for a, b in pairwise(found)]
+    orders = np.log2([a / b for a, b in pairwise(steps)])
+    np.testing.assert_allclose(orders, 2.0, rtol=0, atol=0.1)

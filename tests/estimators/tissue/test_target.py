@@ -71,7 +71,7 @@ def test_every_output_is_that_of_the_node_moved_by_the_offset(phantom, frames):
             np.testing.assert_allclose(cov, node[name][1], rtol=1e-9, atol=1e-15, err_msg=name)
     (_, ours), (_, other) = followed(phantom, frames, BESIDE), followed(phantom, frames, HIDDEN)
     assert ours.gain == pytest.approx(other.gain, rel=1e-12)
-    assert dict(ours.carried) == pytest.approx(dict(other.carried), rel=1e-12)
+    assert dict(ours.information_share) == pytest.approx(dict(other.information_share), rel=1e-12)
 
 
 def test_a_point_between_nodes_has_the_moments_of_their_weighted_sum(phantom, frames):
