@@ -1,4 +1,4 @@
-"""Where the lines between the kinds of advice run, and when an estimate is not fit to advise on a needle at all."""
+"""Thresholds between the kinds of advice, and when an estimate is not fit to advise on a needle at all."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from estimators.tissue.estimate import Status, TargetEstimate
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Where the lines between the kinds of advice run; every figure chosen.
+    """Thresholds between the kinds of advice, and how far ahead insertions are tried.
 
-    go: probability of a hit from which on to insert
-    worth: by how much more probable a later hit must be to be waited for
-    horizon_s, step_s: insertions are tried that begin at each step up to the horizon [s]
-    stale_s: an estimate older than this gives no guidance [s]
-    coasting_s: neither does one that no mark has entered for longer [s]
-    overshot_m: a tip that is too deep by more than this has to be drawn back [m]
-    path_s: the target's path is told at steps of this [s]
+    go: probability of a hit from which on to insert; choice
+    worth: by how much more probable a later hit must be to be waited for; choice
+    horizon_s: insertions are tried that begin up to so much later [s]; choice
+    step_s: between two starts that are tried [s]; choice
+    stale_s: age from which an estimate gives no guidance [s]; choice
+    coasting_s: time without any mark from which an estimate gives no guidance [s]; choice
+    overshot_m: depth beyond the aim from which a tip has to be drawn back [m]; choice
+    margin_s: the path is predicted beyond the arrival at a target that rests by this, for one that flees [s]; choice
     """
 
     go: float = 0.9
@@ -29,15 +30,15 @@ class AdviceSettings:
     stale_s: float = 0.1
     coasting_s: float = 0.2
     overshot_m: float = 1e-3
-    path_s: float = 1.0 / 30.0
+    margin_s: float = 0.5
 
     def __post_init__(self) -> None:
         if not (0.0 < self.go <= 1.0 and 0.0 <= self.worth <= 1.0):
             raise ValueError(f"advice go, worth: expected 0 to 1, found {self.go}, {self.worth}")
-        for name in ("step_s", "stale_s", "path_s"):
+        for name in ("step_s", "stale_s"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected more than 0, found {getattr(self, name)}")
-        for name in ("horizon_s", "coasting_s", "overshot_m"):
+        for name in ("horizon_s", "coasting_s", "overshot_m", "margin_s"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected 0 or more, found {getattr(self, name)}")
 
@@ -64,4 +65,4 @@ def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, s
         (unseen > settings.coasting_s, f"no mark was seen for {unseen:.2f} s, more than {settings.coasting_s:g} s"),
         (estimate.model_only, "the marks tell next to nothing of the target: the model alone speaks"),
     )
-    return next((told for so, told in faults if so), None)
+    return next((reason for holds, reason in faults if holds), None)

@@ -33,8 +33,8 @@ SETTLED_S = 0.5
 ASIDE_M = 0.05
 """The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
 
-MARGIN_S, MOST_S = 0.5, 30.0
-"""And so long beside, for a target that moves away; a needle that takes longer than MOST_S does not arrive; chosen."""
+MOST_S = 30.0
+"""A needle that takes longer does not arrive [s]; chosen."""
 
 
 class LiveAdvice:
@@ -115,7 +115,7 @@ def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
     rest = tissue.target.position(rest_shape(network)[network.free].ravel())
     way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
     way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
-    return plan.settings.horizon_s + way_s + MARGIN_S + plan.settings.stale_s
+    return plan.settings.horizon_s + way_s + plan.settings.margin_s + plan.settings.stale_s
 
 
 def words(said: Guidance) -> str:
