@@ -101,6 +101,7 @@ from estimators.guidance import (
 from estimators.identification import (
     IdentificationError,
     IdentificationResult,
+    IdentificationSettings,
     TuningResult,
     identify_constants,
     principal_uncertainty,
@@ -159,6 +160,7 @@ __all__ = [
     "Hit",
     "IdentificationError",
     "IdentificationResult",
+    "IdentificationSettings",
     "IdentitySwap",
     "Insertion",
     "InteractingMixture",

@@ -1,4 +1,4 @@
-"""What the methods to compare with share: all that is not the method itself, so that they differ by nothing else."""
+"""Baseline: the part that all methods to compare with share, so that they differ by the method alone."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from estimators.tissue.target import TargetPoint, target_map
 class Baseline(ABC):
     """A method to compare with; the filter that the project recommends is `TissueFilter`.
 
-    Until the first marks it believes what `TissueFilter` does, and sets out from the belief that those leave there.
-    Unlike there no mark is ever refused.
+    Until the first marks it has the state of `TissueFilter`, and starts from the state that those leave there. Unlike
+    there no mark is ever gated.
 
-    State: time_s of the belief, None before the first frame; seen_s, when a mark was last taken in.
+    State: time_s of the estimate, None before the first frame; seen_s, time of the last mark used.
     """
 
     def __init__(
@@ -44,15 +44,15 @@ class Baseline(ABC):
 
     @abstractmethod
     def _start(self, mean: Floats, cov: Floats) -> None:
-        """Believe this: mean (dim_x,), cov (dim_x, dim_x)."""
+        """Set the state: mean (dim_x,), cov (dim_x, dim_x)."""
 
     @abstractmethod
     def _advance(self, dt: float) -> None:
-        """Move the belief ahead by dt [s], more than 0."""
+        """Predict the state by dt [s], more than 0."""
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Take in z = x[rows] + noise of covariance R, (m,), (m, m); normalised innovation squared if there is one."""
+        """Update by z = x[rows] + noise of covariance R, (m,), (m, m); gives the NIS if there is one."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:
@@ -69,7 +69,7 @@ class Baseline(ABC):
             yield [self.update(marks)]
 
     def predict(self, time_s: float) -> None:
-        """Move the belief to this exposure time [s]; raises ValueError where time goes back or is not finite."""
+        """Predict to this exposure time [s]; raises ValueError where time goes back or is not finite."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if self.seen_s is None:
@@ -79,7 +79,7 @@ class Baseline(ABC):
         self.time_s = time_s
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Take in the marks that were seen at the belief's time, any number of them, and say where the target is.
+        """The estimate of the target after an update by the marks of the present time, any number of them.
 
         Raises ValueError for a mark that is not on a free node or has another dimension.
         """

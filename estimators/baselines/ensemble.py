@@ -14,7 +14,7 @@ from estimators.tissue.settings import FilterSettings
 from estimators.tissue.target import TargetPoint
 
 N_MEMBERS = 200
-"""Nine times the phantom's 22 states: sample deviations err by 5 %, and nothing needs to be localised; chosen."""
+"""Size of the ensemble: sample deviations err by 1 / sqrt(2 n) = 5 %; nine times the states, no localisation needed."""
 
 
 class EnsembleKalmanFilter(Baseline):

@@ -1,4 +1,4 @@
-"""The paper's method: the marked masses are put where they are seen, the hidden ones follow by their equations."""
+"""The paper's open loop: marked masses are set to their marks, hidden ones follow by their equations."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from estimators.tissue.target import TargetPoint, target_map
 class OpenLoop:
     """The target by open-loop simulation, driven by the marks. Source: [paper], section III and Fig. 5.
 
-    Between two frames a measured mass moves in a straight line at constant speed, which is chosen: the paper does not
-    say, and of what can be done without looking ahead this serves the method best. A marked mass that was not seen is
+    Between two frames a measured mass moves in a straight line at constant speed: the paper leaves that open, and
+    without using later frames this serves the method best. A marked mass that was not seen is
     integrated like the hidden ones, from where it was last, as the paper provides ("additional second-order
     integration ... in case of losing of data"). The integrator is the classical Runge-Kutta one.
 

@@ -17,14 +17,15 @@ from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
 from estimators.tissue.target import TargetPoint
 
 N_PARTICLES = 100
+"""Size of the sample: with 100 histories kept three modes are resolved over four mixing intervals (3^4 = 81)."""
 
 
 class ParticleFilter(Baseline):
     """Particles of the history of the modes (calm, between, poked), each with an unscented filter of the state.
 
     Rao-Blackwellised [doucet2000]: given when the tissue was poked the rest is nearly Gaussian. A particle filter of
-    the state itself leaves no particle alive: where nobody pokes its 16 dimensions hardly know noise. Every particle
-    has all its successors weighed, one for each mode; of these at most n_particles are kept, without bias or twins
+    the state itself leaves no particle alive: without pokes its 16 dimensions have hardly any noise. Every particle
+    has all its successors weighted, one for each mode; of these at most n_particles are kept, without bias or twins
     [fearnhead2003]. What `TissueFilter` adds to this by merging histories into one Gaussian a mode is the difference.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.

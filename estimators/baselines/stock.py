@@ -21,7 +21,7 @@ class StockUnscented(Baseline):
     every step. At 30 frames/s this costs little, from 10 frames/s down it is the difference; it is the point here.
 
     State: filter, filterpy's, beside what `Baseline` has; restarts: how often its covariance was no longer positive
-    definite, whereupon it set out again from the belief that it had at first.
+    definite, and it restarted from its first state.
     """
 
     filter: filterpy.UnscentedKalmanFilter

@@ -1,4 +1,4 @@
-"""Is the covariance to be believed: NEES, NIS, scores, whiteness, reliability, posterior Cramér-Rao bound.
+"""Whether a covariance is consistent: NEES, NIS, scores, whiteness, reliability, posterior Cramér-Rao bound.
 
 What may enter: tests of estimates; none of them changes an estimate.
 """

@@ -15,15 +15,12 @@ from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.target import TargetPoint
 
-MOST = 100.0
-"""Factor on the target's variance at most: ten times as unsure; beyond, the model is of no use; chosen."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeaveOneOutCheck:
-    """What the filter without a mark predicted for it in one frame.
+    """Error of the prediction of a mark by the filter that does not use it, in one frame.
 
-    error: seen less predicted [m], (dim,); nees: its square by the covariance of prediction and mark
+    error: measured less predicted [m], (dim,); nees: its square by the covariance of prediction and mark
     """
 
     error: Floats
@@ -33,8 +30,8 @@ class LeaveOneOutCheck:
 class LeaveOneOut:
     """A filter of the target, and for each marked node a filter that never gets its mark and predicts it.
 
-    Where withheld marks are off by more than was predicted the model is wrong, for the target too: its covariance is
-    scaled by what their errors say of the predicted variance, never below 1.
+    Where errors of withheld marks exceed their predicted covariance the model is wrong, for the target too: its
+    covariance is scaled by the maximum-likelihood factor of the predicted variance, 1 or more.
 
     State: the filters, tissue and without (by node); scale, a factor on the target's covariance; checks, by node, of
     the last frame.
@@ -58,7 +55,7 @@ class LeaveOneOut:
         )
         self.without = dict(zip(marked, others, strict=True))
         self.checks: Mapping[str, LeaveOneOutCheck] = {}
-        self._scales = VarianceScale((1.0, MOST))
+        self._scales = VarianceScale((1.0, np.inf))
         self._time_s: float | None = None
 
     @property
@@ -73,7 +70,7 @@ class LeaveOneOut:
             other.predict(time_s)
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Check each mark against the filter that never had it, take the marks in, and say where the target is."""
+        """The estimate of the target after an update with the marks, each checked by the filter that never uses it."""
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:

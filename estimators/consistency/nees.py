@@ -1,4 +1,4 @@
-"""Is the covariance to be believed: squared errors against their chi-square bounds, coverage.
+"""Consistency of a covariance: squared errors against their chi-square bounds, coverage.
 
 Source: [barshalom2001], section 5.4.
 """

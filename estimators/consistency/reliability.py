@@ -1,4 +1,4 @@
-"""Whether predicted probabilities came true: hits against predictions, tenth by tenth."""
+"""Reliability of predicted probabilities: the rate of hits against the prediction, in ten bins."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, floa
 def reliability_bins(
     predicted: ArrayLike, hit: Sequence[bool] | ArrayLike, *, level: float = 0.99
 ) -> tuple[ReliabilityBin, ...]:
-    """A row for each tenth of the predicted probabilities (n,), against whether it was a hit (n,).
+    """Ten bins of the predicted probabilities (n,), each with the rate of hits (n,) in it.
 
-    A tenth holds what is at least its low and less than its high; the last holds 1, too. Raises ValueError for
+    A bin holds what is at least its low and less than its high; the last holds 1, too. Raises ValueError for
     probabilities beyond 0 and 1, and where the two differ in length.
     """
     p, came = np.asarray(predicted, dtype=float), np.asarray(hit, dtype=bool)
@@ -55,11 +55,11 @@ def reliability_bins(
     edges = np.linspace(0.0, 1.0, 11).round(1)
     which = np.minimum(np.searchsorted(edges, p, side="right") - 1, 9)
     rows = []
-    for tenth in range(10):
-        own = which == tenth
+    for k in range(10):
+        own = which == k
         n, hits = int(own.sum()), int(came[own].sum())
         least, most = clopper_pearson(hits, n, level)
         mean = float(p[own].mean()) if n else None
         inside = mean is None or least <= mean <= most
-        rows.append(ReliabilityBin(float(edges[tenth]), float(edges[tenth + 1]), n, mean, hits, least, most, inside))
+        rows.append(ReliabilityBin(float(edges[k]), float(edges[k + 1]), n, mean, hits, least, most, inside))
     return tuple(rows)

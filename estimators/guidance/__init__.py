@@ -1,6 +1,6 @@
 """Needle guidance: lesion, needle, hit probability, advice, planning, tracked needles, breathing.
 
-What may enter: what turns an estimate into what the needle should do.
+What may enter: what turns an estimate into advice on the needle; a rule of advice is a line of `RULES` in `advice.py`.
 """
 
 from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times

@@ -1,7 +1,8 @@
-"""What to do with the needle now: go, wait, turn it, or nothing since the estimate does not carry it.
+"""Advice on the needle: go, wait, turn it, or no guidance since the estimate is not healthy.
 
-Everything is reckoned from one predicted path of the target, made once a frame (`TissueFilter.predict_path`): when the
-needle arrives, where the target is then and how surely, what a hit is worth in probability now and later.
+All numbers come from one predicted path of the target, made once a frame (`TissueFilter.predict_path`): when the needle
+arrives, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them into
+advice.
 """
 
 from __future__ import annotations
@@ -30,16 +31,16 @@ class Advice(StrEnum):
     GO = "GO"
     """Insert: a hit is probable, and waiting makes it little more so."""
     WAIT = "WAIT"
-    """Do not insert yet: soon it will be better, or nothing is good enough."""
+    """Do not insert yet: a later start is better, or no hit is probable enough."""
     REALIGN = "REALIGN"
-    """The needle points elsewhere: turned to the aim, or drawn back, it will do."""
+    """Turn the needle to the aim, or draw it back: then a hit is probable."""
     NO_GUIDANCE = "NO_GUIDANCE"
-    """The estimate is not healthy: nothing is said of the needle."""
+    """The estimate is not healthy: there is no advice on the needle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetPath:
-    """Where the target will be: times [s], (k,), rising, two or more; means [m] (k, dim); covs [m²] (k, dim, dim)."""
+    """Predicted target: times [s], (k,), increasing, two or more; means [m] (k, dim); covs [m²] (k, dim, dim)."""
 
     times_s: Floats
     means: Floats
@@ -58,9 +59,9 @@ class TargetPath:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """What would come of inserting along the present direction, begun at each of the times starts_s [s], (k,).
+    """Insertions along the present direction that begin at each of the times starts_s [s], (k,).
 
-    arrivals_s: when the notch is beside the target [s], inf where it never gets there on the path that was told
+    arrivals_s: when the notch is beside the target [s], inf where it does not arrive on the predicted path
     probabilities: of a hit, 0 there; both (k,)
     """
 
@@ -71,7 +72,7 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
-    """The advice for one moment; where there is none, or the needle never arrives, numbers are None.
+    """The advice at one time; where there is none, or the needle never arrives, numbers are None.
 
     advice, reason: what to do, and why in words
     arrival_s: time at which the notch, or the tip if that is to hit, is beside the target, inserted now [s]
@@ -80,10 +81,10 @@ class Guidance:
     cov: covariance of the target then [m²], (dim, dim)
     lateral_m: by how much the needle's line misses the aim
     depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
-    turn_rad, turned_axis, turned_probability: by how much to turn the needle about its entry, to which direction
+    turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, the direction then
         (dim,), and the probability of a hit from there
-    best_in_s, best_probability: the best moment to begin along the present direction, from now [s]
-    outlook: all moments that were tried
+    best_in_s, best_probability: the best time to begin along the present direction, from now [s]
+    outlook: all starts that were tried
     """
 
     advice: Advice
@@ -104,11 +105,11 @@ class Guidance:
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """What an insertion would come to, now, later and turned: the numbers that the rules of advice decide by.
+    """The numbers that the rules of advice decide by: an insertion now, later, and after a turn.
 
     probability: of a hit, inserted now along the present direction; 0 where the needle never arrives
     arrives: whether it does, on the path of reach_s [s]
-    best_in_s, best_probability: the best moment to begin, from now [s]
+    best_in_s, best_probability: the best time to begin, from now [s]
     turn_rad, turned_probability: once turned to where the target will be
     depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
     """
@@ -125,7 +126,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """An advice, when it holds, and the reason to state."""
+    """An advice, the condition under which it holds, and its reason in words."""
 
     advice: Advice
     holds: Callable[[Prospect, AdviceSettings], bool]
@@ -184,11 +185,11 @@ def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] =
 
 
 class PathSource(Protocol):
-    """What a filter must offer to be guided by: when a mark was last taken in, and the target's path."""
+    """What `guide` needs of a filter: the time of the last mark used, and the predicted path of the target."""
 
     @property
     def seen_s(self) -> float | None:
-        """When a mark was last taken in [s], None before the first."""
+        """Time of the last mark used [s], None before the first."""
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Means (k, dim) and covariances (k, dim, dim) of the target at later times [s], (k,)."""
@@ -197,7 +198,7 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times [s], (k,), of the target's path that advice needs: until the last insertion tried arrives, and `margin_s`."""
+    """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives, and `margin_s` more."""
     way_m = float(np.linalg.norm(estimate.mean - insertion.entry)) + needle.reach_m - insertion.depth_m
     until_s = settings.horizon_s + max(way_m, 0.0) / insertion.speed_m_s + settings.margin_s
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
@@ -216,7 +217,7 @@ def guide(
 ) -> Guidance:
     """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
 
-    The path is predicted only where the estimate is healthy: it takes far longer than all the rest.
+    The path is predicted only for a healthy estimate: it takes far longer than all the rest.
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -254,12 +255,12 @@ def advise(
         raise ValueError(
             f"path: expected to reach from {now_s} to {starts[-1]} s, found {path.times_s[0]} to {path.times_s[-1]} s"
         )
-    told = (path.times_s, path.means, path.covs)
-    held = (insertion.entry, insertion.axis, insertion.speed_m_s, insertion.depth_m, needle.reach_m)
+    predicted = (path.times_s, path.means, path.covs)
+    line = (insertion.entry, insertion.axis, insertion.speed_m_s, insertion.depth_m, needle.reach_m)
     sampled = needle.sampled
     to_ball = lesion.to_ball
-    arrivals, depths, aims, p = insert_each(starts, told, held, needle.spread, to_ball, *sampled, False)
-    _, _, turned_aims, turned_p = insert_each(starts[:1], told, held, needle.spread, to_ball, *sampled, True)
+    arrivals, depths, aims, p = insert_each(starts, predicted, line, needle.spread, to_ball, *sampled, False)
+    _, _, turned_aims, turned_p = insert_each(starts[:1], predicted, line, needle.spread, to_ball, *sampled, True)
     outlook = Outlook(starts, arrivals, p)
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])
@@ -295,7 +296,7 @@ def advise(
 
 
 def _percent(p: float) -> str:
-    """Rounded down: what is not certain is not told as 100 %."""
+    """Rounded down: what is not certain is not shown as 100 %."""
     return f"{int(100.0 * p)} %"
 
 

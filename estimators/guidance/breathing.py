@@ -1,8 +1,8 @@
-"""A target that breathes: the period and phase of its track, and where it will be, from a filter's own estimates.
+"""A target that breathes: period and phase of its track, and its predicted path, from a filter's own estimates.
 
-For each of a row of periods the track is a constant and some harmonics, fitted by least squares whose past fades.
-What a period leaves of the track is its evidence: periods are weighed by exp(-misfit / 2), and the prediction is the
-mixture of theirs. The misfit counts for what it holds of independent errors: those of one frame and the next are not.
+For each period of a grid the track is a constant and some harmonics, fitted by least squares with exponential
+forgetting. Periods are weighted by their likelihood, exp(-misfit / 2), and the prediction is the mixture of theirs.
+Errors of neighbouring frames are correlated: the misfit counts for as many independent errors as it contains.
 """
 
 from __future__ import annotations
@@ -13,18 +13,22 @@ import numpy as np
 
 from estimators.arrays import Floats
 
+RIDGE = 1e-3
+"""Added to the information, that of a thousandth of a frame: keeps the fit defined from the first frame on."""
+
 
 @dataclass(frozen=True, slots=True)
 class BreathingSettings:
-    """What is assumed of a breath; every figure chosen.
+    """Model of a breath.
 
-    shortest_s, longest_s, n_periods: periods that are tried, evenly spaced in frequency
-    harmonics: of each period
-    memory_s: the track is forgotten by 1/e in this time [s]
-    alike_s: the filter's errors are as good as independent after this time [s]
-    cycles: of the longest period tried that have to be seen before anything is said
-    explained: part of the track's variance that the breath has to account for
-    least: part of the track's variance about its breath that is the target's at least, however unsure the filter was
+    shortest_s, longest_s: range of the periods, 21 to 9 breaths a minute [s]; choice
+    n_periods: of the grid, evenly spaced in frequency; choice
+    harmonics: of each period; choice
+    memory_s: time constant of the exponential forgetting [s]; choice
+    alike_s: correlation time of the filter's errors: later ones count as independent [s]; choice
+    cycles: of the period that have to be in the track before a breath is reported; choice
+    explained: least share of the track's variance that a breath has to explain; choice
+    least: least share of the variance about the breath that is the target's own scatter; choice
     """
 
     shortest_s: float = 2.8
@@ -50,9 +54,9 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """What the track says of the breath now: its period [s] and how surely, the target's scatter about it [m].
+    """The breath of a track now: period and its standard deviation [s], the target's own scatter about it [m].
 
-    explained: part of the track's variance; weights: of the periods tried, (n_periods,)
+    explained: share of the track's variance; weights: probabilities of the periods of the grid, (n_periods,)
     """
 
     period_s: float
@@ -63,9 +67,9 @@ class Breath:
 
 
 class Breathing:
-    """A predictor of a target that breathes, fed with a filter's estimates, frame by frame.
+    """Predictor of a target that breathes, updated with a filter's estimates, frame by frame.
 
-    State: sums over the track, those of the past faded: information (n_periods, n, n), products with the track
+    State: sums over the track with exponential forgetting: information (n_periods, n, n), products with the track
     (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit.
     """
 
@@ -79,13 +83,13 @@ class Breathing:
         self._last_s = -np.inf
         self._information = np.zeros((s.n_periods, n, n))
         self._products = np.zeros((s.n_periods, n, dim))
-        self._said = 0.0
+        self._filter_variance = 0.0
         self._squares, self._weight, self._sum = 0.0, 0.0, np.zeros(dim)
         self._fit: tuple[Floats, Floats, Breath] | None = None
         self._origin = np.zeros(dim)
 
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
-        """Take in where the filter says that the target is at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
+        """Add the filter's estimate of the target at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
 
         Raises ValueError where time does not rise, for another dimension and for what is not finite.
         """
@@ -102,11 +106,11 @@ class Breathing:
         self._products = keep * self._products + phi[:, :, None] * x
         self._squares = keep * self._squares + float(x @ x)
         self._weight, self._sum = keep * self._weight + 1.0, keep * self._sum + x
-        self._said = keep * self._said + float(np.trace(cov)) / self.dim
+        self._filter_variance = keep * self._filter_variance + float(np.trace(cov)) / self.dim
         self._last_s, self._fit = time_s, None
 
     def breath(self) -> Breath | None:
-        """What the track says of the breath; None before enough of it was seen, and where it does not breathe."""
+        """The breath of the track so far; None where the track is too short or does not breathe."""
         s = self.settings
         if self._first_s is None or self._last_s - self._first_s < s.cycles * s.shortest_s:
             return None
@@ -121,7 +125,7 @@ class Breathing:
         """
         if self.breath() is None:
             raise ValueError("predict: expected a track that breathes, found none")
-        found, unsure, breath = self._fitted()
+        found, coefficient_covs, breath = self._fitted()
         times = np.asarray(times_s, dtype=float)
         angle = 2.0 * np.pi * times / self.periods_s[:, None]
         phi = self._of_angle(angle)
@@ -129,8 +133,8 @@ class Breathing:
         means = np.einsum("p,pkd->kd", breath.weights, each)
         away = each - means
         covs = np.einsum("p,pkd,pke->kde", breath.weights, away, away)
-        own = np.einsum("p,pkn,pnm,pkm->k", breath.weights, phi, unsure, phi)
-        covs += (breath.scatter_m**2 + own)[:, None, None] * np.eye(self.dim)
+        of_fit = np.einsum("p,pkn,pnm,pkm->k", breath.weights, phi, coefficient_covs, phi)
+        covs += (breath.scatter_m**2 + of_fit)[:, None, None] * np.eye(self.dim)
         return means + self._origin, covs
 
     def _waves(self, time_s: float) -> Floats:
@@ -144,7 +148,7 @@ class Breathing:
         """Coefficients (n_periods, n, dim) [m], their covariances [m²] (n_periods, n, n), and the breath."""
         if self._fit is None:
             n = self._information.shape[1]
-            inverse = np.linalg.inv(self._information + 1e-3 * np.eye(n))
+            inverse = np.linalg.inv(self._information + RIDGE * np.eye(n))
             found = inverse @ self._products
             misfit = np.maximum(self._squares - np.einsum("pnd,pnd->p", found, self._products), 0.0)
             span = self._last_s - (self._last_s if self._first_s is None else self._first_s)
@@ -158,7 +162,7 @@ class Breathing:
             period = float(weights @ self.periods_s)
             period_sd = float(np.sqrt(weights @ (self.periods_s - period) ** 2))
             total = self._squares - float(self._sum @ self._sum) / self._weight
-            own = max(scatter2 - self._said / self._weight, self.settings.least * scatter2)
+            own = max(scatter2 - self._filter_variance / self._weight, self.settings.least * scatter2)
             breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
             # the coefficients err by the whole misfit, the filter's part included; the target scatters by `own` only
             self._fit = found, inverse * (scatter2 * self._weight / independent), breath

@@ -1,4 +1,4 @@
-"""The needle: its notch, what counts as a hit, how unsure its tip is, where it stands and how fast it goes."""
+"""The needle: its notch, what counts as a hit, the uncertainty of its tip, its place and speed."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ class Hit(StrEnum):
 class Needle:
     """A side-notch core needle.
 
-    hit: what counts as a hit
-    notch_offset_m: from the tip back to the notch [m]; usual: 5 mm, the part that a biopsy gun is widely reported not
-        to sample [skiparea]
-    notch_length_m: usual: 20 mm, the specimen bed of a common gun [deflection]
-    core_m: least length of tissue from the lesion for CORE [m]
-    tip_sd_m: standard deviation of the tracked tip in each direction [m]
-    bending_sd: and what bending adds to it across the needle, by depth [m/m]; chosen: 0.9 mm at 45 mm, what such a gun
-        was deflected by on average in a phantom [deflection]; in patients it is more, see `docs/guidance.md`
+    hit: what counts as a hit; choice
+    notch_offset_m: from the tip back to the notch [m]; source: 5 mm that a biopsy gun is reported not to sample,
+        [skiparea]
+    notch_length_m: of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
+    core_m: least length of tissue from the lesion for CORE [m]; choice
+    tip_sd_m: standard deviation of the tracked tip in each direction [m]; choice
+    bending_sd: standard deviation across the needle that bending adds, by depth [m/m]; source: 0.9 mm at 45 mm, the
+        mean deflection of such a gun in a phantom, [deflection]
+
+    In patients needles bend more, see `docs/guidance.md`.
     """
 
     hit: Hit = Hit.NOTCH

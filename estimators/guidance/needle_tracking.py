@@ -19,11 +19,11 @@ from estimators.filters.unscented import CovarianceError
 
 @dataclass(frozen=True, slots=True)
 class NeedleNoise:
-    """How unsteady a needle is; every figure chosen.
+    """Process noise of a needle.
 
-    acceleration: white, along the line [m/s²/sqrt(Hz)]: a hand changes its speed by some 10 mm/s within a second
-    bending: of the tip across the line [m/sqrt(s)]
-    speed_sd: of the speed before any measurement [m/s]
+    acceleration: white, along the line, 10 mm/s of speed within a second [m/s²/sqrt(Hz)]; choice
+    bending: random walk of the tip across the line [m/sqrt(s)]; choice
+    speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """
 
     acceleration: float = 0.01
@@ -43,7 +43,7 @@ class NeedleTracker:
     """The tip of a needle that goes along a line.
 
     entry: where the line meets the skin [m], (dim,); direction: of the push, made to length 1, (dim,)
-    State: time_s of the belief, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
+    State: time_s of the estimate, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
     covariance of the tip [m] and the speed along the line [m/s]; nis of the last measurement.
 
     Raises ValueError for a direction without length.
@@ -74,12 +74,12 @@ class NeedleTracker:
         return float(self.x[-1]), float(np.sqrt(self.P[-1, -1]))
 
     def predict(self, time_s: float) -> None:
-        """Move the belief to this time [s]; raises ValueError where time goes back or is not finite."""
+        """Predict to this time [s]; raises ValueError where time goes back or is not finite."""
         self.x, self.P = self._ahead(time_s)
         self.time_s = time_s
 
     def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
-        """Where the tip will be at a later time [m], (dim,), and the covariance of that [m²]; the belief stays.
+        """Where the tip will be at a later time [m], (dim,), and its covariance [m²]; the state does not change.
 
         Raises ValueError before the first measurement, and for a time that is past or not finite.
         """
@@ -89,9 +89,9 @@ class NeedleTracker:
         return x[:-1], P[:-1, :-1]
 
     def update(self, position: ArrayLike, cov: ArrayLike) -> None:
-        """Take in a position of the tip at the belief's time [m], (dim,), with its covariance [m²], (dim, dim).
+        """Update by a position of the tip at the present time [m], (dim,), with its covariance [m²], (dim, dim).
 
-        From a tracker or from a mark of its own hue. The first one begins the belief. Raises ValueError for other
+        From a tracker or from a mark of its own hue. The first one starts the estimate. Raises ValueError for other
         shapes, or without a time, and CovarianceError.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
@@ -112,7 +112,7 @@ class NeedleTracker:
         self.x, self.P, self.nis = x, P, float(nis)
 
     def arrival(self, depth_m: float) -> Arrival | None:
-        """When the tip will be at this depth [m]; None where it does not go there, or already is beyond.
+        """When the tip will be at this depth [m]; None where it does not go there, or is already deeper.
 
         t = (depth - l) / s, and sd t = sd l(t) / s, where l(t) is the depth predicted for that time.
         """

@@ -14,7 +14,7 @@ from estimators.arrays import Floats
 class Obstacle:
     """All points within radius_m of a stretch: a capsule, such as a rib or a vessel; a ball where the ends are one.
 
-    start, end: ends of its axis [m], (dim,); margin_m: by which a needle must stay off its surface [m]
+    start, end: ends of its axis [m], (dim,); margin_m: least distance of a needle from its surface [m]
     """
 
     name: str

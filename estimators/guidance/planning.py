@@ -21,15 +21,15 @@ from estimators.guidance.obstacles import Obstacle, clearances
 from estimators.tissue.target import TargetPoint, target_map
 
 AIMING = 6
-"""How often a path is aimed anew at where its own push moves the target; on the phantom micrometres are left."""
+"""Fixed-point iterations of the aim under the path's own push; on the phantom micrometres are left."""
 
 SAME = 3
-"""Decimals to which hit probabilities count as one; between those the path with more room about it comes first."""
+"""Decimals to which hit probabilities are compared, as many as are shown; among equals more clearance comes first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """What is to be hit: Gaussian belief about its centre at arrival [m], (dim,), [m²], (dim, dim); its radius [m]."""
+    """What is to be hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; radius."""
 
     mean: Floats
     cov: Floats
@@ -38,9 +38,14 @@ class PlannedTarget:
 
 @dataclass(frozen=True, slots=True)
 class PlannedNeedle:
-    """The needle to plan for; forces chosen as in `dynamics.Needle`.
+    """The needle to plan for; forces as in `dynamics.NeedleMechanics`.
 
-    force_sd: relative standard deviation of the forces; tip_sd_m: of the tip about its path, an axis [m]
+    radius_m: of the shaft [m]; source: 16 gauge, the usual core needle
+    cutting_N: force at the tip [N]; choice
+    friction_N_m: force along the shaft by length [N/m]; choice
+    reach_m: width of the kernel by which nodes share a force [m]; choice
+    force_sd: relative standard deviation of the forces; choice
+    tip_sd_m: standard deviation of the tip about its path, an axis [m]; choice
     """
 
     radius_m: float = 0.5e-3 * GAUGES_MM[16]

@@ -44,9 +44,9 @@ class AdviceSettings:
 
 
 def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, settings: AdviceSettings) -> str | None:
-    """Why an estimate gives no guidance at this time [s], in words; None where it does.
+    """Reason in words why an estimate gives no guidance at this time [s]; None where it does.
 
-    seen_s: when a mark was last taken in, None if never
+    seen_s: time of the last mark used [s], None if never
     """
     age = now_s - estimate.time_s
     unseen = np.inf if seen_s is None else now_s - seen_s

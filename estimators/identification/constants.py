@@ -1,8 +1,8 @@
 """The constants of a network from a calibration recording in which the hidden mark is seen, too.
 
-Gauss-Newton on the filter's innovations: a filter that takes the constants for granted runs beside the sensitivities of
-its error to each of them; its innovations y, of covariance S, are then noise and T theta, T what the constants do to
-them, theta what they are off by. Source: [friedland1969]. The unknown pokes are the filter's business.
+Gauss-Newton on the filter's innovations: a filter that takes the constants as exact runs beside the sensitivities of
+its error to each of them; its innovations y, of covariance S, are then noise and T theta, T their sensitivity to the
+constants, theta the errors of these. Source: [friedland1969]. Unknown pokes are states of the filter.
 """
 
 from __future__ import annotations
@@ -29,30 +29,44 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
-"""How well constants are known before, by kind: relative standard deviations; chosen."""
+"""Prior relative standard deviations of the constants by kind; choice."""
 
 MOST_PASSES = 12
+"""Limit of the iteration: Gauss-Newton needs three to five passes."""
+
 CONVERGED = 0.1
-"""The search ends when no constant moves by more than this part of its standard error."""
+"""Tolerance of the iteration in standard errors of a constant: it adds 0.5 % to the error at most."""
 
 SLACK = 1.0
-"""A step is halved where the log posterior falls by more; less is what the modes' mixing makes of it; chosen."""
+"""Tolerance of the log posterior in the line search: merging modes leaves it uneven by less. At 0 and without limit
+the same constants were found in the same number of passes."""
 
-KEPT = 0.995
-"""Part of the target's variance by unknown constants that the directions kept must carry; chosen."""
+
+@dataclass(frozen=True, slots=True)
+class IdentificationSettings:
+    """What is kept of the covariance of identified constants.
+
+    kept: share of the target's variance by uncertain constants that the kept directions explain; choice
+    """
+
+    kept: float = 0.995
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.kept <= 1.0:
+            raise ValueError(f"identification kept: expected more than 0, at most 1, found {self.kept}")
 
 
 class IdentificationError(ValueError):
-    """A recording from which constants cannot be found; the message says why."""
+    """A recording from which constants cannot be found; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentificationResult:
-    """What a calibration recording says of the constants.
+    """Constants of a network estimated from a calibration recording.
 
     network: with the constants found
     parameters, change: which, and the log of each by what it was before, (n,)
-    cov: covariance of the logs, (n, n); prior_sd (n,): how well they were known before
+    cov: covariance of the logs, (n, n); prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
     """
@@ -75,7 +89,7 @@ class IdentificationResult:
         """Part of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
         Directions are in the logs of the constants by their prior standard deviations. Where most is left, the
-        recording does not tell: the Fisher information there is below that of the prior.
+        recording does not identify them: the Fisher information there is below that of the prior.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -96,12 +110,13 @@ def identify_constants(
     *,
     prior_sd: Mapping[str, float] = PRIOR_SD,
     settings: FilterSettings | None = None,
+    kept: IdentificationSettings | None = None,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
     """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
 
     frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
-    `advance` is told the share done. Raises IdentificationError where the target is never seen.
+    `advance` gets the share done. Raises IdentificationError where the target is never seen.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
@@ -137,7 +152,7 @@ def identify_constants(
         theta, model, found, step = tried, model_tried, sum_tried, 1.0
     cov = np.linalg.inv(found.information + np.eye(len(theta))) * np.outer(sd, sd)
     uncertainty = principal_uncertainty(
-        model, ParameterUncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings
+        model, ParameterUncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings, kept=kept
     )
     advance(1.0)
     return IdentificationResult(
@@ -172,12 +187,15 @@ def principal_uncertainty(
     marked: Sequence[str],
     target: str,
     settings: FilterSettings | None = None,
+    *,
+    kept: IdentificationSettings | None = None,
 ) -> ParameterUncertainty:
-    """The few directions that carry what this uncertainty does to the target when its mark is not seen.
+    """The few directions of an uncertainty that explain its effect on the target when the target's mark is not seen.
 
     The same covariance turned to the axes of the target's variance along the frames; the smallest axes, together below
-    1 - KEPT of it, are left out.
+    1 - `kept` of it, are left out.
     """
+    share = (IdentificationSettings() if kept is None else kept).kept
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     n = tissue.model.n_columns
     effect = np.zeros((n, n))
@@ -188,5 +206,5 @@ def principal_uncertainty(
         effect += columns.T @ columns
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
-    kept = int(np.searchsorted(np.cumsum(values) / values.sum(), KEPT)) + 1
-    return ParameterUncertainty(uncertainty.parameters, axes[:, :kept].T @ uncertainty.directions)
+    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), share)) + 1
+    return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)

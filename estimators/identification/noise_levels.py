@@ -17,19 +17,20 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 NAMES = ("white", "poke", "marks")
-"""Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by what is said."""
+"""Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by the reported one."""
 
 PRIOR_LOG_SD = np.log(2.0)
-"""Noise levels are known to within a factor of two before: a recording without pokes would say anything of them."""
+"""Prior standard deviation of the log of each level: a recording without pokes leaves them undetermined; choice."""
 
 MOST_PASSES = 60
+"""Limit of the iteration: the simplex closes to its tolerances in about fifty passes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuningResult:
     """The noise levels under which a recording's innovations are most probable.
 
-    settings: with the levels found; marks: standard deviation of the marks by what was told of it
+    settings: with the levels found; marks: standard deviation of the marks by the reported one
     names, values, log_sd: what was tuned, its value, and the standard error of its logarithm, (3,)
     log_likelihood: of the innovations there, and with the levels from before
     """
@@ -64,7 +65,7 @@ def tune_noise(
     settings: FilterSettings | None = None,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Fit the noise levels; the target's mark is used where the frames have it. `advance` is told the share done."""
+    """Fit the noise levels; the target's mark is used where the frames have it. `advance` gets the share done."""
     before = FilterSettings() if settings is None else settings
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
     passes = 0

@@ -23,7 +23,7 @@ from estimators import (
     identify_constants,
     principal_uncertainty,
 )
-from estimators.identification.constants import KEPT
+from estimators.identification.constants import IdentificationSettings
 from estimators.identification.noise_levels import log_likelihood
 
 SD = 5e-4
@@ -136,7 +136,7 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
 
 
 def test_the_directions_kept_carry_the_targets_variance(recorded, found):
-    """What is left out of the covariance is nothing to the target: its columns' variance falls by 1 - KEPT at most."""
+    """What is left out of the covariance is nothing to the target: its columns' variance falls by 1 - kept at most."""
     frames, _ = recorded
     wide = independent_uncertainty(found[0].parameters, found[0].prior_sd)
     few = principal_uncertainty(found[0].network, wide, frames[:40], ("near",), "far", SETTINGS)
@@ -152,7 +152,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
             tissue.update(marks[:1])
             total += float((tissue.target.linear(tissue.mixture.columns[0]) ** 2).sum())
         variances.append(total)
-    assert variances[1] == pytest.approx(variances[0], rel=3.0 * (1.0 - KEPT))
+    assert variances[1] == pytest.approx(variances[0], rel=3.0 * (1.0 - IdentificationSettings().kept))
 
 
 def test_a_target_that_is_never_seen_is_refused(recorded):
