@@ -198,9 +198,9 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives, and `margin_s` more."""
+    """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives at a target that rests."""
     way_m = float(np.linalg.norm(estimate.mean - insertion.entry)) + needle.reach_m - insertion.depth_m
-    until_s = settings.horizon_s + max(way_m, 0.0) / insertion.speed_m_s + settings.margin_s
+    until_s = settings.horizon_s + max(way_m, 0.0) / insertion.speed_m_s
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
 

@@ -28,7 +28,6 @@ class BreathingSettings:
     alike_s: correlation time of the filter's errors: later ones count as independent [s]; choice
     cycles: of the period that have to be in the track before a breath is reported; choice
     explained: least share of the track's variance that a breath has to explain; choice
-    least: least share of the variance about the breath that is the target's own scatter; choice
     """
 
     shortest_s: float = 2.8
@@ -39,7 +38,6 @@ class BreathingSettings:
     alike_s: float = 0.2
     cycles: float = 1.5
     explained: float = 0.9
-    least: float = 0.3
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_s < self.longest_s < np.inf:
@@ -162,7 +160,7 @@ class Breathing:
             period = float(weights @ self.periods_s)
             period_sd = float(np.sqrt(weights @ (self.periods_s - period) ** 2))
             total = self._squares - float(self._sum @ self._sum) / self._weight
-            own = max(scatter2 - self._filter_variance / self._weight, self.settings.least * scatter2)
+            own = max(scatter2 - self._filter_variance / self._weight, 0.0)
             breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
             # the coefficients err by the whole misfit, the filter's part included; the target scatters by `own` only
             self._fit = found, inverse * (scatter2 * self._weight / independent), breath

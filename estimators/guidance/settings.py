@@ -20,7 +20,6 @@ class AdviceSettings:
     stale_s: age from which an estimate gives no guidance [s]; choice
     coasting_s: time without any mark from which an estimate gives no guidance [s]; choice
     overshot_m: depth beyond the aim from which a tip has to be drawn back [m]; choice
-    margin_s: the path is predicted beyond the arrival at a target that rests by this, for one that flees [s]; choice
     """
 
     go: float = 0.9
@@ -30,7 +29,6 @@ class AdviceSettings:
     stale_s: float = 0.1
     coasting_s: float = 0.2
     overshot_m: float = 1e-3
-    margin_s: float = 0.5
 
     def __post_init__(self) -> None:
         if not (0.0 < self.go <= 1.0 and 0.0 <= self.worth <= 1.0):
@@ -38,7 +36,7 @@ class AdviceSettings:
         for name in ("step_s", "stale_s"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected more than 0, found {getattr(self, name)}")
-        for name in ("horizon_s", "coasting_s", "overshot_m", "margin_s"):
+        for name in ("horizon_s", "coasting_s", "overshot_m"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected 0 or more, found {getattr(self, name)}")
 

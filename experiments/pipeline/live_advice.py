@@ -115,7 +115,7 @@ def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
     rest = tissue.target.position(rest_shape(network)[network.free].ravel())
     way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
     way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
-    return plan.settings.horizon_s + way_s + plan.settings.margin_s + plan.settings.stale_s
+    return plan.settings.horizon_s + way_s + plan.settings.stale_s
 
 
 def words(said: Guidance) -> str:

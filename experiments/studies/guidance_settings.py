@@ -47,7 +47,7 @@ from experiments.studies.estimation.trials import Trial, seen
 
 SEEDS = (801, 802)
 LONGEST_S = 6.0
-"""The path is known so far ahead: the horizon, way and margin of every variant at twice of one of them."""
+"""The path is predicted so far ahead [s]: twice the horizon, and the way."""
 
 EVERY = 3
 """Advice is asked for at each so many frames; estimates of two frames in a row hardly differ."""

@@ -9,6 +9,7 @@ from typing import Any
 from estimators import FilterSettings
 from experiments.studies.calibration_figures import calibration_figures
 from experiments.studies.estimation.figures import estimation_figures
+from experiments.studies.guidance_settings import GuidanceSettings, guidance_figures
 from experiments.studies.marks import marks_figures
 from experiments.studies.source_figures import source_figures
 from vision import CalibrationSettings, SourceSettings
@@ -30,4 +31,5 @@ FAMILIES: dict[str, Family] = {
     "marks": Family(FINDER, marks_figures),
     "sources": Family(SourceSettings(), source_figures),
     "calibration": Family(CalibrationSettings(), calibration_figures),
+    "guidance": Family(GuidanceSettings(), guidance_figures),
 }

@@ -309,10 +309,10 @@ def test_unknown_advice_and_prospects_without_a_rule_raise():
 
 
 def test_the_path_reaches_to_the_end_of_the_last_way():
-    """2 s of horizon, 60 mm at 100 mm/s, half a second to spare."""
+    """2 s of horizon, 60 mm at 100 mm/s."""
     times = path_times(HEALTHY, DOWN, TIP, AdviceSettings(), NOW_S)
     assert times[0] == NOW_S
-    assert NOW_S + 3.1 <= times[-1] <= NOW_S + 3.1 + 2.1 / 30
+    assert NOW_S + 2.6 + 1.0 / 30 <= times[-1] <= NOW_S + 2.6 + 2.1 / 30
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def oracle(times, means, covs, ahead, s):
     total2 = misfits.min() / weights.sum() / 2 * independent / (independent - n)
     odds = np.exp(-0.5 * (misfits - misfits.min()) / weights.sum() * independent / total2)
     odds /= odds.sum()
-    own2 = max(total2 - (weights * np.trace(covs, axis1=1, axis2=2) / 2).sum() / weights.sum(), s.least * total2)
+    own2 = max(total2 - (weights * np.trace(covs, axis1=1, axis2=2) / 2).sum() / weights.sum(), 0.0)
     each = np.array([rows(ahead, period) @ fit for period, fit in zip(periods, fits, strict=True)])
     mean = np.einsum("p,pkd->kd", odds, each)
     cov = np.zeros((len(ahead), 2, 2))
@@ -107,7 +107,7 @@ def oracle(times, means, covs, ahead, s):
     [
         (12.0, 0.5e-3, BreathingSettings(n_periods=30, explained=0.0)),
         (30.0, 0.5e-3, BreathingSettings(n_periods=30, memory_s=6.0, harmonics=2, explained=0.0)),
-        (12.0, 5e-3, BreathingSettings(n_periods=20, alike_s=0.6, least=0.5, explained=0.0)),
+        (12.0, 5e-3, BreathingSettings(n_periods=20, alike_s=0.6, explained=0.0)),
         (4.5, 0.5e-3, BreathingSettings(n_periods=20, alike_s=1.0, explained=0.0, longest_s=3.0, shortest_s=2.0)),
     ],
 )
@@ -217,8 +217,8 @@ def test_likely_periods_that_differ_widen_the_covariance_ahead(runs):
 
 
 def test_a_filter_without_errors_leaves_all_scatter_to_the_target():
-    """And one that claims more than there is leaves `least` of it."""
-    for claimed, share in ((0.0, 1.0), (1.0, 0.3)):
+    """And one that reports more than there is leaves nothing of it."""
+    for claimed, share in ((0.0, 1.0), (1.0, 0.0)):
         rng = np.random.default_rng(8)
         breathing = Breathing(2, BreathingSettings(shortest_s=4.0, n_periods=2, harmonics=2, alike_s=STEP_S))
         for t in np.arange(0.0, 30.0, STEP_S):
