@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -46,6 +46,7 @@ from experiments.arrays import Floats
 from experiments.studies.estimation.trials import Trial, seen
 
 SEEDS = (801, 802)
+DURATIONS_S: Mapping[str, float] = {"poked": 12.0, "breathing": 20.0}
 LONGEST_S = 6.0
 """The path is predicted so far ahead [s]: twice the horizon, and the way."""
 
@@ -94,9 +95,9 @@ class Run:
 
 
 @cache
-def filtered(scenario: str, seed: int) -> Run:
+def filtered(scenario: str, seed: int, duration_s: float) -> Run:
     """The filter on a run: every third second 0.4 s without marks, every fourth 0.25 s without frames."""
-    trial = Trial(scenario, seed, duration_s=12.0 if scenario == "poked" else 20.0, mark_sd_m=1e-3, lost=0.05)
+    trial = Trial(scenario, seed, duration_s=duration_s, mark_sd_m=1e-3, lost=0.05)
     with tempfile.TemporaryDirectory() as folder:
         frames, truth = seen(trial, Path(folder), np.random.default_rng(seed))
     tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
@@ -138,7 +139,9 @@ def guided(run: Run, settings: GuidanceSettings, insertion: Insertion) -> Iterat
         yield moment, breathing, found
 
 
-def guidance_figures(settings: GuidanceSettings, seeds: Sequence[int] = SEEDS) -> dict[str, float]:
+def guidance_figures(
+    settings: GuidanceSettings, seeds: Sequence[int] = SEEDS, durations_s: Mapping[str, float] = DURATIONS_S
+) -> dict[str, float]:
     """Hit rate of insertions begun on GO, share of GO, and how well probabilities and breaths come true.
 
     calibration_error: mean distance of predicted probabilities from the rate of hits, over tenths of them
@@ -151,8 +154,8 @@ def guidance_figures(settings: GuidanceSettings, seeds: Sequence[int] = SEEDS) -
     place = four_mass_phantom().positions[four_mass_phantom().index(HIDDEN)]
     insertion = Insertion(place + np.array([0.0, ABOVE_M]), np.array([0.0, -1.0]), SPEED_M_S)
     for seed in seeds:
-        for scenario in ("poked", "breathing"):
-            run, rng = filtered(scenario, seed), np.random.default_rng(seed)
+        for scenario, duration_s in durations_s.items():
+            run, rng = filtered(scenario, seed, duration_s), np.random.default_rng(seed)
             for moment, breathing, found in guided(run, settings, insertion):
                 asked += 1
                 noise = rng.standard_normal(2)
@@ -180,10 +183,10 @@ def guidance_figures(settings: GuidanceSettings, seeds: Sequence[int] = SEEDS) -
     return {
         "go_hit_rate": float(np.mean(go)) if go else 0.0,
         "go_share": len(go) / asked,
-        "calibration_error": sum(one.n * abs((one.mean or 0.0) - one.hits / one.n) for one in bins) / len(hits),
+        "calibration_error": sum(one.n * abs((one.mean or 0.0) - one.hits / one.n) for one in bins) / max(len(hits), 1),
         "breathing_error_mm": 1e3 * float(np.mean(errors)) if errors else 0.0,
         "breathing_nees": float(np.mean(nees)) if nees else 0.0,
-        "breathing_share": breaths / n_breathing,
+        "breathing_share": breaths / max(n_breathing, 1),
     }
 
 
