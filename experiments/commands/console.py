@@ -38,12 +38,12 @@ def advice_line(counts: Mapping[str, int]) -> str:
     return f"{frames} frames: " + ", ".join(f"{name} {n}" for name, n in counts.items())
 
 
-def plan_table(told: Mapping[str, Any]) -> Table:
+def plan_table(report: Mapping[str, Any]) -> Table:
     """The best path of a plan and the next best, from plan.json."""
-    table = Table(title=f"Paths to {told['target']['node']}: {told['allowed']} of {told['paths']} allowed")
+    table = Table(title=f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed")
     for head in ("", "entry [mm]", "depth [mm]", "angle", "hit", "room [mm]", "pushes the target [mm]"):
         table.add_column(head, justify="right")
-    for rank, path in enumerate([told["best"], *told["next_best"]], start=1):
+    for rank, path in enumerate([report["best"], *report["next_best"]], start=1):
         table.add_row(
             str(rank),
             ", ".join(f"{x:.1f}" for x in path["entry_mm"]),
@@ -56,12 +56,14 @@ def plan_table(told: Mapping[str, Any]) -> Table:
     return table
 
 
-def insertion_table(told: Mapping[str, Any]) -> Table:
+def insertion_table(report: Mapping[str, Any]) -> Table:
     """One row a policy, from summary.json: hits with their interval, misses, time, insertions."""
-    table = Table(title=f"{told['runs']} runs, a lesion of {told['radius_mm']:g} mm at {told['speed_mm_s']:g} mm/s")
+    table = Table(
+        title=f"{report['runs']} runs, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
+    )
     for head in ("policy", "hits", "95 % interval", "miss [mm]", "s to a hit", "insertions", "never there"):
         table.add_column(head, justify="left" if head == "policy" else "right")
-    for policy, row in told.items():
+    for policy, row in report.items():
         if isinstance(row, Mapping):
             table.add_row(
                 policy,
@@ -107,7 +109,7 @@ def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
 
 
 def constants_table(report: Mapping[str, Any]) -> Table:
-    """One row a constant: value and standard error; in the caption what the recording does not tell."""
+    """One row a constant: value and standard error; in the caption how many the recording does not determine."""
     table = Table(title="Constants found")
     for head in ("constant", "value [SI]", "standard error", "change"):
         table.add_column(head, justify="left" if head == "constant" else "right")
@@ -115,7 +117,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", f"{row['change']:+.1%}")
     n = len(report["not_told"])
     table.caption = (
-        f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording tells"
+        f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording determines"
         f" {len(report['constants']) - n}; {n} stay as well known as before (--json names them)."
     )
     return table
@@ -123,7 +125,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 
 def levels_table(report: Mapping[str, Any]) -> Table:
     """One row a noise level: value and standard error."""
-    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the sd that was told"}
+    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd"}
     table = Table(title="Noise levels found")
     for head in ("level", "value", "unit", "standard error"):
         table.add_column(head, justify="right" if head in ("value", "standard error") else "left")

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def progress() -> Iterator[Callable[[str], Callable[[float], None]]]:
-    """A progress bar on standard error: stage(name) gives what is to be told the share done."""
+    """A progress bar on standard error: stage(name) returns a function of the share done."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -39,8 +39,8 @@ class Advised:
 
     def counts(self) -> dict[str, int]:
         """How many frames had which advice."""
-        said = [str(one.advice) for one in self.guidance]
-        return {str(advice): said.count(str(advice)) for advice in Advice}
+        names = [str(one.advice) for one in self.guidance]
+        return {str(advice): names.count(str(advice)) for advice in Advice}
 
 
 def advise(recording: Recording, plan: NeedlePlan, advance: Callable[[float], None] = lambda _share: None) -> Advised:
@@ -50,15 +50,15 @@ def advise(recording: Recording, plan: NeedlePlan, advance: Callable[[float], No
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes)
     n_frames = len(recording.exposures_s)
-    times, said = [], []
+    times, guidance = [], []
     for k, step in enumerate(each_step(line, recording)):
         estimate = step.estimates[FILTER]
         times.append(estimate.time_s)
-        said.append(
+        guidance.append(
             guide(line.filter, estimate, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)
         )
         advance((k + 1) / n_frames)
-    return Advised(recording, plan, tuple(times), tuple(said))
+    return Advised(recording, plan, tuple(times), tuple(guidance))
 
 
 def header(dim: int) -> list[str]:
@@ -69,7 +69,7 @@ def header(dim: int) -> list[str]:
 
 
 def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
-    """The values of one frame under `header`, None where nothing is said."""
+    """The values of one frame under `header`, None where there is none."""
     aims = [None] * dim if guidance.aim is None else [float(1e3 * x) for x in guidance.aim]
     return [
         time_s,
@@ -88,7 +88,7 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """advice.csv: a row for each frame; seconds, mm, degrees; empty where nothing is said."""
+    """advice.csv: a row for each frame; seconds, mm, degrees; empty where there is no value."""
     dim = done.recording.scene.network.dim
     rows = [row(time_s, one, dim) for time_s, one in zip(done.times_s, done.guidance, strict=True)]
     frame = pd.DataFrame(rows, columns=header(dim))

@@ -41,7 +41,7 @@ class AlsoWrite:
 
 
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
-    """The board that the command's options tell; InputError names the option.
+    """Board from the command's options; InputError names the option.
 
     text: 9x6, inner corners of a chessboard or squares of a ChArUco board
     """
@@ -73,7 +73,7 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
 def views_of(
     board: Board, paths: Sequence[Path], name: str, advance: Callable[[float], None] = lambda share: None
 ) -> CameraViews:
-    """What the pictures at these paths show of the board; SourceError for pictures that cannot be read."""
+    """Views of the board in the pictures at these paths; SourceError for pictures that cannot be read."""
     views, left_out, size = [], [], (0, 0)
     # how many will come is known of files only
     expected = sum(_expected(path) for path in paths)
@@ -178,7 +178,7 @@ def command(
     force: bool,
     stage: Callable[[str], Callable[[float], None]],
 ) -> list[Calibration]:
-    """What the command does: one camera from pictures, or several from a folder each. Raises for bad input."""
+    """Calibrate one camera from pictures, or several from a folder each. Raises for bad input."""
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"
         raise InputError.at("calibrate", "pictures of one camera or --camera NAME=FOLDER of several", found)

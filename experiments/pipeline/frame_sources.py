@@ -1,4 +1,4 @@
-"""What a person may name as a source: all that `vision.open_source` knows, recordings, and the simulated phantom."""
+"""Open a source by its name: those of `vision.open_source`, recordings, and the simulated phantom."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 TOLD = 0.5
-"""Part of the prior variance left to a combination of constants above which the recording does not tell; chosen."""
+"""Part of the prior variance left to a combination of constants above which it is undetermined; chosen."""
 
 NAMED = 4
 """Constants named of such a combination, those that weigh most."""
@@ -122,8 +122,8 @@ def constants(found: IdentificationResult) -> list[Constant]:
     ]
 
 
-def untold(found: IdentificationResult) -> list[Mapping[str, object]]:
-    """Combinations of which the recording tells less than was known before.
+def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
+    """Combinations that the recording determines less than the prior does.
 
     Of each the part of the variance that is left, and the constants that weigh most in it.
     """
@@ -147,7 +147,7 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
             {"name": c.name, "value": c.value, "standard_error": c.standard_error, "change": c.change}
             for c in constants(found)
         ],
-        "not_told": untold(found),
+        "not_told": undetermined(found),
     }
 
 

@@ -28,10 +28,10 @@ from experiments.formats.scene.scene import Scene
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
 SIZE_SD = 0.05
-"""How far a mark's size may be off what the scene says: print, tilt, light that spills over; chosen."""
+"""Relative error of a mark's stated size: print, tilt, light that spills over; chosen."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""What fixes are off by together where the scene does not say: an ultrasound probe's calibration; chosen."""
+"""Common error of fixes where the scene states none: an ultrasound probe's calibration; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class Line:
 
     check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
     fixes: direct sightings of the target, fused at their times; what they are off by together is estimated, too
-    State: the filter, the names of the marks that it is told (identity), the filters that check it, the paper's open
+    State: the filter, the names of its marks (identity), the filters that check it, the paper's open
     loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come.
     """
 
@@ -67,9 +67,9 @@ class Line:
         if fixes and settings.fix_bias is None:
             settings = replace(settings, fix_bias=USUAL_BIAS)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
-        told = scene.network, scene.target.point, measured, settings
+        common = scene.network, scene.target.point, measured, settings
         made = LeaveOneOut if check else TissueFilter
-        filters = made(*told, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
+        filters = made(*common, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
         self.checks = filters if isinstance(filters, LeaveOneOut) else None
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
         self.identity = AssociationFilter(self.filter, scene.nodes_alike)

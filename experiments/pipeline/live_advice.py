@@ -40,10 +40,10 @@ MOST_S = 30.0
 class LiveAdvice:
     """What is to be done with a needle, asked at each frame and while none comes, and written to advice.csv at once.
 
-    Rows are in the order in which they were said: of a frame with its exposure time, of a moment without one with that
+    Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
     moment's. The path is the filter's, by tables, or the breath's; of a filter that considers unknown constants, for
     which there are no tables, its own, which takes far longer.
-    State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of what was said.
+    State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path) -> None:
@@ -78,11 +78,11 @@ class LiveAdvice:
         self._file.close()
 
     def _said(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float) -> Guidance:
-        said = self._guided(tissue, estimate, now_s)
-        self._csv.writerow(row(of_s, said, self._dim))
+        guided = self._guided(tissue, estimate, now_s)
+        self._csv.writerow(row(of_s, guided, self._dim))
         self._file.flush()
-        self.counts[str(said.advice)] += 1
-        return said
+        self.counts[str(guided.advice)] += 1
+        return guided
 
     def _guided(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
         plan = self.plan
@@ -110,7 +110,7 @@ class LiveAdvice:
 
 
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """How far ahead the path must be told [s]: for the last insertion tried, by the oldest estimate advised on."""
+    """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
     network, needle = tissue.model.network, plan.insertion
     rest = tissue.target.position(rest_shape(network)[network.free].ravel())
     way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
@@ -118,14 +118,14 @@ def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
     return plan.settings.horizon_s + way_s + plan.settings.stale_s
 
 
-def words(said: Guidance) -> str:
+def words(guided: Guidance) -> str:
     """The advice in short: what, how probable a hit is, where to aim, by what to correct, and why."""
-    what = str(said.advice).replace("_", " ")
-    if said.probability is None or said.aim is None:
-        return f"{what}: {said.reason}"
-    aim = ", ".join(f"{1e3 * x:.1f}" for x in said.aim)
-    lateral, depth, turn = said.lateral_m or 0.0, said.depth_m or 0.0, said.turn_rad or 0.0
+    what = str(guided.advice).replace("_", " ")
+    if guided.probability is None or guided.aim is None:
+        return f"{what}: {guided.reason}"
+    aim = ", ".join(f"{1e3 * x:.1f}" for x in guided.aim)
+    lateral, depth, turn = guided.lateral_m or 0.0, guided.depth_m or 0.0, guided.turn_rad or 0.0
     return (
-        f"{what} {int(100.0 * said.probability)} %  aim ({aim}) mm, {1e3 * lateral:.1f} mm beside, "
-        f"turn {np.degrees(turn):.1f} deg, {1e3 * depth:.1f} mm to go: {said.reason}"
+        f"{what} {int(100.0 * guided.probability)} %  aim ({aim}) mm, {1e3 * lateral:.1f} mm beside, "
+        f"turn {np.degrees(turn):.1f} deg, {1e3 * depth:.1f} mm to go: {guided.reason}"
     )

@@ -26,7 +26,7 @@ from experiments.pipeline.track import measurement
 Advance = Callable[[float], None]
 
 SHOWN = 4
-"""Next best paths that are told beside the best."""
+"""Next best paths that are listed beside the best."""
 
 APART = 10e-3
 """Between entries of paths that count as different ways [m]; chosen."""
@@ -61,10 +61,10 @@ def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: Non
                 for k, frame in enumerate(frames):
                     line.see(frame.exposure_s, frame.image)
                     advance((k + 1) / n_frames)
-        said = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
-        if said.cov is None:
-            raise InputError.at(source, "marks that tell of the target", "none")
-        mean, cov, belief, time_s = said.mean, said.cov, str(said.status), said.time_s
+        ahead = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
+        if ahead.cov is None:
+            raise InputError.at(source, "marks that start the filter", "none")
+        mean, cov, belief, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
     else:
         scene = read_scene(source)
         task = read_task(plan_path, scene.network.dim)
@@ -76,12 +76,12 @@ def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: Non
         cov = task.belief_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
         belief, time_s = "at rest", None
     lesion = PlannedTarget(mean, cov, scene.target.radius_m)
-    told = (scene.network, scene.target.point, lesion, task.needle)
+    common = (scene.network, scene.target.point, lesion, task.needle)
     skin = task.skin.entries(task.n_entries)
     if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():
         raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")
-    entries, tips = candidate_paths(*told, skin, task.n_aims)
-    found = ranked(*told, task.skin, task.obstacles, entries=entries, tips=tips)
+    entries, tips = candidate_paths(*common, skin, task.n_aims)
+    found = ranked(*common, task.skin, task.obstacles, entries=entries, tips=tips)
     return Planned(scene, task, lesion, found, belief, time_s)
 
 

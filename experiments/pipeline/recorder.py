@@ -105,7 +105,7 @@ def record(
 ) -> int:
     """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns how many, in pieces.
 
-    scene: what is in view, checked against the frames' size; scene_path: its file, copied in place of writing it anew
+    scene: what is in view, checked against the frames' size; scene_path: its file, copied if given
     Nothing is made before the first frame came. Raises InputError, SourceError; what came until then is kept.
     """
     recorder: Recorder | None = None

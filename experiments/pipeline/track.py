@@ -22,11 +22,11 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """What the methods said about a recording.
+    """Estimates of the methods on a recording.
 
     steps: one for each frame
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
-    counts: how often the filter refused a mark, and mended something; what came of the check, if there was one
+    counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
     """
 
     recording: Recording
@@ -45,7 +45,7 @@ class Track:
 
 
 def track(recording: Recording, advance: Advance = lambda _share: None, *, check: bool = False) -> Track:
-    """Run both methods through every frame; `advance` is told the share done. Raises InputError, SourceError.
+    """Run both methods through every frame; `advance` gets the share done. Raises InputError, SourceError.
 
     check: predict each mark as if it were hidden, too.
     """
@@ -72,7 +72,7 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
 
 
 def each_step(line: Line, recording: Recording) -> Iterator[Step]:
-    """What a line says of each frame of a recording, from its frames or from the marks that stand in their place."""
+    """Estimates of each frame of a recording, from its frames or from the marks that stand in their place."""
     if recording.marks is not None:
         for exposure_s, marks in zip(recording.exposures_s, recording.marks, strict=True):
             yield line.take(float(exposure_s), [measurement(mark) for mark in marks])
@@ -88,7 +88,7 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 
 
 def target_truth(recording: Recording, steps: list[Step]) -> Floats:
-    """Where the target was at each frame [m], (n_frames, dim), NaN where nobody knows.
+    """Where the target was at each frame [m], (n_frames, dim), NaN where it is unknown.
 
     From truth.csv; without it from the target's own mark, where that is seen for scoring only; and the target's offset.
     """

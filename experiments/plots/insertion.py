@@ -63,7 +63,7 @@ def misses_figure(done: Trials) -> Figure:
 
 def reliability_figure(done: Trials) -> Figure:
     """Hit rates against predicted probabilities, tenth by tenth, with 99 % intervals."""
-    figure, ax = _axes("what filter-ahead told at the commitment, and what came of it", (5.5, 5.4))
+    figure, ax = _axes("probabilities of filter-ahead at the commitment against hits", (5.5, 5.4))
     ax.plot([0, 1], [0, 1], color="0.6", lw=1.0)
     for row in calibrated(done):
         if row.mean is None or row.n < N_LEAST:

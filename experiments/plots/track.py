@@ -1,4 +1,4 @@
-"""Pictures of a track: where the target went, and whether its covariance told the truth.
+"""Plots of a track: path of the target, error, sigma, and consistency of the covariance.
 
 Colours: the truth in black, ours in blue, the paper's open loop in orange, everywhere.
 """
@@ -144,7 +144,7 @@ def error_figure(done: Track) -> Figure:
         top = 1.2 * max(np.nanmax(3 * sigma[len(sigma) // 50 :]), np.nanquantile(np.abs(papers[:, a]), 0.99))
         ax.set_ylim(-top, top)
     axes[0, 0].legend(loc="upper right", ncols=3, framealpha=0.9)
-    axes[0, 0].set_title("error of the hidden target and what the filter said of it")
+    axes[0, 0].set_title("error of the hidden target and the filter's sigma")
     axes[-1, 0].set_xlabel("time [s]")
     return figure
 

@@ -1,7 +1,7 @@
 """A needle driven into moving tissue by one policy, the loop closed: sight, estimate, command, and the tissue's answer.
 
-At every frame the policy says where the target is or will be, and the robot moves the needle's line towards it no
-faster than it can. COMMIT_S before arrival the line is fixed: that is the commitment, at which a probability is told.
+At every frame the policy gives where the target is or will be, and the robot moves the needle's line towards it no
+faster than it can. COMMIT_S before arrival the line is fixed: that is the commitment, at which a probability is given.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ BOUND = 0.9
 """A policy that may retract does so where a hit is less probable than this at the commitment; chosen."""
 
 TIP = Needle(hit=Hit.TIP)
-"""What hits, and how unsure it is; `docs/guidance.md`."""
+"""What hits, and how uncertain it is; `docs/guidance.md`."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""When to start: half a second before arrival nobody can say more of poked tissue; the commitment asks for BOUND."""
+"""When to start: poked tissue cannot be predicted better half a second ahead; the commitment asks for BOUND."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
     """What came of one policy in one world.
 
-    probability: of a hit in the lesion, told at the commitment; None where the policy tells none or never committed
-    told: the same for a lesion of told_radius_m, which is drawn
+    probability: of a hit in the lesion, given at the commitment; None where the policy gives none or never committed
+    drawn_probability: the same for a lesion of drawn_radius_m, which is drawn
     miss_m: from the tip to the true target at arrival [m], None where the needle never arrived
     seconds: from leave to start until arrival [s]; insertions: begun
     """
@@ -62,8 +62,8 @@ class Tried:
     seconds: float
     insertions: int
     probability: float | None
-    told: float | None
-    told_radius_m: float
+    drawn_probability: float | None
+    drawn_radius_m: float
 
 
 @dataclass(slots=True)
@@ -86,7 +86,7 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
     """Drive the needle from the first frame after the warm-up on; `state`: the tissue's then, the policy warmed up."""
     case, lesion = world.case, Lesion.ball(radius_m, world.network.dim)
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
-    told_radius = SMALLEST_M * (LARGEST_M / SMALLEST_M) ** world.share
+    drawn_radius = SMALLEST_M * (LARGEST_M / SMALLEST_M) ** world.share
     robot = _Robot(np.array([0.0, -1.0]))
     begun_s, push = world.frame_s(first), None
     for k in range(first, case.n_frames - 1):
@@ -111,9 +111,9 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
                 p = shot.probability(lesion)
                 if not policy.waits or (p is not None and p >= BOUND):
                     miss, seconds = shot.miss(world, robot, state), now + shot.left_s - begun_s
-                    told = shot.probability(Lesion.ball(told_radius, lesion.dim))
+                    drawn = shot.probability(Lesion.ball(drawn_radius, lesion.dim))
                     hit = miss <= radius_m
-                    return Tried(policy.name, hit, miss, seconds, robot.insertions, p, told, told_radius)
+                    return Tried(policy.name, hit, miss, seconds, robot.insertions, p, drawn, drawn_radius)
                 robot.doing = "back"
             else:
                 speed, sideways = case.speed_m_s, float(np.clip(aside / dt, -case.steer_m_s, case.steer_m_s))
@@ -128,7 +128,7 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
         )
         robot.depth += speed * dt
         robot.beside += sideways * dt
-    return Tried(policy.name, False, None, case.patience_s, robot.insertions, None, None, told_radius)
+    return Tried(policy.name, False, None, case.patience_s, robot.insertions, None, None, drawn_radius)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -45,7 +45,7 @@ class Trials:
 
 
 def case_of(scenario: Scenario, *, speed_m_s: float, strength: float) -> Case:
-    """The case of a scenario, its seed still to be told."""
+    """The case of a scenario, its seed still to be set."""
     warm_s = Case(scenario, 0).warm_s if scenario.breathing is None else BREATHING_WARM_S
     return Case(scenario, FIRST_SEED, speed_m_s=speed_m_s, strength=strength, warm_s=warm_s)
 
@@ -85,16 +85,16 @@ def one_run(job: tuple[Case, float]) -> tuple[Tried, ...]:
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
-    """What `filter-ahead` told at its commitments of a lesion drawn for each run, against what came of it."""
-    told = [one for one in done.of("filter-ahead") if one.told is not None and one.miss_m is not None]
-    hits = [one.miss_m <= one.told_radius_m for one in told if one.miss_m is not None]
-    return reliability_bins([one.told for one in told if one.told is not None], hits)
+    """Reliability of `filter-ahead`'s probabilities at its commitments, for a lesion drawn in each run."""
+    committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None and one.miss_m is not None]
+    hits = [one.miss_m <= one.drawn_radius_m for one in committed if one.miss_m is not None]
+    return reliability_bins([one.drawn_probability for one in committed if one.drawn_probability is not None], hits)
 
 
 def summary(done: Trials) -> dict[str, object]:
     """summary.json: a row for each policy, by its name, and the calibration."""
     case = done.case
-    said: dict[str, object] = {
+    figures_by_policy: dict[str, object] = {
         "scenario": case.scenario.title,
         "runs": len(done.runs),
         "radius_mm": 1e3 * done.radius_m,
@@ -103,9 +103,9 @@ def summary(done: Trials) -> dict[str, object]:
         "strength": case.strength,
     }
     for policy in POLICIES:
-        said[policy] = figures(done.of(policy))
-    said["calibration"] = [asdict(row) for row in calibrated(done)]
-    return said
+        figures_by_policy[policy] = figures(done.of(policy))
+    figures_by_policy["calibration"] = [asdict(row) for row in calibrated(done)]
+    return figures_by_policy
 
 
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
@@ -145,8 +145,8 @@ def table(done: Trials) -> pd.DataFrame:
                     "seconds": one.seconds,
                     "insertions": one.insertions,
                     "p_hit": one.probability,
-                    "told_radius_mm": 1e3 * one.told_radius_m,
-                    "told": one.told,
+                    "told_radius_mm": 1e3 * one.drawn_radius_m,
+                    "told": one.drawn_probability,
                 }
             )
     return pd.DataFrame(rows)

@@ -1,4 +1,4 @@
-"""Five ways to say where a needle should go, from nothing at all to a filter that looks ahead and waits."""
+"""Insertion policies: five ways to aim a needle, from the rest position to a filter that predicts and waits."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SETTLED_S = 0.5
 """The breath is learnt from then on [s]: the first estimates are far off."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""So many ways of the needle, and so long, ahead the target is told: later starts, a target that moves away; chosen."""
+"""So many ways of the needle, and so long, ahead reach predictions: later starts, a target that moves away; chosen."""
 
 ONE_AT_A_TIME = FilterSettings(
     quiet=replace(FilterSettings().quiet, lasting_s=0.01),
@@ -81,7 +81,7 @@ def covariance(estimate: TargetEstimate) -> Floats:
 
 
 def horizon_s(world: World) -> float:
-    """How far ahead the target is told [s], whole frames."""
+    """How far ahead the target is predicted [s], whole frames."""
     way_s = float(np.linalg.norm(ENTRY_M)) / world.case.speed_m_s
     return float(np.ceil((WAYS * way_s + MARGIN_S) * world.case.frames_per_s) / world.case.frames_per_s)
 
@@ -89,7 +89,7 @@ def horizon_s(world: World) -> float:
 def believed_push(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
     """Forces on the free nodes [N] that the needle is believed to make in coming frames, (n, n_free, dim).
 
-    steps: how many frames; 0: as many as a path is told for. Full cutting and friction forward, friction back.
+    steps: how many frames; 0: as many as a path covers. Full cutting and friction forward, friction back.
     """
     return believed_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
 
@@ -149,7 +149,7 @@ class Rest:
 
 
 class Paper(Rest):
-    """Follow the paper's open loop, where it says that the target is now. State: that simulation, place now."""
+    """Aim at the open loop's present target. State: that simulation, place now."""
 
     name = "open-loop"
 
@@ -175,7 +175,7 @@ class Warm:
 
 
 class Filtered:
-    """Follow the filter, where it believes that the target is now. State: the filter, its last estimate."""
+    """Aim at the filter's present target. State: the filter, its last estimate."""
 
     name, waits = "filter", False
 
@@ -195,8 +195,8 @@ class Filtered:
 
     def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
-        said = self.tissue.predict_modes(time_s, parts.sum(axis=0))
-        return GaussianMixture(said.weights, said.means, said.covs + off_by_forces(self._compliance, parts))
+        ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
+        return GaussianMixture(ahead.weights, ahead.means, ahead.covs + off_by_forces(self._compliance, parts))
 
     def fault(self, now_s: float) -> str | None:
         """Of the filter's health."""
@@ -251,7 +251,7 @@ class Waiting(Ahead):
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """What the filter is told of the scenario: whether outer masses are pushed one at a time or together."""
+    """Filter settings of the scenario: whether outer masses are pushed one at a time or together."""
     together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
     return TOGETHER if together else ONE_AT_A_TIME
 

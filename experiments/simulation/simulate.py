@@ -194,7 +194,7 @@ def draw(
 def simulate(
     scenario: Scenario, out: Path, *, force: bool = False, advance: Callable[[float], None] = lambda _share: None
 ) -> None:
-    """Write the recording of a scenario to the folder `out`; `advance` is told the share done. Raises InputError."""
+    """Write the recording of a scenario to the folder `out`; `advance` gets the share done. Raises InputError."""
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
         scene = scene_of(scenario)
@@ -205,7 +205,7 @@ def simulate(
         write_truth_csv(
             folder / "truth.csv", truth.times_s, {name: truth.positions[:, k] for k, name in enumerate(names)}
         )
-        rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container knows no less; frames.csv has the times
+        rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container takes no lower rate; frames.csv has the times
         with vision.VideoWriter(
             folder / "video.avi",
             scene.cameras[0].size_px,

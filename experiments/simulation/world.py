@@ -1,4 +1,4 @@
-"""The world that a needle is driven into: the tissue's truth, richer than what the filter believes, and its marks.
+"""The world that a needle is driven into: the tissue's truth, richer than the filter's model, and its marks.
 
 Forces on all masses, the hidden one included, friction, and a needle whose constants the filter does not know, by steps
 sixteen times finer than the filter's (`dynamics.needle.steered`).
@@ -31,7 +31,7 @@ KNOT_S = 1.0 / 480.0
 """Outside forces are straight over this time [s]: four knots for each of the tremor's."""
 
 BELIEVED = {"puncture_N": 0.8, "contact_N_m": 400.0, "cutting_N": 0.4, "friction_N_m": 5.0}
-"""What the filter believes of the needle, as in soft PVC (`docs/needle.md`): the target gives way by 2 to 3 mm."""
+"""The filter's model of the needle, as in soft PVC (`docs/needle.md`): the target gives way by 2 to 3 mm."""
 
 FORCES_OFF = 0.3
 """Each true constant of the needle lies between so much less and so much more than what is believed."""
@@ -151,6 +151,6 @@ def world_of(case: Case) -> World:
 
 
 def needle_with(entry: Floats, constants: dict[str, float]) -> NeedleMechanics:
-    """A needle of these constants, whose way is told elsewhere."""
+    """A needle of these constants, whose path is given elsewhere."""
     still = NeedlePose(entry, np.array([0.0, -1.0]), 0.0, 0.0)
     return NeedleMechanics(lambda _t: still, entry, **constants)

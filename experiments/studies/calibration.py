@@ -1,4 +1,4 @@
-"""A camera whose calibration is off by the same in every frame of a run: what the filter says of the target.
+"""Study of a camera with a constant calibration error in a run: bias and covariance of the target.
 
 Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their own, 30 frames/s, runs of 5 s,
 the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place are off along directions drawn

@@ -25,7 +25,7 @@ Figures = dict[str, dict[str, dict[str, float | int | None]]]
 def demo(out: Path, *, force: bool = False, stage: Callable[[str], Callable[[float], None]]) -> Figures:
     """Write recordings and tracks of both scenarios to the folder `out`; figures by scenario and method.
 
-    stage(name) is called at the start of each piece of work and gives what is to be told the share done.
+    stage(name) is called at the start of each piece of work and returns a function of the share done.
     """
     from experiments.plots.track import write_plots  # matplotlib is slow to load: only where it is needed
 

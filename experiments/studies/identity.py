@@ -7,7 +7,7 @@ Truth is DOP853's, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's,
 noise. `close`: the same masses and springs with three tenths of the distances, 1 mm of noise; when shoved it turns over
 and its marks pass each other. Kinds of run:
 
-never: names as they are. wrong springs: the same, and the filter believes them to be 1.4 times as
+never: names as they are. wrong springs: the same, and the filter takes them to be 1.4 times as
 stiff. for good: two names exchanged from 1.5 s on. a while: for ten frames. from the start: names
 permuted in all frames. slipped by: the same, and nobody doubts them in the first 1.5 s. hidden: nobody gives names;
 all marks are hidden for half a second in each 1.3 s, and those that come back are named by where the filter expects
@@ -47,7 +47,7 @@ TOLD = ("never", "wrong springs", "for good", "a while", "from the start", "slip
 BLIND = ("for good", "from the start")
 """Kinds of run that are done without doubts, too."""
 WRONG = 1.4
-"""Stiffness that the filter believes in, by the true one, where its springs are wrong."""
+"""Stiffness in the filter's model, as a share of the true one, where its springs are wrong."""
 NAMELESS = {"hidden": 1, "seldom": 6}
 """Kinds of run in which nobody gives names: every how manieth frame is taken."""
 NOISE_M = {"phantom": 0.00414, "close": 0.001}
@@ -88,20 +88,20 @@ def world(where: str, how: str, seed: int) -> World:
     return World(network, truth.times_s, seen, positions[:, -1], NOISE_M[where])
 
 
-def names_told(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
-    """By frame, what mark is told by each name, (n_frames, 3)."""
-    told = np.tile(np.arange(len(OUTER)), (round(DURATION_S * FRAMES_PER_S), 1))
+def reported_names(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Index of the mark reported under each name, by frame, (n_frames, 3)."""
+    reported = np.tile(np.arange(len(OUTER)), (round(DURATION_S * FRAMES_PER_S), 1))
     i, j = rng.permutation(len(OUTER))[:2]
     if kind in ("from the start", "slipped by"):
         others = [(1, 0, 2), (2, 1, 0), (0, 2, 1), (1, 2, 0), (2, 0, 1)]
-        told[:] = others[rng.integers(len(others))]
+        reported[:] = others[rng.integers(len(others))]
     elif kind not in ("never", "wrong springs"):
         until = FROM + FOR if kind == "a while" else None
-        told[FROM:until, [i, j]] = told[FROM:until, [j, i]]
-    return told
+        reported[FROM:until, [i, j]] = reported[FROM:until, [j, i]]
+    return reported
 
 
-def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[str, ...]]) -> dict[str, object]:
+def reported_run(one: World, kind: str, reported: NDArray[np.int64], alike: list[tuple[str, ...]]) -> dict[str, object]:
     """A run with names that another gave; alike empty: nobody doubts them."""
     network = one.network
     if kind == "wrong springs":
@@ -111,7 +111,7 @@ def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[s
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
     for k, time_s in enumerate(one.times_s):
-        marks = [MarkMeasurement(n, one.marks[k, m], cov) for n, m in zip(OUTER, told[k], strict=True)]
+        marks = [MarkMeasurement(n, one.marks[k, m], cov) for n, m in zip(OUTER, reported[k], strict=True)]
         began = time.perf_counter()
         tissue.predict(float(time_s))
         if kind == "slipped by" and k < FROM:
@@ -123,7 +123,7 @@ def told_run(one: World, kind: str, told: NDArray[np.int64], alike: list[tuple[s
         if named.swap is not None:
             swaps.append(k)
         errors.append(np.linalg.norm(named.estimate.mean - one.target[k]))
-        right.append(all(OUTER[m] == mark.node for mark, m in zip(named.marks, told[k], strict=True)))
+        right.append(all(OUTER[m] == mark.node for mark, m in zip(named.marks, reported[k], strict=True)))
     end = one.times_s > one.times_s[-1] - END_S
     return {
         "end_mm": 1e3 * float(np.sqrt(np.mean(np.square(errors)[end]))),
@@ -174,9 +174,9 @@ def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
     one = world(where, how, seed)
     rows = []
     for kind in TOLD:
-        told = names_told(kind, np.random.default_rng([seed, 3]))
+        reported = reported_names(kind, np.random.default_rng([seed, 3]))
         for doubted in (True, False)[: 2 if kind in BLIND else 1]:
-            row = told_run(one, kind, told, [tuple(OUTER)] if doubted else [])
+            row = reported_run(one, kind, reported, [tuple(OUTER)] if doubted else [])
             rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": doubted} | row)
     for kind in NAMELESS:
         for doubted in (True, False):
@@ -187,13 +187,13 @@ def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
 
 def figures(rows: pd.DataFrame) -> dict[str, dict[str, float]]:
     """By place, motion and kind of run, and by place and kind, what the rows come to."""
-    told = {
+    table_figures = {
         " ".join(which): _of_kind(part, rows[(rows["where"] == which[0]) & (rows.how == which[1])])
         for which, part in rows.groupby(["where", "how", "kind"], sort=False)
     }
     for (where, kind), part in rows.groupby(["where", "kind"], sort=False):
-        told[f"{where} all {kind}"] = _of_kind(part, rows[rows["where"] == where])
-    return told
+        table_figures[f"{where} all {kind}"] = _of_kind(part, rows[rows["where"] == where])
+    return table_figures
 
 
 def _of_kind(part: pd.DataFrame, rows: pd.DataFrame) -> dict[str, float]:
@@ -230,10 +230,10 @@ def study(n_runs: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, f
                 sys.stderr.write(f"\r{where} {how}: {k + 1} of {n_runs} runs ")
             sys.stderr.write("\n")
     table = pd.DataFrame(rows)
-    told = figures(table)
+    table_figures = figures(table)
     write_whole(out / "identity.csv", table.to_csv(index=False, float_format="%.4f"))
-    write_whole(out / "identity.json", json.dumps(told, indent=1) + "\n")
-    return told
+    write_whole(out / "identity.json", json.dumps(table_figures, indent=1) + "\n")
+    return table_figures
 
 
 def main() -> None:
@@ -243,8 +243,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     chosen = parser.parse_args()
     with output_folder(chosen.out, force=True) as folder:
-        told = study(chosen.runs, folder)
-    for name, row in told.items():
+        table_figures = study(chosen.runs, folder)
+    for name, row in table_figures.items():
         sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
 
 

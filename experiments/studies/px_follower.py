@@ -1,4 +1,4 @@
-"""Marks followed in the picture alone: Kalman filters of constant velocity say where to look next."""
+"""Track marks in the picture alone: Kalman filters of constant velocity predict where each is next."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
 
 The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
 trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
-and one carried by a hand that half covers it. Hues are learned from one place in one frame. DIR gets a table for each
+and one in a hand that half covers it. Hues are learned from one place in one frame. DIR gets a table for each
 film, a row a frame, and real-balls.json. Last figures: docs/real-film.md.
 """
 
@@ -28,7 +28,7 @@ from vision import Outline, VideoFileFrames, learn_hue
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
 """film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by: balls labelled by eye, some twice (by 1 and 2).
 
-u_seen, v_seen: both sides that tell the coordinate were in view.
+u_seen, v_seen: both sides that determine the coordinate were in view.
 """
 
 
@@ -102,15 +102,15 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
     """How far the ball is found from where it was labelled [px], along u and v, where both its sides are seen there."""
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
-    told = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
-    off = (both[["u_px", "v_px"]].to_numpy() - both[["u_px_label", "v_px_label"]].to_numpy())[told]
-    variance = both[["uu_px2", "vv_px2"]].to_numpy(dtype=float)[told]
+    labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
+    off = (both[["u_px", "v_px"]].to_numpy() - both[["u_px_label", "v_px_label"]].to_numpy())[labelled]
+    variance = both[["uu_px2", "vv_px2"]].to_numpy(dtype=float)[labelled]
     twice = first.merge(labels[labels.by == 2], on="frame", suffixes=("", "_again"))
     again = (twice[["u_px", "v_px"]].to_numpy() - twice[["u_px_again", "v_px_again"]].to_numpy()).ravel()
     return {
         "labels": len(first),
         "found": len(both),
-        "coordinates": int(told.sum()),
+        "coordinates": int(labelled.sum()),
         "rms_px": float(np.sqrt((off**2).mean())),
         "median_px": float(np.median(np.abs(off))),
         "sigma_px": float(np.sqrt(variance.mean())),
@@ -119,7 +119,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def report(data: Path, out: Path) -> dict[str, dict[str, float]]:
-    """Follow the ball of every film, write the tables, and say how near the labels it was found, where it has any."""
+    """Follow the ball of every film, write the tables, and measure errors against the labels, where there are any."""
     labels = pd.read_csv(LABELS)
     figures = {}
     for name, film in FILMS.items():

@@ -7,7 +7,7 @@ mass, one stiff spring; the wall is not in the model and acts as an unknown forc
     python -m experiments.studies.red_pendulum ball.mp4 --out DIR
 
 makes DIR/recording for `softaim track`, tracks it, then withholds the mark for 0.3 s at a time and compares where
-the filter says it is with where it was seen: DIR/report.json, DIR/withheld.png. Last figures: docs/real-film.md.
+the filter predicts it with where it was seen: DIR/report.json, DIR/withheld.png. Last figures: docs/real-film.md.
 
 The ball swings in a plane turned about the vertical from the picture's, so that its circle is seen as an oval: the
 homography of that plane has one free number, the turn. The scale follows from gravity and the period: between two
@@ -51,7 +51,7 @@ FOCAL_PX = 500.0  # chosen: of a telephone's camera held upright, 360 px wide
 BALL_PX = 38.6  # diameter of the ball, mean of its rim in all frames (experiments.studies.real_balls)
 FIRST_FREE = 9  # the frame after which the hand has let go, read off the film
 HUE_DEG = 15.7  # learned by `vision.learn_hue` from its middle in frame 150
-MASS_KG = 0.05  # chosen: positions do not depend on it, forces are told by mass
+MASS_KG = 0.05  # chosen: positions do not depend on it, forces are given by mass
 STIFFNESS_N_M = 60.0  # chosen: the swing leaves the plane, and the cord's length in the picture varies by 5 mm
 DAMPING_N_S_M = 0.5  # chosen
 CALIBRATION_SD_PX = 1.0  # chosen: striped ball, knot and shadow move the centre of its colour by about this
@@ -91,7 +91,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
-    """What the free flights say: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
+    """Fit of the free flights: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
 
     rms_px: what the fit of the flights leaves; strikes: frames in which the ball meets the wall
     """
@@ -272,7 +272,7 @@ def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str,
 
 
 def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
-    """Where the filter says the withheld ball is, with 2-sigma ellipses, against where it was seen, over the film."""
+    """Filter's estimates of the withheld ball, with 2-sigma ellipses, against where it was seen, over the film."""
     camera = seen.recording.scene.cameras[0]
     with seen.recording.open_frames() as frames:
         image = next(iter(frames)).image[..., ::-1]
@@ -308,8 +308,8 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
         found = sum(bool(step.marks) for step in seen.steps)
         if found < len(seen.steps):
             raise InputError(f"{film}: expected the ball found in all {len(seen.steps)} frames, found it in {found}")
-        figures, runs = compared(seen, folder, swing.strikes)
-        told: dict[str, object] = {
+        withheld, runs = compared(seen, folder, swing.strikes)
+        figures: dict[str, object] = {
             "frames": len(seen.steps),
             "frames_found": found,
             "mm_per_px": swing.mm_per_px,
@@ -318,11 +318,11 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
             "flights_rms_px": swing.rms_px,
             "damping_per_s": swing.damping,
             "rest_angle_deg": float(np.degrees(swing.rest_angle)),
-            "withheld": figures,
+            "withheld": withheld,
         }
-        (folder / "report.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        (folder / "report.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
         withheld_figure(seen, runs).savefig(folder / "withheld.png", dpi=90)
-    return told
+    return figures
 
 
 def main() -> None:

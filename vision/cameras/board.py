@@ -1,4 +1,4 @@
-"""Calibration boards, chessboard and ChArUco, found in a picture to a fraction of a pixel.
+"""Calibration boards: corners of a chessboard or ChArUco board in a picture, to a fraction of a pixel.
 
 Board axes: x along a row of corners, y up the columns, z out of the print; the origin is the middle of all inner
 corners. Image axes: u right, v down, the centre of the first pixel is (0, 0).
@@ -57,7 +57,7 @@ class Board:
 
     @property
     def has_one_way_up(self) -> bool:
-        """Whether a turn by 180 degrees can be told from the print."""
+        """Whether a turn by 180 degrees shows in the print."""
         return self.dictionary is not None or (self.columns + self.rows) % 2 == 1
 
     @property

@@ -1,4 +1,4 @@
-"""Cameras and boards adjusted together until the corners fit best, with the covariance of what comes out.
+"""Bundle adjustment of cameras and boards: least squares over all corners, with the covariance of the result.
 
 World axes are those of one board, the plane's. Camera axes: x right, y down, z forward, as OpenCV has them. Metres.
 """

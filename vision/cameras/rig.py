@@ -69,7 +69,7 @@ def _alone(camera: CameraViews, settings: CalibrationSettings) -> Calibration:
 
 
 def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mapping[str, Pose]]:
-    """Poses of the cameras (world to camera) and of the boards (board to world), each from the first that tells it."""
+    """Poses of the cameras (world to camera) and of the boards (board to world), each from the first that gives it."""
     boards: dict[str, Pose] = {world: Pose(np.eye(3), np.zeros(3))}
     poses: dict[int, Pose] = {}
     while len(poses) < len(alone):

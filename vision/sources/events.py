@@ -1,4 +1,4 @@
-"""What every source of frames offers, and what it tells of itself beside frames."""
+"""Interface of a source of frames, and the events that it reports beside frames."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class DeviceTimes:
 class FilmTimes:
     """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's where the two part.
 
-    They part where the frame rate varies, or is not the one that the film's head says. A container whose times are not
+    They part where the frame rate varies, or is not the one in the film's header. A container whose times are not
     finite and increasing is not asked again: then index / rate. Raises ValueError where neither can be had: no rate, or
     container times that fail after they had parted.
 

@@ -35,7 +35,7 @@ class Frame:
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Keep OpenCV's warnings off the terminal: the caller says in one line what went wrong."""
+    """Keep OpenCV's warnings off the terminal: the caller reports in one line what went wrong."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -133,7 +133,7 @@ class FolderFrames:
 
 
 def count_frames(path: str | Path) -> int:
-    """Frames in a film, counted by reading it: what its header says is not always true. Raises SourceError."""
+    """Frames in a film, counted by reading it: its header is not always right. Raises SourceError."""
     capture = _opened(Path(path))
     n_frames = 0
     with quiet_opencv():

@@ -1,4 +1,4 @@
-"""A film shown at its own pace, as a camera would give it."""
+"""Playback of a film at its own pace, as a camera would give it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Playback:
         self._began_s: float | None = None
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Frames are there, or iterating says in one line why not."""
+        """Always true; iterating raises SourceError where there are no frames."""
         return True
 
     def grab(self) -> bool:

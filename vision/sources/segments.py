@@ -15,7 +15,7 @@ from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
 NOMINAL_FPS = 30.0
-"""What a piece's head says of its rate; exposure times are told elsewhere."""
+"""Rate in a piece's header [frames/s]; exposure times are kept elsewhere."""
 
 
 class SegmentWriter:
@@ -108,7 +108,7 @@ def join_segments(
 ) -> None:
     """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
 
-    Nothing is lost: JPEGs go over as they are, FFV1 anew. `advance` is told the share done. Raises SourceError.
+    Nothing is lost: JPEGs go over as they are, FFV1 is compressed again. `advance` gets the share done; SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

@@ -1,4 +1,4 @@
-"""Frames as a real camera gives them, with marks at exactly known sub-pixel places: lens, light, motion, sensor.
+"""Synthetic frames of a modelled camera, with marks at exactly known sub-pixel places: lens, light, motion, sensor.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane [m]. Light is linear;
 colours are BGR. `vision/synthetic/plain_frames.py` is the plain camera, square to the plane.
@@ -105,7 +105,7 @@ class SyntheticMark:
     """A coloured disc on the plane, as it moves while the shutter is open.
 
     path_m: its centre at evenly spaced moments of the exposure [m], shape (n_moments, 2); n_moments is odd, and the
-        middle one is where the mark is said to be
+        middle one is the mark's stated place
     radius_m: its radius [m]
     hue_deg, saturation, value: its colour under white light, as sRGB shows it
     """

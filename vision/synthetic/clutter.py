@@ -1,4 +1,4 @@
-"""What stands in a drawn camera's way: needles and hands over marks, blood and other discs on the surface.
+"""Occluders and clutter of synthetic frames: needles and hands over marks, blood and other discs on the surface.
 
 Image axes: u right, v down [px]. Colours are shares of light sent back, linear, BGR. Every shape comes from a seed.
 """

@@ -1,4 +1,4 @@
-"""Frames of a scene as a camera would give them, with marks at exactly known sub-pixel places.
+"""Synthetic frames of a plain camera, with marks at exactly known sub-pixel places.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Colours: hue 0 red, 120 green, 240 blue;
 saturation and value 0 to 1. Grey levels 0 to 255.
@@ -64,7 +64,7 @@ class Lighting:
     shot_noise_sd: noise that grows as the square root of light, at level 255 [grey levels]
     grain_px: spread that this smoothing gives the noise [px], 0 for white noise
     mark_strength: 1 for fresh marks; below that, the share of a mark's colour that wear has left on the acrylic
-    wander_px: how far off its place each mark is drawn, anew in each frame [px], one standard deviation an axis; for
+    wander_px: how far off its place each mark is drawn, by frame [px], one standard deviation an axis; for
         errors that no picture shows, as of a reference that was pointed at by hand
     """
 
@@ -121,12 +121,12 @@ def distractors(
 
 
 def paper_camera() -> Lighting:
-    """Lighting under which marks 7 px wide are found as badly as the paper says: 4.14 mm off at 4.4 mm a pixel.
+    """Lighting under which marks 7 px wide are found as badly as in the paper: 4.14 mm off at 4.4 mm a pixel.
 
     For films of MJPG quality 60. The paper gives the result only; every value here is chosen. Sensor noise alone that
     reached 4.1 mm would make a twentieth of the marks and more unrecognisable and colour the empty scene like marks, so
     the greater part is errors that no picture shows: the paper's own reference was pointed at by hand. A scene filmed
-    so must say so, by calibration_sd_px.
+    so must state it, by calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # chosen: a cheap lens
@@ -211,7 +211,7 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
     """Standard normal numbers, (2 height, 2 width, 3), to be read from a random corner with a random sign.
 
-    Drawing every frame's noise anew would take longer than all the rest; two frames share noise at a mark only where
+    New noise for every frame would take longer than all the rest; two frames share noise at a mark only where
     their corners fall within a mark of each other, once in some hundred frames.
     """
     bank: Picture = np.random.default_rng(20).standard_normal((2 * height, 2 * width, 3), dtype=np.float32)

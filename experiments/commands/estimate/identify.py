@@ -21,7 +21,7 @@ def identify(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the tissue's constants: write a scene to track with, say how well each is known."""
+    """Find the tissue's constants: write a scene to track with, state how well each is known."""
     from experiments.commands.console import constants_table
     from experiments.formats.recording import open_recording
     from experiments.formats.scene.scene import write_scene

@@ -32,6 +32,6 @@ def insert(
         done = run(case, runs, 1e-3 * radius_mm, stage("insert"))
         write_insertions(done, folder)
         write_plots(done, folder)
-    told = summary(done)
-    print_table(insertion_table(told))
+    report = summary(done)
+    print_table(insertion_table(report))
     print(f"Tables and pictures in {out}")

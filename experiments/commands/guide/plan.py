@@ -28,9 +28,9 @@ def plan(
         done = planned(source, plan_file, stage("plan"))
         write_plan(done, folder)
         plan_figure(done).savefig(folder / "plan.png", dpi=130)
-    told = report(done)
-    if told["best"] is None:
+    figures = report(done)
+    if figures["best"] is None:
         print(f"No path is allowed; why: {out / 'plan.csv'}")
     else:
-        print_table(plan_table(told))
+        print_table(plan_table(figures))
     print(f"Table and picture in {out}")

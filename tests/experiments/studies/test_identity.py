@@ -9,9 +9,9 @@ from experiments.studies.identity import (
     FRAMES_PER_S,
     figures,
     nameless_run,
-    names_told,
+    reported_names,
+    reported_run,
     run,
-    told_run,
     world,
 )
 
@@ -37,12 +37,12 @@ def test_marks_that_were_hidden_get_their_names_back(turned):
 def test_names_from_a_turned_start_are_right(turned):
     """The rest shape says that two are exchanged, the motion that they are not: no swap; and the other way round."""
     alike = [("M1", "M3", "M4")]
-    told = names_told("never", np.random.default_rng(0))
-    right = told_run(turned, "never", told, alike)
+    told = reported_names("never", np.random.default_rng(0))
+    right = reported_run(turned, "never", told, alike)
     assert (right["swaps"], right["wrong_frames"]) == (0, 0)
     exchanged = told[:, [0, 2, 1]]
-    assert told_run(turned, "from the start", exchanged, alike)["wrong_frames"] <= 4
-    assert told_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
+    assert reported_run(turned, "from the start", exchanged, alike)["wrong_frames"] <= 4
+    assert reported_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
 
 
 def test_figures_of_a_run_are_told_by_kind():
