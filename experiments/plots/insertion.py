@@ -17,7 +17,7 @@ N_LEAST = 5
 """Tenths with fewer insertions are not drawn."""
 
 
-def write_plots(done: Trials, folder: Path) -> None:
+def write_insertion_plots(done: Trials, folder: Path) -> None:
     """Draw hits.png, misses.png and reliability.png into a folder that exists."""
     for name, drawn in (("hits", hits_figure), ("misses", misses_figure), ("reliability", reliability_figure)):
         drawn(done).savefig(folder / f"{name}.png", dpi=110)

@@ -28,7 +28,7 @@ N_BINS = 8
 LEAST_SHOWN = 1e-2
 
 
-def write_plots(done: Track, folder: Path) -> list[Path]:
+def write_track_plots(done: Track, folder: Path) -> list[Path]:
     """Draw path.png, error.png, sigma.png and consistency.png into a folder that exists; the files written.
 
     Where the truth is not known the pictures that need it are left out.

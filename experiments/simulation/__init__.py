@@ -2,3 +2,8 @@
 
 What may enter: what makes truth. No filter is scored here.
 """
+
+from experiments.simulation.phantom_camera import PhantomCamera
+from experiments.simulation.simulate import draw, scene_of
+
+__all__ = ["PhantomCamera", "draw", "scene_of"]

@@ -27,7 +27,7 @@ def demo(out: Path, *, force: bool = False, stage: Callable[[str], Callable[[flo
 
     stage(name) is called at the start of each piece of work and returns a function of the share done.
     """
-    from experiments.plots.track import write_plots  # matplotlib is slow to load: only where it is needed
+    from experiments.plots.track import write_track_plots  # matplotlib is slow to load: only where it is needed
 
     with output_folder(out, force=force) as folder:
         figures: Figures = {}
@@ -37,7 +37,7 @@ def demo(out: Path, *, force: bool = False, stage: Callable[[str], Callable[[flo
             done = track(open_recording(recording), stage(f"{name}: track"))
             drawn = stage(f"{name}: plots")
             write_tables(done, folder / name)
-            write_plots(done, folder / name)
+            write_track_plots(done, folder / name)
             drawn(1.0)
             figures[name] = summary(done)
         (folder / "summary.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

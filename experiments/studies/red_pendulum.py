@@ -42,7 +42,7 @@ from experiments.formats.recording import MarkRow, Recording, open_recording, wr
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track, write_tables
-from experiments.plots.track import OURS, TRUE, ellipse, write_plots
+from experiments.plots.track import OURS, TRUE, ellipse, write_track_plots
 from experiments.studies.real_balls import FILMS, followed
 
 GRAVITY = 9.81
@@ -304,7 +304,7 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
         seen = track(recording)
         (folder / "track").mkdir()
         write_tables(seen, folder / "track")
-        write_plots(seen, folder / "track")
+        write_track_plots(seen, folder / "track")
         found = sum(bool(step.marks) for step in seen.steps)
         if found < len(seen.steps):
             raise InputError(f"{film}: expected the ball found in all {len(seen.steps)} frames, found it in {found}")

@@ -23,13 +23,13 @@ def track(
     from experiments.formats.recording import open_recording
     from experiments.pipeline.track import summary, write_tables
     from experiments.pipeline.track import track as run
-    from experiments.plots.track import write_plots
+    from experiments.plots.track import write_track_plots
 
     opened = open_recording(recording, scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, stage("track"), check=check)
         write_tables(done, folder)
-        write_plots(done, folder)
+        write_track_plots(done, folder)
     from experiments.commands.console import track_table
     from experiments.pipeline.events import report_swap
 

@@ -23,7 +23,7 @@ def insert(
     from experiments.commands.console import insertion_table
     from experiments.formats.outputs import output_folder
     from experiments.formats.scenario import read_scenario
-    from experiments.plots.insertion import write_plots
+    from experiments.plots.insertion import write_insertion_plots
     from experiments.simulation.insert import case_of, summary, write_insertions
     from experiments.simulation.insert import insert as run
 
@@ -31,7 +31,7 @@ def insert(
     with output_folder(out, force=force) as folder, progress() as stage:
         done = run(case, runs, 1e-3 * radius_mm, stage("insert"))
         write_insertions(done, folder)
-        write_plots(done, folder)
+        write_insertion_plots(done, folder)
     report = summary(done)
     print_table(insertion_table(report))
     print(f"Tables and pictures in {out}")
