@@ -1,4 +1,4 @@
-"""Data association of marks that look alike: exchanges of names as hypotheses, each with its filter.
+"""Data association of interchangeable marks: exchanges of names as hypotheses, each with its filter.
 
 What may enter: another way to decide which mark is which over time. One frame's is `vision.tracking`.
 """

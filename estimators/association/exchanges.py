@@ -1,6 +1,6 @@
-"""Names of marks that look alike: what it costs to exchange them in one frame, and which exchanges that leaves open.
+"""Names of interchangeable marks: what it costs to exchange them in one frame, and which exchanges that leaves open.
 
-Names are told as a tuple: by place among the nodes alike, the place of the node that a mark of that name is on.
+Names are a tuple: by place among the interchangeable nodes, the place of the node that a mark of that name is on.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ Names = tuple[int, ...]
 
 
 class InterchangeableMarks:
-    """Groups of nodes whose marks look alike; names are never exchanged between groups.
+    """Groups of nodes whose marks are interchangeable; names are never exchanged between groups.
 
-    nodes: those that look like another; own: their names as they are
+    nodes: those that are in a group of two or more; own: their names as they are
     """
 
-    def __init__(self, tissue: TissueFilter, alike: Iterable[Collection[str]]) -> None:
-        groups = [tuple(group) for group in alike if len(group) > 1]
-        self.nodes = tuple(node for group in groups for node in group)
+    def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
+        kinds = [tuple(group) for group in groups if len(group) > 1]
+        self.nodes = tuple(node for group in kinds for node in group)
         self.own: Names = tuple(range(len(self.nodes)))
-        kind = np.array([k for k, group in enumerate(groups) for _ in group])
+        kind = np.array([k for k, group in enumerate(kinds) for _ in group])
         self._pairs = np.triu(kind[:, None] == kind[None, :], 1)
         self._place = {node: i for i, node in enumerate(self.nodes)}
         network = tissue.model.network
@@ -40,16 +40,16 @@ class InterchangeableMarks:
         """The node that a mark named after each node is on."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
-    def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, anew: bool = False) -> Floats:
+    def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
         """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
 
-        As -log of a density. Nothing for a mark that is not seen. anew: by where nodes may be at a start.
+        As -log of a density. Nothing for a mark that is not seen. starting: by where nodes may be at a start.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
         if not seen:
             return costs
-        if anew:
+        if starting:
             beliefs = [tissue.expected_at_rest(node) for node in self.nodes]
             means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
         else:

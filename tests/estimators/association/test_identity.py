@@ -69,7 +69,7 @@ def test_an_exchange_for_good_is_undone_at_once(phantom, frames, a, b):
 def test_an_exchange_for_ten_frames_is_undone_twice(phantom, frames):
     identity, made = followed(phantom, frames, lambda k: {"M1": "M4", "M4": "M1"} if 20 <= k < 30 else {})
     assert [k for k, one in enumerate(made) if one.swap is not None] == [20, 30]
-    assert {node: other for node, other in identity.called.items() if node != other} == {}
+    assert {node: other for node, other in identity.node_of.items() if node != other} == {}
     np.testing.assert_array_equal([one.estimate.mean for one in made], means(phantom, frames))
 
 
@@ -91,7 +91,7 @@ def test_names_wrong_from_the_start_are_mended(phantom, frames, order):
     wrong = dict(zip(OUTER, order, strict=True))
     identity, made = followed(phantom, frames, lambda _k: wrong)
     assert {wrong[node] for node in OUTER} == set(OUTER)
-    assert {told: identity.called[told] for told in OUTER} == {wrong[node]: node for node in OUTER}
+    assert {told: identity.node_of[told] for told in OUTER} == {wrong[node]: node for node in OUTER}
     assert len(identity.swaps) == 1
     assert identity.swaps[0].time_s == pytest.approx(0.1)
     np.testing.assert_array_equal([one.estimate.mean for one in made[5:]], means(phantom, frames)[5:])
@@ -112,8 +112,8 @@ def test_marks_of_different_hues_are_never_tried(phantom, frames):
     identity, made = followed(
         phantom, frames, lambda k: {"M1": "M3", "M3": "M1"} if k >= 20 else {}, alike=[("M1", "M4"), ("M3",)]
     )
-    assert identity.namesakes.nodes == ("M1", "M4")
-    assert "M3" not in identity.called
+    assert identity.interchangeable.nodes == ("M1", "M4")
+    assert "M3" not in identity.node_of
     assert all("M3" not in swap.nodes for swap in identity.swaps)
     for k, ((_, marks), one) in enumerate(zip(frames, made, strict=True)):
         told = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))

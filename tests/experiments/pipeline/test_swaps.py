@@ -74,7 +74,7 @@ def test_marks_of_two_hues_are_not_alike(scene):
     """M3 in blue: only M1 and M4 can be taken for each other; the target's own mark, for scoring, is no name."""
     hues = tuple(replace(m, hue_deg=240.0) if m.node == "M3" else m for m in scene.marks)
     assert sorted(map(sorted, replace(scene, marks=hues).nodes_alike)) == [["M1", "M4"], ["M3"]]
-    assert Line(replace(scene, marks=hues), baseline=False).identity.namesakes.nodes == ("M1", "M4")
+    assert Line(replace(scene, marks=hues), baseline=False).identity.interchangeable.nodes == ("M1", "M4")
     assert [sorted(group) for group in scene.nodes_alike] == [sorted(OUTER)]
 
 
