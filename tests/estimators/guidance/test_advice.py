@@ -287,6 +287,14 @@ def test_the_first_rule_that_holds_gives_the_advice(case):
     assert reason in found[1]
 
 
+def test_a_later_start_that_is_better_by_exactly_what_it_is_worth_is_not_waited_for():
+    """In numbers without rounding."""
+    settings = AdviceSettings(go=0.5, worth=0.25)
+    equal = replace(SURE, probability=0.5, best_in_s=1.0, best_probability=0.75)
+    assert decide(equal, settings)[0] is Advice.GO
+    assert decide(replace(equal, best_probability=0.7501), settings)[0] is Advice.WAIT
+
+
 def test_every_rule_is_reached_and_every_kind_of_advice_given():
     """NO_GUIDANCE is what `health_fault` gives, before the rules."""
     first = [next(k for k, rule in enumerate(RULES) if rule.holds(p, AdviceSettings())) for p, _, _ in BY_RULE.values()]
@@ -313,6 +321,13 @@ def test_the_path_reaches_to_the_end_of_the_last_way():
     times = path_times(HEALTHY, DOWN, TIP, AdviceSettings(), NOW_S)
     assert times[0] == NOW_S
     assert NOW_S + 2.6 + 1.0 / 30 <= times[-1] <= NOW_S + 2.6 + 2.1 / 30
+
+
+@pytest.mark.parametrize(("depth_m", "way_s"), [(0.03, 0.3), (0.06, 0.0), (0.2, 0.0)])
+def test_the_path_is_as_short_as_the_rest_of_the_way(depth_m, way_s):
+    """Of 60 mm at 100 mm/s; a tip that is there, or too deep, has none."""
+    times = path_times(HEALTHY, replace(DOWN, depth_m=depth_m), TIP, AdviceSettings(), NOW_S)
+    assert NOW_S + 2.0 + way_s + 1.0 / 30 <= times[-1] + 1e-9 <= NOW_S + 2.0 + way_s + 2.1 / 30
 
 
 @pytest.mark.parametrize(
