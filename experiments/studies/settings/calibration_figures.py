@@ -1,7 +1,7 @@
 """Figures that the settings of a calibration serve: errors of corners and cameras, pictures and sets accepted.
 
-Boards are projected or drawn by a camera of known truth. `experiments.studies.sensitivity` records what half and twice
-of each setting cost.
+Boards are projected or drawn by a camera of known truth. `experiments.studies.settings.sensitivity` records what
+half and twice of each setting cost.
 """
 
 from __future__ import annotations

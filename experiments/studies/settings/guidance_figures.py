@@ -1,7 +1,7 @@
 """What the settings of advice and breathing are worth: advised insertions replayed on simulated phantoms.
 
-    python -m experiments.studies.guidance_settings           # figures of the defaults
-    python -m experiments.studies.guidance_settings --cost    # and of half and twice of each setting; minutes
+    python -m experiments.studies.settings.guidance_figures           # figures of the defaults
+    python -m experiments.studies.settings.guidance_figures --cost    # and of half and twice of each setting; minutes
 
 The poked and the breathing phantom, marks found to 1 mm, frames and marks missing now and then. The filter runs once a
 seed; the advice on its estimates is replayed for each variant. An insertion goes straight at the commanded speed; its
@@ -192,7 +192,7 @@ def guidance_figures(
 
 def main() -> None:
     """Print the figures, or what half and twice of each setting change."""
-    from experiments.studies.sensitivity import changed, settings_of, variants
+    from experiments.studies.settings.sensitivity import changed, settings_of, variants
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--cost", action="store_true")

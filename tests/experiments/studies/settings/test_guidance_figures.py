@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.studies.guidance_settings import GuidanceSettings, guidance_figures
-from experiments.studies.sensitivity import ORIGINS, settings_of
+from experiments.studies.settings.guidance_figures import GuidanceSettings, guidance_figures
+from experiments.studies.settings.sensitivity import ORIGINS, settings_of
 
 SHORT = {"poked": 3.0, "breathing": 9.0}
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from experiments.studies.sensitivity import Setting, changed, cost, settings_of, variants
+from experiments.studies.settings.sensitivity import Setting, changed, cost, settings_of, variants
 
 
 @dataclass(frozen=True, slots=True)

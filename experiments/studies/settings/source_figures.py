@@ -1,7 +1,7 @@
 """Figures that the settings of live sources serve: exposure times, faults noticed, devices recovered, frames kept.
 
 Captures are simulated and every time is read from a simulated clock; nothing depends on the machine's speed.
-`experiments.studies.sensitivity` records what half and twice of each setting cost.
+`experiments.studies.settings.sensitivity` records what half and twice of each setting cost.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from experiments.arrays import Floats
-from experiments.studies.calibration_figures import film_focal_sd
+from experiments.studies.settings.calibration_figures import film_focal_sd
 from vision import DeviceTimes, EventKind, LiveFrames, SourceSettings, SourceWatchdog
 from vision.arrays import Image
 

@@ -1,4 +1,4 @@
-"""The settings records of the project and the figures that each serves, for `experiments.studies.sensitivity`."""
+"""The settings records of the project and the figures that each serves: what `sensitivity` varies."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from estimators import FilterSettings
-from experiments.studies.calibration_figures import calibration_figures
 from experiments.studies.estimation.figures import estimation_figures
-from experiments.studies.guidance_settings import GuidanceSettings, guidance_figures
 from experiments.studies.marks import marks_figures
-from experiments.studies.source_figures import source_figures
+from experiments.studies.settings.calibration_figures import calibration_figures
+from experiments.studies.settings.guidance_figures import GuidanceSettings, guidance_figures
+from experiments.studies.settings.source_figures import source_figures
 from vision import CalibrationSettings, SourceSettings
 from vision.tracking.settings import FINDER
 

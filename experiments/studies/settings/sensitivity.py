@@ -1,8 +1,8 @@
 """What each setting is worth: the figures that it serves, at its default, at half and at twice of it.
 
-    python -m experiments.studies.sensitivity --out DIR               # every family; hours on two cores
-    python -m experiments.studies.sensitivity --out DIR --only marks  # one of them
-    python -m experiments.studies.sensitivity --page DIR              # rewrites docs/settings.md from it
+    python -m experiments.studies.settings.sensitivity --out DIR               # every family; hours on two cores
+    python -m experiments.studies.settings.sensitivity --out DIR --only marks  # one of them
+    python -m experiments.studies.settings.sensitivity --page DIR              # rewrites docs/settings.md from it
 
 Settings are fields of frozen records. The docstring of a record gives for each its meaning, its unit and its origin: a
 source, the command that measured it, or a choice. Of a choice this study records what half and twice of it cost.
@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from experiments.formats.outputs import write_whole
-from experiments.studies.settings_families import FAMILIES, Family, Figures
+from experiments.studies.settings.families import FAMILIES, Family, Figures
 
-PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
+PAGE = Path(__file__).parents[3] / "docs" / "settings.md"
 ORIGINS = ("source", "measured", "choice")
 
 
@@ -143,7 +143,7 @@ def page(folder: Path) -> str:
         "",
         "Every number that steers behaviour, by what it serves. Origin: a source, the command that measured it, or a",
         "choice; of a choice, the figure that changes most at half and at twice of it. Made by",
-        "`python -m experiments.studies.sensitivity`; each family's figures on seeds that no study reports on.",
+        "`python -m experiments.studies.settings.sensitivity`, on seeds that no study reports on.",
         "",
     ]
     for family, own in FAMILIES.items():
