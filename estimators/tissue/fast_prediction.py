@@ -64,7 +64,7 @@ def fast_prediction_tables(tissue: TissueFilter, horizon_s: float) -> FastPredic
     model, settings = tissue.model, tissue.settings
     if model.n_constants:
         raise ValueError(
-            f"quick_tables: expected a filter without unknown constants, found {model.n_constants} directions"
+            f"fast_prediction_tables: expected a filter without unknown constants, found {model.n_constants} directions"
         )
     cycle = settings.mix_s
     n_times = int(np.ceil(horizon_s / cycle * (1.0 - 1e-6))) + 1
@@ -85,7 +85,7 @@ def predict_fast(
     Raises ValueError before the filter's first frame and for a push of another shape.
     """
     if tissue.time_s is None:
-        raise ValueError("quick_path: expected a filter after its first frame, found no time")
+        raise ValueError("predict_fast: expected a filter after its first frame, found no time")
     believed = tissue.mixture.beliefs()
     n, half = len(tables.rest), len(tables.rest) // 2
     away = believed.means.copy()

@@ -59,7 +59,7 @@ def test_under_a_steady_push_it_comes_to_rest_where_the_tissue_does(phantom):
 def test_what_the_tables_cannot_tell_is_said(phantom):
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     tables = fast_prediction_tables(tissue, 0.1)
-    with pytest.raises(ValueError, match="quick_path: expected a filter after its first frame"):
+    with pytest.raises(ValueError, match="predict_fast: expected a filter after its first frame"):
         predict_fast(tables, tissue)
     tissue.predict(0.0)
     with pytest.raises(ValueError, match=r"push: expected shape \(3, n_free, dim\)"):
