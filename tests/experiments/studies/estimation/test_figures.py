@@ -5,7 +5,7 @@ import pytest
 from estimators import FilterSettings
 from estimators.association import IdentitySettings
 from experiments.studies.estimation.figures import CAMERAS, estimation_figures
-from experiments.studies.sensitivity import ORIGINS, settings_of
+from experiments.studies.settings.sensitivity import ORIGINS, settings_of
 
 
 @pytest.mark.parametrize("record", [FilterSettings(), IdentitySettings()])
