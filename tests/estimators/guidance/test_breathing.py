@@ -262,3 +262,7 @@ def test_bad_input_is_told():
         BreathingSettings(shortest_s=5.0, longest_s=4.0)
     with pytest.raises(ValueError, match="expected 2 periods"):
         BreathingSettings(n_periods=1)
+    with pytest.raises(ValueError, match="expected 0 < shortest_s < longest_s"):
+        BreathingSettings(shortest_s=4.0, longest_s=4.0)
+    with pytest.raises(ValueError, match="1 harmonic or more, found 2, 0"):
+        BreathingSettings(n_periods=2, harmonics=0)
