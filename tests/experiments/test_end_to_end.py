@@ -60,6 +60,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "rec"
 
 
+@pytest.mark.slow
 def test_a_track_says_what_its_tables_say(recording, tmp_path, monkeypatch):
     """summary.json recomputed from estimates.csv and truth.csv; 9 digits in the table."""
     assert softaim(monkeypatch, "track", recording, "--out", tmp_path / "out") == 0
@@ -86,6 +87,7 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path, monkeypatch):
         assert picture.std() > 10.0, name
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_recording(recording, tmp_path, monkeypatch):
     (tmp_path / "again.toml").write_text(SCENARIO)
     (tmp_path / "other.toml").write_text(SCENARIO.replace("seed = 4", "seed = 5"))
@@ -96,6 +98,7 @@ def test_the_same_seed_gives_the_same_recording(recording, tmp_path, monkeypatch
         assert (tmp_path / "other" / name).read_bytes() != (recording / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch):
     """marks.csv written by hand, frames.csv saying that an estimate is due when nothing was seen."""
     folder = tmp_path / "theirs"
@@ -117,6 +120,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch
     assert not (tmp_path / "out" / "error.png").exists()
 
 
+@pytest.mark.slow
 def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp_path, monkeypatch):
     """Frames drawn by OpenCV alone at the truth's places; without truth.csv M2's own mark tells the error."""
     folder = tmp_path / "theirs"
@@ -137,6 +141,7 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
     assert theirs["mae_mm"] < 1.0  # marks found to a fifth of a pixel, tremor that moves M2 by 0.2 mm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "old", "new", "told"),
     [
@@ -165,6 +170,7 @@ def test_bad_recordings_are_one_line_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, monkeypatch, capfd):
     (tmp_path / "notes.txt").write_text("mine")
     assert softaim(monkeypatch, "track", recording, "--out", tmp_path) == 2
@@ -235,6 +241,7 @@ def test_both_filter_steps_do_the_same_work():
     np.testing.assert_allclose(ours.P, stock.P, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scenario", "most"), [("quiet", 0.2), ("poked", 0.3)])
 def test_hidden_error_against_the_open_loop(scenario, most):
     """A quick form of experiments/studies/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 6 s."""

@@ -30,6 +30,7 @@ def drive(towards, depth):
     return NeedleMotion(ENTRY + depth * u, SPEED * u, u, depth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pieces", [1, 20])
 def test_an_insertion_is_that_of_dop853(pieces):
     """0.5 s, contact, puncture, cutting and friction, under a force that swings; told in one piece or in twenty.

@@ -52,6 +52,7 @@ def followed(phantom, frames, names_at, alike=(OUTER,)):
 PAIRS = [("M1", "M3"), ("M1", "M4"), ("M3", "M4")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("a", "b"), PAIRS)
 def test_an_exchange_for_good_is_undone_at_once(phantom, frames, a, b):
     """Marks 280 mm apart seen to 4 mm tell it in the same frame: the filter is that of no exchange to the last bit."""

@@ -194,6 +194,7 @@ def test_fewer_weights_are_unbiased_distinct_and_no_more_than_asked_for():
     np.testing.assert_allclose(new, [0.3, 0.7])
 
 
+@pytest.mark.slow
 def test_on_the_poked_phantom_modes_are_worth_their_room(phantom, rest_state, driven, poke_forces, marks_of, hidden):
     """4 s, 4.14 mm, truth by DOP853, three seeds: ours within 1.2 of the particles, one mode 1.3 times ours."""
     squared = dict.fromkeys(("filter", "particles", "ekf", "stock"), 0.0)

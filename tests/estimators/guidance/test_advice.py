@@ -79,6 +79,7 @@ def test_no_guidance_without_a_healthy_estimate(fault):
     assert (said.probability, said.aim, said.arrival_s, said.best_in_s, said.outlook) == (None,) * 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimate", [HEALTHY, replace(HEALTHY, status=Status.COASTING)])
 def test_guidance_up_to_the_bounds(estimate):
     """0.09 s old and unseen for 0.19 s, TRACKING or COASTING."""

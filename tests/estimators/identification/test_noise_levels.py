@@ -51,6 +51,7 @@ def tuned(pair, frames):
     return tune_noise(pair, frames, ("near",), "far")
 
 
+@pytest.mark.slow
 def test_the_level_that_made_the_marks_is_found(tuned):
     """White noise, told to be a third of what it is, within 20 %; marks, told to be 2.5 times as precise, within 40 %.
 

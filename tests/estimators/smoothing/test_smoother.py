@@ -152,6 +152,7 @@ def runs(phantom, rest_state, driven, poke_forces, marks_of):
     return found
 
 
+@pytest.mark.slow
 def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden):
     """Mean error below 0.95 of the filter's, spread below 0.9 of it; 95 % regions hold 90 to 99 %."""
     errors, spreads, squared = [], [], []

@@ -79,6 +79,7 @@ def test_it_is_schmidts_filter(wary):
         np.testing.assert_allclose(mixture.columns[0], P[:4, 4:], rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("same", [True, False])
 def test_its_covariance_holds_in_linear_runs(same):
     """Mean NEES of all four states after 60 steps, 200 runs, force and calibration drawn once in each.
@@ -137,6 +138,7 @@ def run_through(tissue, frames):
         yield tissue.update(marks)
 
 
+@pytest.mark.slow
 def test_columns_are_what_shifted_marks_make_of_the_mean(phantom, rest_state, driven, poke_forces, marks_of):
     """The same truth and marks moved by F: the mean's error moves by -d(mean)/d(theta), central differences.
 
@@ -161,6 +163,7 @@ def test_columns_are_what_shifted_marks_make_of_the_mean(phantom, rest_state, dr
             np.testing.assert_allclose(columns[:8, 2 + k] / scale, -moved[:8] / scale, rtol=0, atol=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [4, 0])
 def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, rest_state, driven, poke_forces, marks_of, n):
     """Eight runs of 2 s, the calibration drawn once in each, truth by DOP853: 95 % regions hold 92 % and more.

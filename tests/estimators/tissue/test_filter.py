@@ -79,6 +79,7 @@ def size(errors):
     return np.linalg.norm(errors, axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "share"), [("quiet", 0.15), ("poked", 0.3)])
 def test_hidden_mass_is_found_far_better_than_by_the_open_loop(runs, kind, share):
     """Mean error over that of [paper]'s method on the same frames; the aim is 0.5 of it.

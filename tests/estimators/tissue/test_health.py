@@ -127,6 +127,7 @@ def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom)
     np.testing.assert_allclose(estimates[-1].mean, at[HIDDEN], atol=3e-3)
 
 
+@pytest.mark.slow
 def test_two_seconds_without_marks(phantom, rest_state, driven, poke_forces, marks_of, hidden):
     """COASTING, then LOST; the covariance grows; within 0.5 s of the marks' return the target is in its region again.
 

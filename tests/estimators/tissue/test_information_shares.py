@@ -116,6 +116,7 @@ def covered(wrong_runs, uncertainty):
     return coverage(nees, 2)
 
 
+@pytest.mark.slow
 def test_the_covariance_knows_of_constants_that_are_off(wrong_runs):
     """95 % regions hold 88 to 100 % where it is told so, and below 70 % where it is not. Truth by DOP853."""
     assert covered(wrong_runs, wrong_runs[0]) > 0.88

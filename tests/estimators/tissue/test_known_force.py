@@ -105,6 +105,7 @@ def test_unknown_constants_make_the_same_columns_of_the_error_under_a_push(phant
     np.testing.assert_allclose(columns.T, expected, rtol=0, atol=0.1 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_state, hidden, marks_of):
     """Ten insertions, truth by DOP853 with the needle's friction by relative velocity; a force sensor off by 2 %.
 

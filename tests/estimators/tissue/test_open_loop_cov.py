@@ -73,6 +73,7 @@ def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
     assert low < nees.sum() < high
 
 
+@pytest.mark.slow
 def test_unknown_force_adds_what_it_does_to_the_hidden_mass(smooth, driven):
     """Marks without noise, white force on the hidden mass alone, truth by DOP853: mean NEES of 80 inside 99.9 %."""
     white, seconds = 0.05, 1.0

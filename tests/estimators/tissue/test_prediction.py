@@ -56,6 +56,7 @@ def test_the_further_ahead_the_less_sure(followed):
     assert traces[-1] > 2.0 * traces[0]
 
 
+@pytest.mark.slow
 def test_where_it_will_be_can_be_believed(phantom, rest_state, driven, poke_forces, marks_of):
     """0.1 s ahead, every frame of three poked runs: 90 to 99 % of the truths lie in the 95 % region.
 

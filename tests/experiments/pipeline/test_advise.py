@@ -76,6 +76,7 @@ def test_what_it_does_not_say_is_the_usual_and_the_scenes_radius(path):
     np.testing.assert_allclose(plan.insertion.axis, [0.0, -1.0])
 
 
+@pytest.mark.slow
 def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, monkeypatch, capsys):
     """No guidance before 0.1 s of marks and from 0.12 s after the last; else the target rests on the needle's line."""
     path.write_text(GOOD)

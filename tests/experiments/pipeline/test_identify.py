@@ -70,6 +70,7 @@ def calibrated(tmp_path_factory, cache):
     return recording, folder / "scene.toml"
 
 
+@pytest.mark.slow
 def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, cache, tmp_path):
     """Another 8 s, the hidden mark not seen: mean error below 0.8 of that with the scene that is 10 % off.
 
@@ -93,6 +94,7 @@ def test_the_scene_says_what_is_known_of_each_constant(calibrated):
     assert line.filter.model.n_columns == len(scene.uncertainty.directions)
 
 
+@pytest.mark.slow
 def test_identify_reports_to_programs(calibrated, monkeypatch, capsys, tmp_path):
     out = tmp_path / "scene.toml"
     assert softaim(monkeypatch, "identify", calibrated[0], "--out", out, "--json") == 0
@@ -130,6 +132,7 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, monkeypa
     np.testing.assert_array_equal(found.stiffness, scene.network.stiffness)
 
 
+@pytest.mark.slow
 def test_tune_writes_levels_that_tracking_uses(calibrated, cache, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 30)
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=3.0), cache, OUTER)
@@ -144,6 +147,7 @@ def test_tune_writes_levels_that_tracking_uses(calibrated, cache, tmp_path, monk
     assert scene.uncertainty is not None
 
 
+@pytest.mark.slow
 def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path, monkeypatch, capsys):
     """Two seconds; the filter's row is what track gives; every textbook filter beats the open loop at 4.14 mm."""
     recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=2.0), cache, OUTER)
@@ -201,6 +205,7 @@ def test_trials_repeat_and_keep_their_truth(cache):
     assert len(first[0]) == 60
 
 
+@pytest.mark.slow
 def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, monkeypatch, capsys):
     """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)

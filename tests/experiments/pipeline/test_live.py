@@ -91,6 +91,7 @@ class PacedPhantom(vision.EveryFrame):
         return ()
 
 
+@pytest.mark.slow
 def test_the_phantom_is_followed_frame_by_frame(tmp_path):
     """Two seconds at 30 frames/s by the test's clock: every frame, none without; a third of the paper's error."""
     source = PacedPhantom()
@@ -140,6 +141,7 @@ def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_b
     assert capfd.readouterr().err == f"softaim: {blocked.time_s:.2f} s: BLOCKED: no answer for 0.50 s\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("interval_s", "late_s", "unused"), [(1.09, 0.55, 0), (1.5, 2.5, 1)])
 def test_a_slow_camera_loses_no_frame_though_the_target_coasts_between(tmp_path, image, interval_s, late_s, unused):
     """The paper's, a frame each 1.09 s, half an interval after its exposure; of a slower one the second is too late."""

@@ -114,6 +114,7 @@ def check_frames(folder: Path, n: int) -> None:
         np.testing.assert_array_equal(frame.image, picture(frame.index))
 
 
+@pytest.mark.slow
 def test_a_recorder_killed_leaves_all_up_to_the_last_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,6 +26,7 @@ def poked():
     return insert(case("poked"), 12, 0.005)
 
 
+@pytest.mark.slow
 def test_looking_ahead_and_waiting_hits_more_than_the_paper_s_loop(poked):
     """Twelve worlds, the same for all: at least eleven hits, and three tenths more than the open loop's."""
     ours, paper = (sum(one.hit for one in poked.of(policy)) for policy in ("wait-for-go", "open-loop"))

@@ -56,6 +56,7 @@ def test_a_page_of_other_code_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_
     assert stopped.value.code == 1
 
 
+@pytest.mark.slow
 def test_the_drawing_is_a_picture(tmp_path: Path) -> None:
     draw(tmp_path / "rooms.png")
     assert (tmp_path / "rooms.png").read_bytes().startswith(b"\x89PNG")

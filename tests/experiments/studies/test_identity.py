@@ -22,6 +22,7 @@ def turned():
     return world("close", "quiet", 2)
 
 
+@pytest.mark.slow
 def test_marks_that_were_hidden_get_their_names_back(turned):
     """Half a second hidden, back by wrong names: three frames are wrong, and all that come if nobody doubts them."""
     alike = [("M1", "M3", "M4")]
@@ -45,6 +46,7 @@ def test_names_from_a_turned_start_are_right(turned):
     assert reported_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
 
 
+@pytest.mark.slow
 def test_figures_of_a_run_are_told_by_kind():
     rows = pd.DataFrame(run(0, "phantom", "quiet"))
     told = figures(rows)

@@ -1,6 +1,7 @@
 """A quick form of the marks study; figures of docs/marks-study.md from all of it."""
 
 import pandas as pd
+import pytest
 
 from experiments.studies.marks import figures, run
 
@@ -13,6 +14,7 @@ def test_marks_in_good_light_are_found_to_a_fiftieth_of_a_pixel() -> None:
     assert 0.5 < told["predicted_by_real"] < 2.0
 
 
+@pytest.mark.slow
 def test_marks_in_any_room_are_found() -> None:
     told = figures(pd.concat([run(seed, "whole range", 3) for seed in (1, 4, 5, 7)]))
     assert told["found"] == 1.0

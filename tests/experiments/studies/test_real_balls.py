@@ -8,6 +8,7 @@ from experiments.studies.real_balls import FILMS, LABELS, against_labels, follow
 from tests.real_data import DATA
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "rms_px"), [("red-pendulum", 0.6), ("green-hand", 0.6)])  # measured 0.51, 0.58
 def test_balls_are_found_where_people_see_them(name: str, rms_px: float) -> None:
     film = FILMS[name]

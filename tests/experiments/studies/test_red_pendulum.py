@@ -30,6 +30,7 @@ def swinging_ball(length_m: float, turn_rad: float, radius_px: float) -> tuple[n
     return times, np.column_stack([u, v])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn_deg", [8.0, 20.0])
 def test_scale_and_turn_come_out_of_a_known_swing(turn_deg):
     """A cord of 0.6 m seen 440 px long: length and scale to 1 %, the turn to 2 degrees, residue below 0.1 px.
@@ -44,6 +45,7 @@ def test_scale_and_turn_come_out_of_a_known_swing(turn_deg):
     assert swing.rms_px < 0.1
 
 
+@pytest.mark.slow
 def test_the_real_film(tmp_path):
     """The figures of docs/real-film.md: the ball in all frames, coverage as found, good or bad."""
     if not FILM.is_file():

@@ -66,6 +66,7 @@ def test_standard_errors_are_opencvs() -> None:
     np.testing.assert_allclose(done.rms_px_each, each.ravel(), rtol=5e-3)
 
 
+@pytest.mark.slow
 def test_drawn_boards_give_the_camera_back_within_three_standard_errors() -> None:
     rng = np.random.default_rng(6)
     rays, at = sub_pixel_rays(LENS), poses(12, rng)

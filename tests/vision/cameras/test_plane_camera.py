@@ -125,6 +125,7 @@ def test_covariances_go_through_a_lens_by_its_slope() -> None:
     np.testing.assert_allclose(camera.disc_shape(points[0], 0.01), 0.01 * J[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_discs_middle_is_seen_off_the_middle_of_its_picture() -> None:
     bent, straight, radius = posed_camera("a", (640, 480), LENS, POSE), PlaneCamera("b", (640, 480), TILTED), 0.02
     at = np.linspace(-1.0, 1.0, 801)

@@ -58,6 +58,7 @@ def test_a_plane_that_one_camera_alone_saw_is_the_world_of_both() -> None:
         assert np.abs(e[3:]).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_pictures_that_were_not_taken_together_are_told() -> None:
     rng = np.random.default_rng(2)
     left, right = pair(poses(8, rng), rng)

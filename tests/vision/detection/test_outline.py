@@ -18,6 +18,7 @@ def seen_disc(center: np.ndarray, radius: float, hidden: float, angle: float) ->
     return inside.reshape(60, FINE, 60, FINE).mean(axis=(1, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", [0.0, 0.1, 0.3, 0.5, 0.6])
 def test_the_centre_of_a_covered_mark_is_found_by_its_arc(hidden: float) -> None:
     rng = np.random.default_rng(3)

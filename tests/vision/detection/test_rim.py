@@ -23,6 +23,7 @@ def ball(center: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndar
     return np.clip(blurred, 0, 255).astype(np.uint8)
 
 
+@pytest.mark.slow
 def test_a_ball_is_found_by_its_rim_within_its_covariance() -> None:
     rng = np.random.default_rng(1)
     errors, covs, by_color = [], [], []

@@ -54,6 +54,7 @@ def test_marks_in_good_light_are_where_the_truth_says() -> None:
     assert max(errors) < 0.2
 
 
+@pytest.mark.slow
 def test_the_whole_range_covers_marks_now_and_then() -> None:
     visible = np.array([f.frame.visible for seed in range(8) for f in run(seed, 15, "whole range", size_px=SMALL)][::5])
     assert 0.01 < (visible < 0.9).mean() < 0.4

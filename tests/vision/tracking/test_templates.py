@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from vision import Disc, Expected, Lighting, MarkFinder, MarkHue, Outline, draw_frame
 from vision.tracking.settings import FINDER
@@ -96,6 +97,7 @@ def test_a_blot_of_the_colour_where_a_mark_is_hidden_is_not_it() -> None:
         assert found == {"M1", "M2"}
 
 
+@pytest.mark.slow
 def test_looks_are_forgotten_where_a_mark_is_not_seen_for_long() -> None:
     rng = np.random.default_rng(4)
     finder = warmed(rng)

@@ -64,6 +64,7 @@ def test_faults_of_cameras_are_told(tmp_path: Path, old: str, new: str, message:
     assert str(fault.value).startswith(str(tmp_path))
 
 
+@pytest.mark.slow
 def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> None:
     import vision
     from experiments.pipeline.line import Line

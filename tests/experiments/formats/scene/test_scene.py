@@ -98,6 +98,7 @@ def scenes(draw: st.DrawFn) -> Scene:
     return Scene(network, tuple(marks), Target(draw(st.sampled_from(free)), draw(numbers(1e-6, 1.0))), tuple(cameras))
 
 
+@pytest.mark.slow
 @given(scenes())
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(tmp_path: Path, scene: Scene):

@@ -26,6 +26,7 @@ def outcomes(study):
     return {name: [run(Trial(name, 100, duration_s=5.0), Model(), study.cache)] for name in ("quiet", "shoved")}
 
 
+@pytest.mark.slow
 def test_the_filter_is_far_below_the_open_loop(outcomes):
     """5 s of each: below a quarter of the open loop's error (the whole study: 0.10 and 0.20), within its regions."""
     rows = by_scenario(outcomes)
@@ -46,6 +47,7 @@ def test_figures_are_those_of_all_frames(outcomes):
     assert row["ratio"] == row["filter_mm"] / row["open_loop_mm"]
 
 
+@pytest.mark.slow
 def test_the_bound_lies_below_and_not_far(study):
     """One quiet run: RMSE 0.8 to 1.3 of the bound (100 runs: 1.05)."""
     rows = bound(study)
@@ -93,6 +95,7 @@ def test_a_page_is_rewritten_between_its_marks_and_nowhere_else(outcomes):
         rewritten(page, "grid", {})
 
 
+@pytest.mark.slow
 def test_identified_runs_hold_their_figures(study, monkeypatch):
     """One phantom 10 % off, identified from 6 s, tracked for 5 s: quiet below 0.2, poked below 0.3."""
     import experiments.studies.estimation.study as module

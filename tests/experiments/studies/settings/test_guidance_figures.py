@@ -28,6 +28,7 @@ def figures():
     return {name: guidance_figures(one, seeds=(804,), durations_s=SHORT) for name, one in settings.items()}
 
 
+@pytest.mark.slow
 def test_the_figures_are_of_advised_insertions(figures):
     """Shares lie in 0 to 1; of insertions begun at 90 % or more most hit; probabilities are right within 0.25."""
     for name in ("go_hit_rate", "go_share", "calibration_error", "breathing_share"):

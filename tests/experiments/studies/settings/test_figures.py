@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.studies import calibration_figures as cameras
+from experiments.studies.settings import calibration_figures as cameras
 from experiments.studies.settings.source_figures import source_figures
 from vision import CalibrationSettings, SourceSettings
 
