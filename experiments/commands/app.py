@@ -48,9 +48,10 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # rich would take as long to load as all else
 )
 for command in COMMANDS:
-    app.command()(command)
+    app.command(short_help=(command.__doc__ or "").split("\n", maxsplit=1)[0])(command)
 
 
 def main() -> None:
