@@ -22,7 +22,7 @@ def changed_files() -> list[str]:
     return sorted(set(names))
 
 
-def tests_beside(name: str) -> str | None:
+def beside(name: str) -> str | None:
     """The test file or folder of a changed file; None where there is none."""
     path = Path(name)
     if path.parts[0] == "tests":
@@ -39,5 +39,5 @@ def tests_beside(name: str) -> str | None:
 
 
 if __name__ == "__main__":
-    found = {test for name in changed_files() if (test := tests_beside(name)) is not None}
+    found = {test for name in changed_files() if (test := beside(name)) is not None}
     print(*sorted(found or {"tests/test_pins.py"}), sep="\n")
