@@ -74,7 +74,8 @@ def oracle(times, means, covs, ahead, s):
         wanted = np.vstack([np.sqrt(weights)[:, None] * x, np.zeros((n, 2))])
         fit = np.linalg.lstsq(design, wanted, rcond=None)[0]
         fits.append(fit)
-        inverses.append(np.linalg.pinv(design) @ np.linalg.pinv(design).T)
+        root = np.linalg.inv(np.linalg.qr(design, mode="r"))
+        inverses.append(root @ root.T)
         misfits.append(((wanted - design @ fit) ** 2).sum())
     misfits = np.array(misfits)
     span = times[-1] - times[0]
