@@ -41,7 +41,7 @@ from vision import (
     posed_camera,
     synthetic_run,
 )
-from vision.tracking.settings import FinderSettings
+from vision.tracking.settings import FINDER, FinderSettings
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
@@ -74,7 +74,9 @@ def followed(
     camera = posed_camera("drawn", view.size_px, lens, Pose(view.rotation, view.translation_m))
     names = [f"M{k}" for k in range(len(first.marks))]
     clearest = int(np.argmax(first.frame.visible))
-    hue = learn_hue(first.frame.image, first.frame.centers_px[clearest])
+    hue = learn_hue(
+        first.frame.image, first.frame.centers_px[clearest], (FINDER if settings is None else settings).hue.learning
+    )
     finder = MarkFinder([hue], settings)
     rng = np.random.default_rng([seed, 7])
     gate = PREDICTED_SD_PX**2 * np.eye(2)
@@ -99,7 +101,7 @@ def followed(
                 center = seen.center_px - camera.disc_shift(camera.to_plane(seen.center_px), radius_m)[0]
                 away = np.linalg.norm(one.frame.centers_px - center, axis=1)
                 row |= {"du": center[0] - truth[0], "dv": center[1] - truth[1]}
-                row |= {"uu": seen.cov_px2[0, 0], "vv": seen.cov_px2[1, 1], "covered": seen.covered}
+                row |= {"uu": seen.cov_px2[0, 0], "vv": seen.cov_px2[1, 1], "covered": seen.occluded}
                 false = bool(away[k] > radius_px[k])
                 row |= {"far": bool(away[k] > FAR_PX), "false": false}
                 row |= {"swapped": false and bool((away < radius_px).any())}

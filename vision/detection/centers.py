@@ -41,7 +41,7 @@ class Center:
 
     center_px: Floats
     cov_px2: Floats
-    covered: bool = False
+    occluded: bool = False
     size: float = 1.0
 
 
@@ -58,15 +58,13 @@ def centers_of(
 
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline say the same; None where they do not."""
-    if seen.noise_sd > settings.components.max_noise:
-        return None
     center = _agreed(
         seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings.centers
     )
     if center is None:
         return None
     return Center(
-        center.center_px, _trust(seen, outline, settings.centers) * center.cov_px2, center.covered, center.size
+        center.center_px, _trust(seen, outline, settings.centers) * center.cov_px2, center.occluded, center.size
     )
 
 
@@ -94,13 +92,10 @@ def _by_outline(
     fitted = fit_outline(seen.alpha, seen.center_px, outline, settings.outline)
     share = seen.area_px / outline.area_px
     if outline.even:
-        if share > limits.merged_area and (fitted is None or fitted.beyond > settings.outline.max_beyond):
+        if share > limits.merged_area and (fitted is None or fitted.beyond > 1.0 - settings.outline.whole_share):
             starts = _starts(piece, expected_px, outline)
-            several = [
-                fit_outline(seen.alpha, start, outline, settings.outline, reach=settings.outline.reach_among)
-                for start in starts
-            ]
-            if all(several) and (len(expected_px) > 1 or _apart(several, outline, limits)):
+            several = [fit_outline(seen.alpha, start, outline, settings.outline) for start in starts]
+            if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
                 return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
         agreed = _agreed(seen, fitted, outline, limits)
         if agreed is not None:
@@ -110,8 +105,8 @@ def _by_outline(
         circles.append((*fitted.center_px, fitted.size))
     rim = _by_rim(piece, outline, np.array(circles), settings)
     if rim is not None:
-        return [replace(rim, covered=rim.covered or share < limits.whole_area * rim.size**2)]
-    if fitted is not None and fitted.beyond <= settings.outline.max_beyond:
+        return [replace(rim, occluded=rim.occluded or share < settings.outline.whole_share * rim.size**2)]
+    if fitted is not None and fitted.beyond <= 1.0 - settings.outline.whole_share:
         return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
     if share < limits.min_area or (outline.even and share > limits.max_area):
         return []
@@ -144,9 +139,9 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
     return middle + np.array([[lengths.min() + radius], [lengths.max() - radius]]) * along
 
 
-def _apart(several: Sequence[Fitted | None], outline: Outline, settings: CenterSettings) -> bool:
+def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
     """Whether centres are those of different marks, and not of one that is larger than it was thought to be."""
-    near = settings.apart * (outline.area_px / np.pi) ** 0.5
+    near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
 

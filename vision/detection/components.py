@@ -84,7 +84,7 @@ def detect_marks(
         contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         of_hue = [search.detected(contour, number, hue.hue_deg) for contour in contours]
         found += (
-            _pieced(of_hue, min(outlines, key=lambda one: one.area_px), settings.centers.apart)
+            _pieced(of_hue, min(outlines, key=lambda one: one.area_px))
             if outlines
             else [d for each in of_hue for d in each]
         )
@@ -140,8 +140,6 @@ class _Search:
         )
         if piece is None or seen is None:
             return []
-        if seen.noise_sd > self.settings.components.max_noise and all(one.even for one in self.outlines):
-            return []
         if not self.min_area_px <= seen.area_px <= self.max_area_px:
             return []
 
@@ -155,11 +153,11 @@ class _Search:
         return [
             Detection(
                 at.center_px + piece.corner_px + self.corner_px,
-                at.cov_px2 if at.covered else at.cov_px2 + outside,
+                at.cov_px2 if at.occluded else at.cov_px2 + outside,
                 seen.area_px,
                 hue_deg,
                 piece.clipped,
-                at.covered,
+                at.occluded,
                 seen.color_bgr,
                 at.size,
             )
@@ -210,9 +208,9 @@ class _Search:
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
 
-def _pieced(found: Sequence[Sequence[Detection]], outline: Outline, apart: float) -> list[Detection]:
+def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
     """All that was found in the pieces of a picture; fragments of one mark, as a needle leaves them, put together."""
-    near = apart * (outline.area_px / np.pi) ** 0.5
+    near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []
     for one in (several[0] for several in found if len(several) == 1):

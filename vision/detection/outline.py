@@ -67,22 +67,16 @@ class Fitted:
 
 
 def fit_outline(
-    alpha: Floats,
-    start_px: Floats,
-    outline: Outline,
-    settings: OutlineSettings = DETECTION.outline,
-    *,
-    reach: float | None = None,
+    alpha: Floats, start_px: Floats, outline: Outline, settings: OutlineSettings = DETECTION.outline
 ) -> Fitted | None:
     """The mark whose edge is seen best; None where too little of it is.
 
     alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
     start_px: a place inside what is seen, (2,)
-    reach: how far from there the edge may lie, in sizes of the mark; where no edge is nearer another mark goes on
+    settings: `reach` says how far from there the edge may lie [sizes]; where none is nearer another mark goes on
     """
-    reach = settings.reach if reach is None else reach
     center, cov, share, beyond, size = _fitted(
-        alpha, start_px, outline.shape_px, outline.size_sd, reach, settings.for_kernel()
+        alpha, start_px, outline.shape_px, outline.size_sd, settings.reach, settings.for_kernel()
     )
     return Fitted(center, cov, share, beyond, size) if share >= settings.min_share else None
 

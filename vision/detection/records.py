@@ -23,7 +23,7 @@ class Detection:
     area_px: what is seen of it [px]
     hue_deg: the hue of its class
     clipped: it touches the border of what was searched, so part of it was not seen
-    covered: something hides part of it, so its centre is that of its outline
+    occluded: something hides part of it, so its centre is that of its outline
     color_bgr: of its core [grey levels]
     size: by that of the outline it was looked for with
     """
@@ -33,6 +33,6 @@ class Detection:
     area_px: float
     hue_deg: float
     clipped: bool
-    covered: bool = False
+    occluded: bool = False
     color_bgr: tuple[float, ...] = (0.0, 0.0, 0.0)
     size: float = 1.0

@@ -41,7 +41,7 @@ def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSetti
         return None
     mask = np.zeros(patch.shape[:2], dtype=np.uint8)
     center = rim.center_px
-    cv2.circle(mask, (round(center[0]), round(center[1])), max(1, round(limits.core * radius)), 1, cv2.FILLED)
+    cv2.circle(mask, (round(center[0]), round(center[1])), max(1, round(radius)), 1, cv2.FILLED)
     color = tuple(float(level) for level in cv2.mean(patch, mask)[:3])
     area = float(outline.area_px * rim.size**2)
     return Detection(center + corner, rim.cov_px2, area, expected.hue_deg, False, True, color, rim.size)

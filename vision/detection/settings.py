@@ -51,25 +51,21 @@ class OutlineSettings:
     """How an outline is fitted to the edge of a mark.
 
     reach: how far from the middle of what is seen an edge may lie [sizes]; choice
-    reach_among: the same from the expected place of one of several marks [sizes]; choice
     near_px: edges so near to the circle lie on it [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
     highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
     edge_sd_px: least standard deviation of an edge [px]; choice
     min_share: share of all directions that must show the mark's own edge [1]; choice
-    whole_share: share of directions with an edge up to which part of the mark may be occluded [1]; choice
-    max_beyond: share of directions with an edge outside up to which the outline holds [1]; choice
+    whole_share: share of directions with an edge, or of the area, up to which part of the mark is occluded [1]; choice
     """
 
     reach: float = 2.0
-    reach_among: float = 1.4
     near_px: float = 0.4
     correlation_px: float = 3.0
     highest_wave: int = 7
     edge_sd_px: float = 0.05
     min_share: float = 0.2
     whole_share: float = 0.85
-    max_beyond: float = 0.1
 
     def for_kernel(self) -> tuple[float, ...]:
         """As the kernels of `outline` and `rim` take them."""
@@ -95,7 +91,6 @@ class RimSettings:
     min_share_alone: the same where nothing but the rim shows the mark [1]; choice
     search_sds: how far about the expected place the search for a rim begins [standard deviations]; choice
     max_sd: marks expected less exactly are not searched for by their rim [sizes]; choice
-    core: part of a mark from which its colour is taken [sizes]; choice
     smear_gain: variance of the rim's centre by the spread that motion adds to the mark [1]; choice
     shading: how far shading moves the rim of a ball that shows all of it [sizes]; choice
     """
@@ -110,7 +105,6 @@ class RimSettings:
     min_share_alone: float = 0.45
     search_sds: float = 2.0
     max_sd: float = 1.5
-    core: float = 0.6
     smear_gain: float = 0.12
     shading: float = 0.01
 
@@ -123,14 +117,12 @@ class ComponentSettings:
     max_elongation: longest by shortest axis [1]; choice
     min_class_share: share of its area that a mark shows before its edge is counted [1]; choice
     coarse_area_px: marks of at least this area are searched for at half the resolution [px]; choice
-    max_noise: noise of a pixel by a mark's contrast, above which it is a stain [1]; choice
     """
 
     max_picture_share: float = 0.3
     max_elongation: float = 4.0
     min_class_share: float = 0.4
     coarse_area_px: float = 60.0
-    max_noise: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +133,6 @@ class CenterSettings:
     agree_sd_px: by what two centres of one mark may differ beside their covariances [px]; choice
     min_area, max_area: share of a mark's area that something without an outline must show, and may show [1]; choice
     merged_area: share from which on it may be several marks that touch [1]; choice
-    apart: outlines nearer than this are those of one mark [sizes]; choice
-    whole_area: share below which part of the mark is occluded [1]; choice
     grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
         their variance at most [1]; choice
     blurred: spread of a mark at rest by that of its outline [1]; choice
@@ -151,10 +141,8 @@ class CenterSettings:
     gate: float = 13.815510557964274
     agree_sd_px: float = 0.08
     min_area: float = 0.5
-    max_area: float = 1.6
+    max_area: float = 2.0
     merged_area: float = 1.25
-    apart: float = 0.5
-    whole_area: float = 0.9
     grain_noise: float = 0.02
     grain_gain: float = 3.2
     blurred: float = 1.2

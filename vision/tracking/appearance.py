@@ -22,6 +22,11 @@ from vision.detection.expected import Expected
 from vision.detection.outline import Outline
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
+N_FITS = 2
+"""Iterations of the fitted colour: more change no figure."""
+COARSE_PX = 3
+"""Step of the search that comes first [px]: it only saves time."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AppearanceMatch:
@@ -31,7 +36,6 @@ class AppearanceMatch:
     score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that look like
     it; around: how much the ring around it does, from -1 to 1; color_bgr: median of the pixels that look like it
     weighed: the score, less what it loses by its distance from where the mark is expected
-    there: the score of another place that was asked for
     """
 
     center_px: Floats
@@ -40,7 +44,6 @@ class AppearanceMatch:
     around: float
     color_bgr: tuple[float, ...]
     weighed: float
-    there: float = -np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +51,7 @@ class _Look:
     """A mark and what is around it.
 
     inside, ring: pixels from its centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of
-    the ring, (3,); sd: of the level of a pixel
+    the ring, (3,)
     """
 
     inside: NDArray[np.int64]
@@ -56,13 +59,12 @@ class _Look:
     colors: Floats
     core: Floats
     behind: Floats
-    sd: float
     settings: AppearanceSettings
 
     @property
-    def blends(self) -> float:
-        """How much what is around looks like the mark, from -1 to 1."""
-        return max(1.0 - float(_squared(self.behind, self.core, self.sd, self.settings)), -1.0)
+    def blends(self) -> bool:
+        """Whether the background is like the mark, so that it cannot be told from it."""
+        return bool(_squared(self.behind, self.core, self.settings) < 1.0)
 
 
 class AppearanceModel:
@@ -96,14 +98,14 @@ class AppearanceModel:
         self,
         frame_bgr: Image,
         expected: Expected,
-        there_px: Floats | None = None,
+        about_px: Floats | None = None,
         *,
         within_px: float | None = None,
         another: bool = False,
     ) -> AppearanceMatch | None:
         """Where it looks most like the mark about where that is expected.
 
-        there_px: another place, whose score is asked for, (2,); within_px: only so near to that is looked
+        about_px: another place, (2,); within_px: only so near to that is searched
         another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
         None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
         """
@@ -115,10 +117,10 @@ class AppearanceModel:
         height, width = frame_bgr.shape[:2]
         u0, v0 = (max(int(np.ceil(x - reach)), 0) for x in expected.center_px)
         u1, v1 = (min(int(x + reach) + 1, size) for x, size in zip(expected.center_px, (width, height), strict=True))
-        if within_px is not None and there_px is not None:
-            (u, v), far = (round(float(x)) for x in there_px), ceil(within_px)
+        if within_px is not None and about_px is not None:
+            (u, v), far = (round(float(x)) for x in about_px), ceil(within_px)
             u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
-        if (look.blends > settings.max_blend and not another) or u1 <= u0 or v1 <= v0:
+        if (look.blends and not another) or u1 <= u0 or v1 <= v0:
             return None
         pad = _half(outline, settings) + 3
         corner = left, top = max(u0 - pad, 0), max(v0 - pad, 0)
@@ -128,23 +130,18 @@ class AppearanceModel:
         box = (u0, v0, u1, v1)
         if another:
             # a colour is fitted at each place: first of every third, then of those about the best
-            _, weighed = _weighed(part, corner, box, look, expected, settings.coarse_px, another)
+            _, weighed = _weighed(part, corner, box, look, expected, COARSE_PX, another)
             j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
-            u, v, far = u0 + settings.coarse_px * i, v0 + settings.coarse_px * j, settings.coarse_px
+            u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
             box = u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
         told, weighed = _weighed(part, corner, box, look, expected, 1, another)
         j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
         center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
         u, v = (look.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
-        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], look.sd, settings) < 1.0
+        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], settings) < 1.0
         color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
         share, around = (float(x) for x in told[1:3, j, i])
-        there = -np.inf
-        if there_px is not None:
-            x, y = round(float(there_px[0])) - u0, round(float(there_px[1])) - v0
-            if 0 <= x < told.shape[2] and 0 <= y < told.shape[1]:
-                there = _score(told[:, y, x], settings.ring_weight)
         return AppearanceMatch(
             center,
             _score(told[:, j, i], settings.ring_weight),
@@ -152,7 +149,6 @@ class AppearanceModel:
             around,
             tuple(color.tolist()),
             float(weighed[j, i]),
-            there,
         )
 
     def _look(self, outline: Outline) -> _Look:
@@ -168,12 +164,9 @@ class AppearanceModel:
             [_redrawn(*kept, inverse, middle, size, settings.blur_px) for kept in self._kept], dtype=np.float64
         )
         median = np.median(views, axis=0)
-        sd = settings.unknown_sd
-        if len(views) >= 3:
-            sd = max(settings.grain * float(np.median(np.abs(views - median))), settings.min_sd)
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
-        return _Look(inside, ring, colors, np.median(colors, axis=0), behind, sd, settings)
+        return _Look(inside, ring, colors, np.median(colors, axis=0), behind, settings)
 
 
 def _weighed(
@@ -200,14 +193,13 @@ def _weighed(
         look.colors,
         look.core,
         look.behind,
-        look.sd,
         look.settings.for_kernel(),
         another,
     )
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
-    prior = look.settings.free_prior if another else look.settings.prior
+    prior = look.settings.prior
     return told, _score(told, look.settings.ring_weight) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
 
 
@@ -239,7 +231,7 @@ def _half(outline: Outline, settings: AppearanceSettings) -> int:
     # the longer half axis: the larger singular value, written out
     total = a * a + b * b + c * c + d * d
     longer = sqrt(0.5 * (total + sqrt(max(total * total - 4.0 * (a * d - b * c) ** 2, 0.0))))
-    return ceil(settings.outer * longer + settings.ring_px + 1.0)
+    return ceil((1.0 + settings.margin) * longer + settings.ring_px + 1.0)
 
 
 @lru_cache(maxsize=256)
@@ -250,13 +242,15 @@ def _pixels(shape_px: bytes, half: int, settings: AppearanceSettings) -> tuple[N
     places = np.column_stack([u.ravel(), v.ravel()]).astype(np.int64)
     off = np.linalg.norm(places @ np.linalg.inv(shape).T, axis=1)
     pixel = abs(float(np.linalg.det(shape))) ** -0.5
-    begin = settings.outer + 0.5 * pixel
-    return places[off <= settings.inner], places[(off > begin) & (off <= begin + settings.ring_px * pixel)]
+    begin = 1.0 + settings.margin + 0.5 * pixel
+    return places[off <= 1.0 - settings.margin], places[(off > begin) & (off <= begin + settings.ring_px * pixel)]
 
 
-def _squared(pixels: Floats, colors: Floats, sd: float, settings: AppearanceSettings) -> Any:
+def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
     """How far colours are off, squared, by how far those of pixels that look alike may be: (n, 3) or (3,) each."""
-    return ((pixels - colors) ** 2 / (sd**2 + (settings.shade * colors) ** 2)).mean(axis=-1) / settings.match
+    return ((pixels - colors) ** 2 / (settings.level_sd**2 + (settings.shade * colors) ** 2)).mean(
+        axis=-1
+    ) / settings.match
 
 
 def _peak(line: Floats, k: int) -> float:
@@ -268,8 +262,9 @@ def _peak(line: Floats, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _off(frame, y, x, color, sd, match, shade):  # type: ignore[no-untyped-def]
+def _off(frame, y, x, color, level):  # type: ignore[no-untyped-def]
     """As `_squared`, of one pixel."""
+    match, shade, sd = level
     squared = 0.0
     for c in range(3):
         off = frame[y, x, c] - color[c]
@@ -278,9 +273,10 @@ def _off(frame, y, x, color, sd, match, shade):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, settings, another):  # type: ignore[no-untyped-def]
+def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, another):  # type: ignore[no-untyped-def]
     """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
-    match, shade, ring_contrast, hidden, _, _, _ = settings
+    match, shade, sd, hidden = settings
+    level = match, shade, sd
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
     told = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
@@ -289,27 +285,25 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, settings
         for u in range(u0, u1, step):
             row, column = (v - v0) // step, (u - u0) // step
             if another:
-                _fit_core(frame, v, u, inside, colors, core, sd, settings, own_core, own_colors)
+                _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors)
             total, like = 0.0, 0
             for k in range(len(inside)):
                 x, y = u + inside[k, 0], v + inside[k, 1]
                 if x < 0 or y < 0 or x >= width or y >= height:
                     total -= hidden
                     continue
-                off = _off(frame, y, x, own_colors[k], sd, match, shade)
+                off = _off(frame, y, x, own_colors[k], level)
                 if off < 1.0:
                     like += 1
                     total += 1.0 - off
                 else:
-                    total -= 1.0 if not another and _off(frame, y, x, behind, sd, match, shade) < 1.0 else hidden
+                    total -= 1.0 if not another and _off(frame, y, x, behind, level) < 1.0 else hidden
             around, n_ring = 0.0, 0
             for k in range(len(ring)):
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(
-                        1.0 - (ring_contrast if another else 1.0) * _off(frame, y, x, own_core, sd, match, shade), -1.0
-                    )
+                    around += max(1.0 - _off(frame, y, x, own_core, level), -1.0)
             told[0, row, column] = total / len(inside)
             told[1, row, column] = like / len(inside)
             told[2, row, column] = around / max(n_ring, 1)
@@ -318,19 +312,18 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, sd, settings
 
 
 @njit(cache=True, nogil=True)
-def _fit_core(frame, v, u, inside, colors, core, sd, settings, own_core, own_colors):  # type: ignore[no-untyped-def]
+def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors):  # type: ignore[no-untyped-def]
     """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all."""
-    match, shade, _, _, n_fits, darkest, brightest = settings
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0
-    for turn in range(int(n_fits)):
+    for turn in range(N_FITS):
         sums[:] = 0.0
         n = 0
         for k in range(len(inside)):
             x, y = u + inside[k, 0], v + inside[k, 1]
             if x < 0 or y < 0 or x >= width or y >= height:
                 continue
-            if turn == 0 or _off(frame, y, x, own_colors[k], sd, match, shade) < 1.0:
+            if turn == 0 or _off(frame, y, x, own_colors[k], level) < 1.0:
                 n += 1
                 for c in range(3):
                     sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
@@ -338,7 +331,7 @@ def _fit_core(frame, v, u, inside, colors, core, sd, settings, own_core, own_col
             return
         for c in range(3):
             own_core[c] = max(sums[c] / n, 0.0)
-        light = min(max(own_core.max() / max(core.max(), 1.0), darkest), brightest)
+        light = own_core.max() / max(core.max(), 1.0)
         for c in range(3):
             for k in range(len(inside)):
                 own_colors[k, c] = own_core[c] + light * (colors[k, c] - core[c])

@@ -6,11 +6,14 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from math import exp, inf, log
+from math import exp, log
 
 from vision.detection.hue import MarkHue, on_circle
 from vision.detection.records import Detection
 from vision.tracking.settings import FINDER, HueTrackingSettings
+
+LEAST = 0.01
+"""Rounding step of saturation and value: `MarkHue` takes none of 0."""
 
 
 class AdaptiveHue:
@@ -23,51 +26,41 @@ class AdaptiveHue:
 
     def __init__(self, hue: MarkHue, settings: HueTrackingSettings = FINDER.hue) -> None:
         self._settings = settings
-        most = settings.max_scatter
-        self._max_scatter = (most * settings.hue_sd_deg) ** 2, (most * settings.saturation_sd) ** 2, inf
         self.now = hue
         self._first = hue
         self._n_frames = 0
-        self._color, self._scatter = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+        self._color = [0.0, 0.0, 0.0]
         if hue.saturation is not None and hue.value is not None:
-            self._n_frames = settings.n_learned
+            self._n_frames = 1
             self._color[1:] = hue.saturation, log(hue.value)
 
-    def fits(self, detection: Detection) -> bool:
-        """Whether a detection's colour may be that of such a mark."""
-        return self.off(detection) <= 1.0
-
-    def off(self, detection: Detection) -> float:
-        """How far a detection's colour is off, squared, by how far a mark's may be; 0 until some were seen."""
-        if self._n_frames < self._settings.n_learned:
+    def distance(self, detection: Detection) -> float:
+        """How far a detection's colour is from such a mark's, squared [gates]; 0 until some were seen."""
+        if not self._n_frames:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
-        (mean_hue, mean_saturation, _), (scatter_hue, scatter_saturation, _) = self._color, self._scatter
-        squared = (hue - mean_hue) ** 2 / max(scatter_hue, self._settings.hue_sd_deg**2)
-        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, self._settings.saturation_sd**2)
+        mean_hue, mean_saturation, _ = self._color
+        squared = ((hue - mean_hue) / self._settings.hue_sd_deg) ** 2
+        squared += ((saturation - mean_saturation) / self._settings.saturation_sd) ** 2
         return squared / self._settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
-        """Take in the colours of marks that were found and named; those partly covered or cut do not count."""
+        """Take in the colours of marks that were found and named; those partly occluded or clipped do not count."""
         first, settings = self._first, self._settings
-        colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.covered or d.clipped)]
+        colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.occluded or d.clipped)]
         if not colors:
             return
         self._n_frames += 1
         share = max(settings.gain, 1.0 / self._n_frames)
-        for k, (seen, most) in enumerate(zip(zip(*colors, strict=True), self._max_scatter, strict=True)):
-            off = [level - self._color[k] for level in seen]
-            self._color[k] += share * sum(off) / len(off)
-            if self._n_frames > 1:
-                spread = sum(each * each for each in off) / len(off)
-                self._scatter[k] = min(self._scatter[k] + share * (spread - self._scatter[k]), most)
+        for k, seen in enumerate(zip(*colors, strict=True)):
+            self._color[k] += share * (sum(seen) / len(seen) - self._color[k])
         furthest = settings.max_drift * first.half_width_deg
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
         # in steps, so that the table of classes is the same from frame to frame
         drift = round(2.0 * min(max(drift, -furthest), furthest)) / 2.0
         seen_deg = on_circle(first.middle_deg + drift)
-        min_saturation = max(settings.min_saturation, min(first.min_saturation, round(settings.paler * saturation, 2)))
-        min_value = max(settings.min_value, min(first.min_value, round(settings.darker * value, 2)))
+        min_saturation = max(LEAST, min(first.min_saturation, round(settings.learning.paler * saturation, 2)))
+        min_value = max(LEAST, min(first.min_value, round(settings.learning.darker * value, 2)))
         if (seen_deg, min_saturation, min_value) != (self.now.seen_deg, self.now.min_saturation, self.now.min_value):
             self.now = replace(first, seen_deg=seen_deg, min_saturation=min_saturation, min_value=min_value)
 

@@ -89,7 +89,7 @@ def test_a_needle_across_a_mark_leaves_one_mark_at_its_place() -> None:
         image = compress(cut(drawn, center, 5.0), 95)
         (found,) = detect_marks(image, [MarkHue(0.0)], min_area_px=60.0, outlines=[outline])
         assert np.abs(found.center_px - center).max() < 0.3  # measured 0.1
-        assert found.covered
+        assert found.occluded
         # without the outline there are two halves
         assert len(detect_marks(image, [MarkHue(0.0)], min_area_px=60.0)) == 2
 
@@ -106,7 +106,7 @@ def test_the_covariance_grows_as_a_mark_is_covered() -> None:
                 image[:, 52 - hidden :] = (150, 160, 170)
             found = detect_marks(image, [MarkHue(0.0)], min_area_px=60.0, outlines=[Outline(12.0 * np.eye(2), 0.05)])
             assert len(found) == 1
-            assert found[0].covered == (hidden > 0)
+            assert found[0].occluded == (hidden > 0)
             assert np.abs(found[0].center_px - center).max() < 0.7
             variances.append(np.trace(found[0].cov_px2))
         spread[hidden] = float(np.median(variances))

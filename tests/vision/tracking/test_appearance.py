@@ -146,10 +146,11 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
     blood = Disc(np.array([108.0, 84.0]), (20.0, 14.0), **BLOOD)
     picture = frame(rng, blood, mark((100.0, 80.0)))
     there = np.array([103.0, 78.0])
-    place = look.place(picture, expected((101.0, 79.0)), there_px=there)
+    place = look.place(picture, expected((101.0, 79.0)))
+    at_there = look.place(picture, expected((101.0, 79.0)), there, within_px=0.0)
 
     views = [cv2.GaussianBlur(view, (0, 0), SETTINGS.blur_px).astype(float) for view, _, _ in look._kept]
-    half = int(np.ceil(SETTINGS.outer * RADIUS + SETTINGS.ring_px + 1.0))
+    half = int(np.ceil((1.0 + SETTINGS.margin) * RADIUS + SETTINGS.ring_px + 1.0))
     v, u = np.mgrid[-half : half + 1, -half : half + 1]
     cut = np.array(
         [
@@ -158,10 +159,10 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
         ]
     )
     median = np.median(cut, axis=0)
-    sd = max(2.2 * np.median(np.abs(cut - median)), SETTINGS.min_sd)
+    sd = SETTINGS.level_sd
     off = np.hypot(u, v) / RADIUS
-    begin = SETTINGS.outer + 0.5 / RADIUS
-    inside, ring = off <= SETTINGS.inner, (off > begin) & (off <= begin + SETTINGS.ring_px / RADIUS)
+    begin = 1.0 + SETTINGS.margin + 0.5 / RADIUS
+    inside, ring = off <= 1.0 - SETTINGS.margin, (off > begin) & (off <= begin + SETTINGS.ring_px / RADIUS)
     smooth = cv2.GaussianBlur(picture, (0, 0), SETTINGS.blur_px).astype(float)
 
     def apart(levels: np.ndarray, colors: np.ndarray) -> np.ndarray:
@@ -178,7 +179,7 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
         return each.mean() - SETTINGS.ring_weight * around.mean(), (own < 1.0).mean()
 
     # views are redrawn in whole levels, between pixels to a 32nd of one
-    assert place.there == pytest.approx(score(there)[0], abs=0.01)
+    assert at_there.score == pytest.approx(score(there)[0], abs=0.01)
     best = score(np.rint(place.center_px))
     assert (place.score, place.share) == pytest.approx(best, abs=0.01)
     off_px = np.rint(place.center_px) - (101.0, 79.0)
@@ -204,4 +205,3 @@ def test_nothing_further_away_is_looked_at_where_that_is_not_asked_for() -> None
     assert look.place(picture, expected((104.0, 80.0), sd=5.0), there).center_px[0] == pytest.approx(94.0, abs=0.5)
     place = look.place(picture, expected((104.0, 80.0), sd=5.0), there, within_px=4.0)
     assert np.abs(place.center_px - there).max() <= 4.5
-    assert place.there <= place.score

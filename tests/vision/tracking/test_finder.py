@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import vision.tracking.finder
+import vision.tracking.stages
 from vision import Disc, Expected, HueError, Lighting, MarkFinder, MarkHue, Outline, detect_marks, draw_frame
 from vision.detection.fast_path import detect_isolated
+from vision.tracking.settings import FINDER
+from vision.tracking.stages import STAGES
 
 SIZE = (640, 480)
 HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
@@ -26,7 +28,7 @@ def frame(places: dict[str, np.ndarray], rng: np.random.Generator, *more: Disc) 
 
 def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.MonkeyPatch) -> None:
     rng, regions = np.random.default_rng(1), []
-    detect, alone = vision.tracking.finder.detect_marks, vision.tracking.finder.detect_isolated
+    detect, alone = vision.tracking.stages.detect_marks, vision.tracking.stages.detect_isolated
 
     def watched(*given, **more):
         regions.append(more["region"])
@@ -36,8 +38,8 @@ def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.Monke
         regions.append(region)
         return alone(frame_bgr, hues, region, expected, settings)
 
-    monkeypatch.setattr(vision.tracking.finder, "detect_marks", watched)
-    monkeypatch.setattr(vision.tracking.finder, "detect_isolated", watched_alone)
+    monkeypatch.setattr(vision.tracking.stages, "detect_marks", watched)
+    monkeypatch.setattr(vision.tracking.stages, "detect_isolated", watched_alone)
     finder = MarkFinder([MarkHue(0.0)])
     for k in range(5):
         places = {name: np.array([at[0] + 3.0 * k, at[1] + 0.3]) for name, at in HOMES.items()}
@@ -166,3 +168,19 @@ def test_marks_of_one_hue_have_one_range_of_colours() -> None:
     assert list(finder.hues) == [0.0, 120.0]
     with pytest.raises(HueError, match=r"marks of hue 0 degrees: expected one min_saturation .* found 0.3 and 0.5"):
         MarkFinder([MarkHue(0.0, min_saturation=0.3), MarkHue(0.0, min_saturation=0.5)])
+
+
+def test_an_unknown_stage_is_an_error_that_lists_the_known_ones() -> None:
+    with pytest.raises(ValueError, match=r"expected some of isolated, regions, .*, ambiguity, found 'guess'"):
+        MarkFinder([MarkHue(0.0)], replace(FINDER, stages=("picture", "guess")))
+
+
+def test_every_stage_is_named_in_the_settings() -> None:
+    assert tuple(stage.name for stage in STAGES) == FINDER.stages
+
+
+def test_a_stage_left_out_does_not_run() -> None:
+    rng = np.random.default_rng(9)
+    image = frame(HOMES, rng)
+    assert len(MarkFinder([MarkHue(0.0)], replace(FINDER, stages=("picture",))).find(image, expected(HOMES))) == 3
+    assert MarkFinder([MarkHue(0.0)], replace(FINDER, stages=("regions",))).find(image, expected(HOMES)) == []

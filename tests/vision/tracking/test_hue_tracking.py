@@ -10,8 +10,8 @@ from vision import AdaptiveHue, Detection, MarkHue
 
 def seen(hue: float, saturation: float = 0.8, value: float = 0.7, **how: bool) -> Detection:
     red, green, blue = (255.0 * x for x in colorsys.hsv_to_rgb(hue % 360.0 / 360.0, saturation, value))
-    clipped, covered = how.get("clipped", False), how.get("covered", False)
-    return Detection(np.zeros(2), np.eye(2), 300.0, 0.0, clipped, covered, (blue, green, red))
+    clipped, occluded = how.get("clipped", False), how.get("occluded", False)
+    return Detection(np.zeros(2), np.eye(2), 300.0, 0.0, clipped, occluded, (blue, green, red))
 
 
 def test_a_drift_of_hue_is_followed_through_zero() -> None:
@@ -39,21 +39,21 @@ def test_paler_and_darker_marks_still_count() -> None:
     assert AdaptiveHue(MarkHue(0.0)).now.min_saturation == 0.4
 
 
-def test_covered_and_cut_marks_teach_nothing() -> None:
+def test_occluded_and_cut_marks_teach_nothing() -> None:
     followed = AdaptiveHue(MarkHue(0.0))
     for _ in range(50):
-        followed.follow([seen(15.0, covered=True), seen(15.0, clipped=True)])
+        followed.follow([seen(15.0, occluded=True), seen(15.0, clipped=True)])
     assert followed.now == MarkHue(0.0)
 
 
 def test_other_colours_are_refused_once_the_own_is_known() -> None:
     followed = AdaptiveHue(MarkHue(0.0))
     skin = seen(20.0, 0.5)
-    assert followed.fits(skin)
+    assert followed.distance(skin) <= 1.0
     for _ in range(5):
         followed.follow([seen(0.0), seen(2.0)])
-    assert not followed.fits(skin)
-    assert followed.fits(seen(5.0, 0.75, 0.2))  # in shadow
+    assert not followed.distance(skin) <= 1.0
+    assert followed.distance(seen(5.0, 0.75, 0.2)) <= 1.0  # in shadow
     learned = AdaptiveHue(MarkHue(0.0, saturation=0.8, value=0.7))
     assert not learned.fits(skin)
     assert learned.fits(seen(-5.0, 0.85))

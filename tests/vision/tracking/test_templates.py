@@ -106,8 +106,8 @@ def test_looks_are_forgotten_where_a_mark_is_not_seen_for_long() -> None:
     hidden = frame(rng, [], [cover])
     for _ in range(FINDER.templates.forget):
         finder.find(hidden, expected(rng, HOMES))
-    assert "M2" not in finder._looks
-    assert all(name in finder._looks for name in others)
+    assert "M2" not in finder.templates
+    assert all(name in finder.templates for name in others)
 
 
 def test_looks_of_another_hue_are_not_lent() -> None:

@@ -1,0 +1,345 @@
+"""The stages of the mark finder, in one list: what each proposes, and the test that its candidates must pass.
+
+A new stage is a function that yields candidates, a function that accepts or rejects one, and a `Stage` in STAGES.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+from math import ceil, floor, hypot, inf
+
+import numpy as np
+
+from vision.arrays import Floats, Image
+from vision.detection.components import detect_marks
+from vision.detection.expected import Expected
+from vision.detection.fast_path import detect_isolated
+from vision.detection.outline import Outline
+from vision.detection.records import Detection, HueError
+from vision.detection.rim_search import detect_by_rim
+from vision.tracking.appearance import AppearanceMatch
+from vision.tracking.association import associate_marks, squared_distance
+from vision.tracking.candidates import detection_at, detection_in_other_light, is_mark, is_mark_in_other_light
+from vision.tracking.hue_tracking import AdaptiveHue
+from vision.tracking.settings import REACH_SDS, FinderSettings
+from vision.tracking.templates import AppearanceTemplates
+
+Box = tuple[int, int, int, int]
+
+
+@dataclass(slots=True, eq=False)
+class Search:
+    """The search for the marks of one frame, handed from stage to stage.
+
+    frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: as `MarkFinder.find` takes them
+    hues: colours as followed, by nominal hue; templates: appearance models; missed: names of marks that were not found
+    in the last frame, None before the first
+    found: detections by name; unassigned: detections of the last stage that are no expected mark's
+    """
+
+    frame_bgr: Image
+    expected: Sequence[Expected]
+    expected_after_impulse: Callable[[str], Expected] | None
+    hues: dict[float, AdaptiveHue]
+    templates: AppearanceTemplates
+    missed: set[str] | None
+    settings: FinderSettings
+    found: dict[str, Detection] = field(default_factory=dict)
+    unassigned: list[Detection] = field(default_factory=list)
+    regions: list[Box] = field(default_factory=list)
+
+    @property
+    def missing(self) -> list[Expected]:
+        """Expected marks that are not found yet."""
+        return [one for one in self.expected if one.name not in self.found]
+
+    def color_distance(self, seen: Detection) -> float:
+        """How far a detection's colour is from its kind's, squared [gates]."""
+        return self.hues[seen.hue_deg].distance(seen)
+
+    def is_apart(self, seen: Detection) -> bool:
+        """Whether no mark was found where this detection is."""
+        near = self.settings.detection.coverage.pad_px
+        return all(np.hypot(*(seen.center_px - other.center_px)) > near for other in self.found.values())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A detection that may be a mark.
+
+    detection: None where a mark that was found is none; name: None where association decides which mark it is
+    match: by an appearance model; margin: by how much its name is more likely than another's, as squared distance
+    """
+
+    detection: Detection | None
+    name: str | None = None
+    match: AppearanceMatch | None = None
+    margin: float = inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """One stage of the finder: what it proposes, and its acceptance test; a named candidate replaces what was found."""
+
+    name: str
+    propose: Callable[[Search], Iterable[Candidate]]
+    accept: Callable[[Search, Candidate, Detection], bool]
+
+    def run(self, search: Search) -> None:
+        """Take the accepted candidates into `search.found`, drop marks whose candidate is rejected."""
+        unnamed: list[Detection] = []
+        for candidate in self.propose(search):
+            seen = candidate.detection
+            accepted = seen is not None and self.accept(search, candidate, seen)
+            if candidate.name is None:
+                if accepted and seen is not None:
+                    unnamed.append(seen)
+            elif accepted and seen is not None:
+                search.found[candidate.name] = seen
+            else:
+                search.found.pop(candidate.name, None)
+        if unnamed:
+            named = associate_marks(unnamed, search.missing, gate=search.settings.association.gate)
+            search.found |= {one.name: one.detection for one in named}
+            taken = [one.detection for one in named]
+            search.unassigned = [seen for seen in unnamed if not any(seen is other for other in taken)]
+
+
+def _isolated(search: Search) -> Iterator[Candidate]:
+    """Marks alone in the region where they are expected, by the fast path; only where none was missed before."""
+    if search.missed is None or search.missed:
+        return
+    shape = search.frame_bgr.shape[:2]
+    regions = _regions(search.expected, shape, search.settings)
+    area = sum(width * height for _, _, width, height in regions)
+    if area >= search.settings.max_regions * shape[0] * shape[1]:
+        return
+    search.regions = regions
+    hues = [followed.now for followed in search.hues.values()]
+    for region in regions:
+        own = [one for one in search.expected if _inside(one.center_px, region)]
+        if len(own) == 1:
+            seen = detect_isolated(search.frame_bgr, hues, region, own[0], search.settings.detection)
+            yield Candidate(seen, own[0].name)
+
+
+def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
+    """Whether a detection has the colour of its kind and is where the mark is expected."""
+    expected = next(one for one in search.expected if one.name == candidate.name)
+    near = squared_distance(expected, seen) <= search.settings.association.gate
+    return near and search.color_distance(seen) <= 1.0
+
+
+def _in_regions(search: Search) -> Iterator[Candidate]:
+    """Components in the regions around expected marks that are not found yet."""
+    for region in search.regions:
+        own = [one for one in search.expected if _inside(one.center_px, region)]
+        if not own or any(one.name not in search.found for one in own):
+            yield from _components(search, own, region)
+
+
+def _in_picture(search: Search) -> Iterator[Candidate]:
+    """Components of the whole picture, where marks are missing: all are assigned again.
+
+    Raises HueError where a hue takes most of the picture and no mark was ever found: then the range is wrong.
+    """
+    if len(search.found) == len(search.expected):
+        return
+    search.found.clear()
+    search.unassigned = []
+    try:
+        yield from _components(search, search.expected, None)
+    except HueError:
+        # later, it is a hand before the camera
+        if search.missed is None:
+            raise
+
+
+def _components(search: Search, own: Sequence[Expected], region: Box | None) -> list[Candidate]:
+    outlines, min_area_px, max_area_px = _sizes(own, search.settings)
+    detections = detect_marks(
+        search.frame_bgr,
+        [followed.now for followed in search.hues.values()],
+        min_area_px=min_area_px,
+        max_area_px=max_area_px,
+        region=region,
+        outlines=outlines,
+        expected_px=[one.center_px for one in own],
+        expected_hues=[one.hue_deg for one in own],
+        settings=search.settings.detection,
+    )
+    return [Candidate(seen) for seen in detections]
+
+
+def _has_color(search: Search, _candidate: Candidate, seen: Detection) -> bool:
+    """Whether a detection has the colour of its kind."""
+    return search.color_distance(seen) <= 1.0
+
+
+def _after_impulse(search: Search) -> Iterator[Candidate]:
+    """Missing marks, where an impulse since the last frame may have moved them."""
+    missing, elsewhere = [one.name for one in search.missing], search.expected_after_impulse
+    if elsewhere is None or not missing or not search.unassigned:
+        return
+    gates = search.settings.association
+    gate = gates.gate
+    if len(search.unassigned) > len(missing):
+        # of several that may be it, only one that is near, and only in the second frame
+        gate = gates.impulse_gate
+        missing = [name for name in missing if search.missed is not None and name in search.missed]
+    for one in associate_marks(search.unassigned, [elsewhere(name) for name in missing], gate=gate):
+        yield Candidate(one.detection, one.name)
+
+
+def _checked(search: Search) -> Iterator[Candidate]:
+    """Marks found that are not clear, compared with their appearance; clear ones are remembered."""
+    frame, templates = search.frame_bgr, search.templates
+    where = {one.name: one for one in search.expected}
+    unclear = []
+    for name, seen in search.found.items():
+        if templates.is_clear(seen):
+            templates.remember(frame, seen, where[name])
+        elif templates.can_compare(where[name]):
+            unclear.append((where[name], seen))
+    for one, seen in unclear:
+        better = templates.checked(frame, one, seen, search.color_distance)
+        if better is not None and better.occluded == seen.occluded:
+            # by its outline alone: fused with a match, the model would learn its own errors
+            templates.remember(frame, seen, one)
+        yield Candidate(better, one.name)
+
+
+def _is_left(_search: Search, candidate: Candidate, _seen: Detection) -> bool:
+    """Whether the comparison with the appearance left a mark."""
+    return candidate.detection is not None
+
+
+def _by_appearance(search: Search) -> Iterator[Candidate]:
+    """Missing marks where the picture looks like them."""
+    for one in search.missing:
+        match = search.templates.match(search.frame_bgr, one) if search.templates.can_compare(one) else None
+        if match is not None:
+            yield Candidate(detection_at(match, one, search.settings.candidates), one.name, match)
+
+
+def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
+    """Whether a match is like the mark, has its colour, and is no other mark."""
+    alike = candidate.match is not None and is_mark(candidate.match, search.settings.candidates)
+    return alike and search.color_distance(seen) <= 1.0 and search.is_apart(seen)
+
+
+def _in_other_light(search: Search) -> Iterator[Candidate]:
+    """Missing marks where the picture looks like a mark of their hue in any light."""
+    for one in search.missing:
+        if search.templates.can_compare(one):
+            match = search.templates.match_in_other_light(search.frame_bgr, one)
+            if match is not None and is_mark_in_other_light(match, search.settings.candidates):
+                seen = detection_in_other_light(search.frame_bgr, match, one, search.settings)
+                yield Candidate(seen, one.name, match)
+
+
+def _by_rim(search: Search) -> Iterator[Candidate]:
+    """Missing marks of unknown appearance, by a rim about where they are expected."""
+    for one in search.missing:
+        if one.name not in search.templates:
+            yield Candidate(detect_by_rim(search.frame_bgr, one, search.settings.detection))
+
+
+def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
+    """Whether a detection has the colour of its kind and is no other mark."""
+    return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
+
+
+def _touching(search: Search) -> list[Candidate]:
+    """Marks found that touch another of their hue, with the margin of their names."""
+    where = {one.name: one for one in search.expected}
+    margins: dict[str, float] = {}
+    for (name, seen), (other_name, other_seen) in combinations(search.found.items(), 2):
+        one, other = where[name], where[other_name]
+        if one.hue_deg != other.hue_deg or one.outline is None or other.outline is None:
+            continue
+        near = (one.outline.area_px / np.pi) ** 0.5 + (other.outline.area_px / np.pi) ** 0.5
+        (u, v), (other_u, other_v) = one.center_px.tolist(), other.center_px.tolist()
+        if hypot(u - other_u, v - other_v) > near:
+            continue
+        named = squared_distance(one, seen) + squared_distance(other, other_seen)
+        margin = squared_distance(one, other_seen) + squared_distance(other, seen) - named
+        for each in (name, other_name):
+            margins[each] = min(margin, margins.get(each, inf))
+    return [Candidate(search.found[name], name, margin=margin) for name, margin in margins.items()]
+
+
+def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
+    """Whether the names of touching marks could not as well be exchanged: better missing than swapped."""
+    return candidate.margin >= search.settings.association.ambiguity
+
+
+STAGES = (
+    Stage("isolated", _isolated, _is_expected),
+    Stage("regions", _in_regions, _has_color),
+    Stage("picture", _in_picture, _has_color),
+    Stage("impulse", _after_impulse, _has_color),
+    Stage("check", _checked, _is_left),
+    Stage("appearance", _by_appearance, _is_match),
+    Stage("other light", _in_other_light, _has_color_apart),
+    Stage("rim", _by_rim, _has_color_apart),
+    Stage("ambiguity", _touching, _is_unambiguous),
+)
+"""All stages, in their order."""
+
+
+def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
+    """The stages of these names, in this order; raises ValueError for an unknown name."""
+    known = {stage.name: stage for stage in STAGES}
+    for name in names:
+        if name not in known:
+            raise ValueError(f"finder stages: expected some of {', '.join(known)}, found {name!r}")
+    return tuple(known[name] for name in names)
+
+
+def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
+    """Outlines of these marks, where all have one that is large enough; least and largest area of a component [px]."""
+    outlines = [one.outline for one in marks if one.outline is not None]
+    if len(outlines) < len(marks) or not outlines:
+        return [], 1.0, None
+    limits, areas = settings.detection.centers, [one.area_px for one in outlines]
+    if min(areas) < np.pi * settings.min_radius_px**2:
+        return [], limits.min_area * min(areas), limits.max_area * max(areas)
+    # as many as touch where outlines can part them
+    even = all(one.even for one in outlines)
+    return outlines, settings.min_seen * min(areas), len(marks) * limits.max_area * max(areas) if even else None
+
+
+def _inside(place_px: Floats, region: Box) -> bool:
+    left, top, width, height = region
+    return left <= place_px[0] < left + width and top <= place_px[1] < top + height
+
+
+def _regions(expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings) -> list[Box]:
+    """Left, top, width, height [px] of the parts of a picture, (height, width), to search; none overlap."""
+    boxes = []
+    pad_px = settings.detection.coverage.pad_px + 4
+    for one in expected:
+        (u, v), ((uu, _), (_, vv)) = one.center_px.tolist(), one.cov_px2.tolist()
+        (a, b), (c, d) = ((0.0, 0.0), (0.0, 0.0)) if one.outline is None else one.outline.shape_px.tolist()
+        across = REACH_SDS * uu**0.5 + 1.3 * hypot(a, b) + pad_px
+        down = REACH_SDS * vv**0.5 + 1.3 * hypot(c, d) + pad_px
+        low = max(floor(u - across), 0), max(floor(v - down), 0)
+        high = min(ceil(u + across) + 1, shape[1]), min(ceil(v + down) + 1, shape[0])
+        if high[0] > low[0] and high[1] > low[1]:
+            boxes.append((*low, *high))
+    overlapping = any(_overlap(a, b) for a, b in combinations(boxes, 2))
+    apart: list[Box] = [] if overlapping else boxes
+    for box in boxes if overlapping else ():
+        merged = box
+        while (other := next((one for one in apart if _overlap(one, merged)), None)) is not None:
+            apart.remove(other)
+            merged = (*map(min, other[:2], merged[:2]), *map(max, other[2:], merged[2:]))
+        apart.append(merged)
+    return [(u0, v0, u1 - u0, v1 - v0) for u0, v0, u1, v1 in apart]
+
+
+def _overlap(a: Box, b: Box) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
