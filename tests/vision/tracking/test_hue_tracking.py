@@ -55,5 +55,5 @@ def test_other_colours_are_refused_once_the_own_is_known() -> None:
     assert not followed.distance(skin) <= 1.0
     assert followed.distance(seen(5.0, 0.75, 0.2)) <= 1.0  # in shadow
     learned = AdaptiveHue(MarkHue(0.0, saturation=0.8, value=0.7))
-    assert not learned.fits(skin)
-    assert learned.fits(seen(-5.0, 0.85))
+    assert learned.distance(skin) > 1.0
+    assert learned.distance(seen(-5.0, 0.85)) <= 1.0
