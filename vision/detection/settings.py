@@ -131,7 +131,7 @@ class CenterSettings:
 
     gate: squared Mahalanobis distance beyond which two centres differ [1]; source: chi-square, 2 dof, 99.9 %
     agree_sd_px: by what two centres of one mark may differ beside their covariances [px]; choice
-    min_area, max_area: share of a mark's area that something without an outline must show, and may show [1]; choice
+    min_area: share of a mark's area that something without an outline must show; its inverse is the most [1]; choice
     merged_area: share from which on it may be several marks that touch [1]; choice
     grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
         their variance at most [1]; choice
@@ -141,11 +141,15 @@ class CenterSettings:
     gate: float = 13.815510557964274
     agree_sd_px: float = 0.08
     min_area: float = 0.5
-    max_area: float = 2.0
     merged_area: float = 1.25
     grain_noise: float = 0.02
     grain_gain: float = 3.2
     blurred: float = 1.2
+
+    @property
+    def max_area(self) -> float:
+        """Most area of what may be one mark, by its own."""
+        return 1.0 / self.min_area
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,12 +146,10 @@ class FinderSettings:
     min_seen: share of its area that a mark with an outline shows at least [1]; choice
     min_radius_px: radius from which on a mark has an outline and an appearance [px]; choice
     stages: the stages that run, in their order; source: the list in `vision.tracking.stages`
-    max_regions: share of the picture up to which regions are searched rather than all of it [1]; choice
     """
 
     min_seen: float = 0.15
     min_radius_px: float = 3.5
-    max_regions: float = 0.2
     stages: tuple[str, ...] = STAGE_NAMES
     detection: DetectionSettings = field(default_factory=DetectionSettings)
     association: AssociationSettings = field(default_factory=AssociationSettings)
