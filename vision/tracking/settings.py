@@ -78,7 +78,6 @@ class CandidateSettings:
     """When a match of an appearance model is a mark, and how well its centre is known.
 
     score, share: least score, and least share of its pixels that are like the mark [1]; choice
-    free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
     even_around: most likeness of the ring where the colour was fitted [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
@@ -88,8 +87,6 @@ class CandidateSettings:
 
     score: float = 0.55
     share: float = 0.7
-    free: float = -0.9
-    free_share: float = 0.3
     even_around: float = -0.2
     min_sd_px: float = 0.27
     max_sd_px: float = 1.2
