@@ -17,14 +17,20 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark."""
-    return match.score >= settings.score and match.share >= settings.share
+    """Whether a match with a mark's own appearance is the mark; less of it need be seen where the ring is free."""
+    share = settings.free_share if is_free(match, settings) else settings.share
+    return match.score >= settings.score and match.share >= share
 
 
 def is_mark_in_other_light(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
     """Whether a match by a fitted colour is a mark: like it all over, and unlike the ring around it."""
-    alike = match.share >= settings.share and match.around <= settings.even_around
-    return alike and match.weighed >= settings.score
+    alike = match.share >= settings.even_share and match.around <= settings.even_around
+    return alike and match.weighed >= settings.even_score
+
+
+def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
+    """Whether nothing in the ring around a match is like the mark."""
+    return match.around < settings.free
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:

@@ -78,7 +78,9 @@ class CandidateSettings:
     """When a match of an appearance model is a mark, and how well its centre is known.
 
     score, share: least score, and least share of its pixels that are like the mark [1]; choice
-    even_around: most likeness of the ring where the colour was fitted [1]; choice
+    free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
+    even_share, even_around, even_score: least share, most likeness of the ring and least score where the colour was
+        fitted [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice
@@ -87,7 +89,11 @@ class CandidateSettings:
 
     score: float = 0.55
     share: float = 0.7
+    free: float = -0.9
+    free_share: float = 0.3
+    even_share: float = 0.8
     even_around: float = -0.2
+    even_score: float = 0.75
     min_sd_px: float = 0.27
     max_sd_px: float = 1.2
     best_score: float = 1.35

@@ -15,6 +15,7 @@ from vision.tracking.candidates import (
     detection_at,
     detection_in_other_light,
     fused,
+    is_free,
     is_mark,
     is_mark_in_other_light,
 )
@@ -78,7 +79,7 @@ class AppearanceTemplates:
         match = self.match(frame_bgr, one)
         if match is not None:
             if self._is_near(match, seen):
-                if match.score >= limits.score:
+                if match.score >= limits.score or (is_free(match, limits) and match.share >= limits.free_share):
                     return fused(seen, match, limits)
             elif self._score_at(frame_bgr, one, seen) >= max(match.score, limits.score):
                 return seen
