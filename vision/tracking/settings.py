@@ -81,6 +81,8 @@ class CandidateSettings:
     free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
     even_share, even_around, even_score: least share, most likeness of the ring and least score where the colour was
         fitted [1]; choice
+    other_share, other_score: least share and least score where it was fitted and the ring is free [1]; choice
+    sure_score: score from which on a match of a mark's own appearance is the mark whatever its colour [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice
@@ -94,6 +96,9 @@ class CandidateSettings:
     even_share: float = 0.8
     even_around: float = -0.2
     even_score: float = 0.75
+    other_share: float = 0.4
+    other_score: float = 0.65
+    sure_score: float = 0.7
     min_sd_px: float = 0.27
     max_sd_px: float = 1.2
     best_score: float = 1.35
@@ -107,7 +112,8 @@ class TemplateSettings:
     """When what was found is compared with appearance models, and when it is remembered.
 
     clear_sd_px: standard deviation up to which a whole mark is one beyond doubt [px]; choice
-    whole_sd_px: the same up to which it is remembered, or kept where nothing can be compared [px]; choice
+    whole_sd_px: the same up to which it is remembered [px]; choice
+    unknown_sd_px: the same up to which it is kept where nothing can be compared [px]; choice
     refresh: frames after which a view is taken again [1]; choice
     forget: frames after which a mark that was not seen clearly may look different [1]; choice
     near_px: distance up to which a centre and the best match agree [px]; choice
@@ -116,6 +122,7 @@ class TemplateSettings:
 
     clear_sd_px: float = 0.15
     whole_sd_px: float = 0.5
+    unknown_sd_px: float = 0.77
     refresh: int = 2
     forget: int = 150
     near_px: float = 3.0
@@ -128,8 +135,9 @@ class HueTrackingSettings:
 
     gain: share of the newest frame in the mean colour [1]; choice
     max_drift: how far the hue may drift [half widths]; choice
-    hue_sd_deg, saturation_sd: standard deviation of colours of one kind, in shadow and light: hue [degrees] and
-        saturation; choice
+    hue_sd_deg, saturation_sd: least scatter of colours of one kind: hue [degrees] and saturation; choice
+    max_scatter: largest scatter by the least [1]; choice
+    n_learned: frames after which a colour rejects others [1]; choice
     gate: squared distance in these deviations [1]; source: chi-square, 2 dof, 99.9 %
     learning: of the first range of colours; saturation and value that count follow the mean by its shares
     """
@@ -138,6 +146,8 @@ class HueTrackingSettings:
     max_drift: float = 1.5
     hue_sd_deg: float = 6.0
     saturation_sd: float = 0.07
+    max_scatter: float = 2.0
+    n_learned: int = 3
     gate: float = 13.815510557964274
     learning: HueLearningSettings = field(default_factory=HueLearningSettings)
 

@@ -93,7 +93,7 @@ class AppearanceTemplates:
     ) -> Detection | None:
         limits = self._settings.candidates
         match = self.match_in_other_light(frame_bgr, one)
-        if _sd_px(seen) <= self._settings.templates.whole_sd_px and (match is None or self._is_near(match, seen)):
+        if _sd_px(seen) <= self._settings.templates.unknown_sd_px and (match is None or self._is_near(match, seen)):
             return seen
         if match is None or not is_mark_in_other_light(match, limits):
             return None
