@@ -199,7 +199,7 @@ def _weighed(
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
-    prior = look.settings.prior
+    prior = look.settings.other_prior if another else look.settings.prior
     return told, _score(told, look.settings.ring_weight) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
 
 
@@ -275,7 +275,8 @@ def _off(frame, y, x, color, level):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, another):  # type: ignore[no-untyped-def]
     """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
-    match, shade, sd, hidden = settings
+    match, shade, sd, ring_contrast, hidden = settings
+    contrast = ring_contrast if another else 1.0
     level = match, shade, sd
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
@@ -303,7 +304,7 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, an
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(1.0 - _off(frame, y, x, own_core, level), -1.0)
+                    around += max(1.0 - contrast * _off(frame, y, x, own_core, level), -1.0)
             told[0, row, column] = total / len(inside)
             told[1, row, column] = like / len(inside)
             told[2, row, column] = around / max(n_ring, 1)

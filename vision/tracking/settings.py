@@ -50,9 +50,11 @@ class AppearanceSettings:
     match: mean square over the colours up to which two pixels are alike [variances]; choice
     shade: error of a colour by shadow and lamps, by its level [1]; choice
     level_sd: standard deviation of a pixel's level [grey levels]; choice
+    ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be like it [1]; choice
     occluded_cost: cost of a pixel that is neither like the mark nor like its background [1]; choice
     ring_weight: weight of the ring by that of the inside [1]; choice
-    prior: loss of score by squared Mahalanobis distance from the expected place [1]; choice
+    prior, other_prior: loss of score by squared Mahalanobis distance from the expected place, and where the colour is
+        fitted [1]; choice
     max_reach_px: marks that may be further away are not searched for by their appearance [px]; choice
     """
 
@@ -62,15 +64,17 @@ class AppearanceSettings:
     blur_px: float = 0.8
     match: float = 9.0
     shade: float = 0.08
-    level_sd: float = 4.0
+    level_sd: float = 5.0
+    ring_contrast: float = 2.0
     occluded_cost: float = 0.2
     ring_weight: float = 0.5
     prior: float = 0.02
+    other_prior: float = 0.05
     max_reach_px: float = 25.0
 
     def for_kernel(self) -> tuple[float, ...]:
         """As the kernels of `appearance` take them."""
-        return self.match, self.shade, self.level_sd, self.occluded_cost
+        return self.match, self.shade, self.level_sd, self.ring_contrast, self.occluded_cost
 
 
 @dataclass(frozen=True, slots=True)
