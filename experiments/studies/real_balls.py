@@ -91,7 +91,7 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
             if seen is not None:
                 (uu, uv), (_, vv) = seen.cov_px2
                 row |= {"u_px": seen.center_px[0], "v_px": seen.center_px[1], "uu_px2": uu, "uv_px2": uv, "vv_px2": vv}
-                row |= {"covered": seen.occluded, "clipped": seen.clipped, "radius_px": radius_px * seen.size}
+                row |= {"occluded": seen.occluded, "clipped": seen.clipped, "radius_px": radius_px * seen.size}
                 if not seen.clipped:
                     radius_px *= seen.size**film.follow_size
             rows.append(row)

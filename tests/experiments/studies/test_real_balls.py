@@ -29,7 +29,7 @@ def test_balls_are_found_where_people_see_them(name: str, rms_px: float) -> None
         assert seen[288:436].all()
         assert not seen[:70].any()
         assert not seen[440:].any()
-        assert rows.covered[170:277].astype(bool).mean() > 0.5
+        assert rows.occluded[170:277].astype(bool).mean() > 0.5
 
 
 def test_there_are_a_hundred_and_fifty_labels_and_some_twice() -> None:
