@@ -12,7 +12,7 @@ from vision.detection.records import HueError
 from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettings
 
 FURTHEST = 1.5
-"""How far off colours are told apart, by how far grey is; chosen."""
+"""Range of the 8-bit scale of distances between colours, by the distance to grey: further ones count as this far."""
 SMALLEST_PX = 8
 """Reach of the first window around the place."""
 FEWEST_PIXELS = 12

@@ -24,11 +24,16 @@ Frames = list[tuple[float, list[MarkMeasurement]]]
 
 KNOTS_PER_S = 120
 """Truth is kept this often [1/s]; frame rates must divide it."""
+MISPLACED_M = (0.03, 0.15)
+"""How far from its place an outlier is [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One run: a shipped scenario with another seed, strength of pokes, camera, and share of marks lost at random."""
+    """One run: a shipped scenario with another seed, strength of pokes, camera, and shares of marks lost or misplaced.
+
+    outliers: share of the marks that are 30 to 150 mm from their places, in any direction
+    """
 
     scenario: str
     seed: int
@@ -37,6 +42,7 @@ class Trial:
     mark_sd_m: float = 0.00414
     strength: float = 1.0
     lost: float = 0.0
+    outliers: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,11 +106,20 @@ def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[st
     for k, now in enumerate(positions[::step]):
         noisy = now + rng.normal(0.0, trial.mark_sd_m, now.shape)
         kept = rng.random(len(nodes)) >= trial.lost
+        if trial.outliers:
+            noisy = noisy + _misplaced(noisy.shape, trial.outliers, rng)
         marks = [
             MarkMeasurement(node, noisy[places[node]], cov) for node, there in zip(nodes, kept, strict=True) if there
         ]
         frames.append((k * step / KNOTS_PER_S, marks))
     return frames, positions[::step, places[HIDDEN]]
+
+
+def _misplaced(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
+    """Errors of places [m], (n, dim): 30 to 150 mm in any direction for this share of them, else none."""
+    ways = rng.normal(size=shape)
+    ways *= rng.uniform(*MISPLACED_M, (len(ways), 1)) / np.linalg.norm(ways, axis=1, keepdims=True)
+    return np.where(rng.random((len(ways), 1)) < share, ways, 0.0)
 
 
 def run(trial: Trial, model: Model, cache: Path) -> Outcome:

@@ -10,6 +10,7 @@ from estimators import FilterSettings
 from experiments.studies.estimation.figures import estimation_figures
 from experiments.studies.marks import marks_figures
 from experiments.studies.settings.calibration_figures import calibration_figures
+from experiments.studies.settings.constants import Constants, constants_figures
 from experiments.studies.settings.guidance_figures import GuidanceSettings, guidance_figures
 from experiments.studies.settings.source_figures import source_figures
 from vision import CalibrationSettings, SourceSettings
@@ -28,6 +29,7 @@ class Family:
 
 FAMILIES: dict[str, Family] = {
     "estimation": Family(FilterSettings(), estimation_figures),
+    "constants of estimation": Family(Constants(), constants_figures),
     "marks": Family(FINDER, marks_figures),
     "sources": Family(SourceSettings(), source_figures),
     "calibration": Family(CalibrationSettings(), calibration_figures),
