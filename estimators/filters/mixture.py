@@ -121,7 +121,10 @@ class InteractingMixture(filterpy.IMMEstimator):
         return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
 
     def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
-        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r); odds stay."""
+        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r); odds stay.
+
+        Without columns, those of the first mode.
+        """
         for f in self.filters:
             f.x, f.P = mean.copy(), cov.copy()
         own = self.columns[0] if columns is None else columns

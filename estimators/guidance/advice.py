@@ -227,7 +227,7 @@ def guide(
         return Guidance(Advice.NO_GUIDANCE, fault)
     times = path_times(estimate, insertion, needle, settings, now_s)
     path = TargetPath(times, *filter_.predict_path(times))
-    return advise(path, insertion, lesion, needle=needle, settings=settings, now_s=now_s)
+    return advise(path, insertion, lesion, needle=needle, settings=settings)
 
 
 def advise(
@@ -301,6 +301,6 @@ def _percent(p: float) -> str:
 
 
 def _cov_at(path: TargetPath, time_s: float) -> Floats:
-    j = min(max(int(np.searchsorted(path.times_s, time_s)) - 1, 0), len(path.times_s) - 2)
+    j = int(np.searchsorted(path.times_s[1:-1], time_s))
     share = (time_s - path.times_s[j]) / (path.times_s[j + 1] - path.times_s[j])
     return (1.0 - share) * path.covs[j] + share * path.covs[j + 1]

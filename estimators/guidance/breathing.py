@@ -77,14 +77,13 @@ class Breathing:
         self.periods_s = 1.0 / np.linspace(1.0 / s.longest_s, 1.0 / s.shortest_s, s.n_periods)
         n = 2 * s.harmonics + 1
         self.dim = dim
-        self._first_s: float | None = None
-        self._last_s = -np.inf
+        self._first_s, self._last_s = np.inf, -np.inf
+        self._origin: Floats
         self._information = np.zeros((s.n_periods, n, n))
         self._products = np.zeros((s.n_periods, n, dim))
         self._filter_variance = 0.0
         self._squares, self._weight, self._sum = 0.0, 0.0, np.zeros(dim)
-        self._fit: tuple[Floats, Floats, Breath] | None = None
-        self._origin = np.zeros(dim)
+        self._fit: tuple[Floats, Floats, Breath] | None
 
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
         """Add the filter's estimate of the target at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
@@ -95,9 +94,9 @@ class Breathing:
             raise ValueError(f"time_s: expected more than {self._last_s}, found {time_s}")
         if np.shape(mean) != (self.dim,) or not np.isfinite(mean).all():
             raise ValueError(f"mean: expected {self.dim} finite coordinates, found {mean}")
-        if self._first_s is None:
-            self._first_s, self._origin = time_s, np.array(mean, dtype=float)
-            self._last_s = time_s
+        if not self._weight:
+            self._first_s = self._last_s = time_s
+            self._origin = np.array(mean, dtype=float)
         keep = np.exp(-(time_s - self._last_s) / self.settings.memory_s)
         x, phi = np.asarray(mean) - self._origin, self._waves(time_s)
         self._information = keep * self._information + phi[:, :, None] * phi[:, None, :]
@@ -110,10 +109,11 @@ class Breathing:
     def breath(self) -> Breath | None:
         """The breath of the track so far; None where the track is too short or does not breathe."""
         s = self.settings
-        if self._first_s is None or self._last_s - self._first_s < s.cycles * s.shortest_s:
+        span = self._last_s - self._first_s
+        if span < s.cycles * s.shortest_s:
             return None
         _, _, breath = self._fitted()
-        seen = self._last_s - self._first_s >= s.cycles * breath.period_s
+        seen = span >= s.cycles * breath.period_s
         return breath if seen and breath.explained >= s.explained else None
 
     def predict(self, times_s: Floats) -> tuple[Floats, Floats]:
@@ -149,12 +149,11 @@ class Breathing:
             inverse = np.linalg.inv(self._information + RIDGE * np.eye(n))
             found = inverse @ self._products
             misfit = np.maximum(self._squares - np.einsum("pnd,pnd->p", found, self._products), 0.0)
-            span = self._last_s - (self._last_s if self._first_s is None else self._first_s)
-            filled = self.settings.memory_s * -np.expm1(-span / self.settings.memory_s)
+            filled = self.settings.memory_s * -np.expm1((self._first_s - self._last_s) / self.settings.memory_s)
             independent = max(filled / self.settings.alike_s, n + 1.0)
             least = max(float(misfit.min()), 1e-18)
             scatter2 = least / self._weight / self.dim * independent / (independent - n)
-            likely = -0.5 * (misfit - least) / self._weight * independent / scatter2
+            likely = -0.5 * misfit / self._weight * independent / scatter2
             weights = np.exp(likely - likely.max())
             weights /= weights.sum()
             period = float(weights @ self.periods_s)

@@ -46,7 +46,7 @@ def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, 
     innovations = (*recent, (time_s, nis, degrees))
     known = Health(health.status, since_s, time_s, innovations)
     if len(innovations) >= LEAST_FRAMES and diverged(innovations, settings.test_sigmas):
-        return Health(Status.DIVERGED, time_s, time_s, ())
+        return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
     started = time_s - since_s >= settings.confirm_s

@@ -7,6 +7,7 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from estimators import InteractingMixture, UnscentedKalmanFilter, moment_matched
+from estimators.filters.mixture import nearest_definite
 
 RATES = np.array([[-0.4, 0.3, 0.1], [2.0, -3.0, 1.0], [0.5, 1.5, -2.0]])
 MU = np.array([0.6, 0.3, 0.1])
@@ -194,3 +195,26 @@ def test_a_restart_gives_every_mode_the_same_belief_and_keeps_the_odds():
     np.testing.assert_allclose(ours.x, [5.0, 6.0], rtol=1e-15)
     np.testing.assert_allclose(ours.P, np.diag([7.0, 8.0]), rtol=0, atol=1e-14)
     np.testing.assert_allclose(ours.mu, MU, rtol=1e-15)
+
+
+def test_a_restart_without_columns_keeps_those_of_the_first_mode():
+    """The total covariance, with C C' of those, is every mode's. Rounding."""
+    ours = mixture()
+    ours.columns = np.arange(1.0, 7.0).reshape(3, 2, 1)
+    ours.restart(np.zeros(2), np.eye(2))
+    np.testing.assert_array_equal(ours.columns, np.tile([[1.0], [2.0]], (3, 1, 1)))
+    np.testing.assert_allclose(ours.P, [[2.0, 2.0], [2.0, 5.0]], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(("n", "correlation"), [(4, 1.0), (3, -0.6)])
+def test_the_least_eigenvalue_of_a_mended_covariance_is_a_share_of_the_largest(n, correlation):
+    """All pairs correlated by r: n - 1 eigenvalues 1 - r and one 1 + (n - 1) r; the least becomes 1e-12 of the largest.
+
+    The largest stays; units of powers of two do not matter. 1e-3 of 1e-12: rounding of the largest.
+    """
+    same = np.full((n, n), correlation) + (1.0 - correlation) * np.eye(n)
+    units = 2.0 ** np.array([-20.0, 0.0, 10.0, 3.0])[:n]
+    mended = nearest_definite(same * np.outer(units, units)) / np.outer(units, units)
+    values, largest = np.linalg.eigvalsh(mended), max(1.0 - correlation, 1.0 + (n - 1) * correlation)
+    assert values[0] == pytest.approx(1e-12 * largest, rel=1e-3)
+    assert values[-1] == pytest.approx(largest, rel=1e-12)

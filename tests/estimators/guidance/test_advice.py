@@ -20,7 +20,6 @@ from estimators import (
     advise,
     guide,
     hit_probability,
-    path_times,
 )
 from estimators.guidance.advice import RULES, Prospect, Rule, decide
 from estimators.guidance.kernels import insert_each
@@ -145,33 +144,6 @@ def test_wait_for_a_target_that_swings_to_the_line():
     assert said.reason == "in 0.1 s a hit is 99 % probable, now 1 %"
 
 
-def test_each_moment_of_the_outlook_is_that_moments_own_advice():
-    """The probability told for a later start is what is told then, of the same path."""
-    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0.005 * np.sin(5 * t)])
-    settings = AdviceSettings(horizon_s=1.0)
-    said = advise(path, DOWN, DISC, needle=TIP, settings=settings)
-    assert len(said.outlook.starts_s) == 11
-    for start, arrival, p in zip(
-        said.outlook.starts_s, said.outlook.arrivals_s, said.outlook.probabilities, strict=True
-    ):
-        then = advise(path, DOWN, DISC, needle=TIP, settings=replace(settings, horizon_s=0.0), now_s=float(start))
-        assert (then.arrival_s, then.probability) == (arrival, p)
-    assert said.best_probability == said.outlook.probabilities.max()
-    assert np.ptp(said.outlook.probabilities) > 0.3
-
-
-def test_between_the_times_of_the_path_the_target_moves_smoothly():
-    """A swing of 10 mm at 3 Hz, told at 30 a second: met within 0.1 mm of where it is (straight lines: 0.5 mm)."""
-    where = lambda t: np.c_[0.01 * np.sin(6 * np.pi * t), 0.04 + 0 * t]  # noqa: E731
-    path = path_of(where)
-    worst = 0.0
-    for k in range(20):
-        slow = replace(DOWN, speed_m_s=0.1 + 1e-3 * k)
-        said = advise(path, slow, DISC, needle=TIP)
-        worst = max(worst, np.abs(said.aim - where(np.array([said.arrival_s - NOW_S]))[0]).max())
-    assert worst < 0.1e-3
-
-
 def test_a_tip_that_is_too_deep_is_drawn_back():
     said = advise(path_of(at(0.0, 0.04)), replace(DOWN, depth_m=0.065), DISC, needle=TIP)
     assert said.advice is Advice.REALIGN
@@ -194,7 +166,8 @@ def test_wait_where_the_target_is_out_of_reach():
     said = advise(path_of(lambda t: np.c_[0 * t, 0.04 - 0.2 * t]), DOWN, DISC, needle=TIP)
     assert said.advice is Advice.WAIT
     assert said.reason == "the needle does not reach the target within 4.0 s"
-    assert (said.probability, said.best_probability) == (None, 0.0)
+    assert (said.probability, said.best_in_s, said.best_probability) == (None, 0.0, 0.0)
+    assert np.isinf(said.outlook.arrivals_s).all()
 
 
 def test_a_gain_that_is_not_worth_it_is_not_waited_for():
@@ -317,18 +290,37 @@ def test_unknown_advice_and_prospects_without_a_rule_raise():
         decide(replace(SURE, probability=0.1, best_probability=0.1), AdviceSettings(), RULES[:-1])
 
 
-def test_the_path_reaches_to_the_end_of_the_last_way():
-    """2 s of horizon, 60 mm at 100 mm/s."""
-    times = path_times(HEALTHY, DOWN, TIP, AdviceSettings(), NOW_S)
-    assert times[0] == NOW_S
-    assert NOW_S + 2.6 + 1.0 / 30 <= times[-1] <= NOW_S + 2.6 + 2.1 / 30
+def test_advice_does_not_depend_on_where_the_origin_is():
+    """Path and entry moved by metres: the same numbers to 1e-9, the aim moved with them."""
+    shift = np.array([3.0, -5.0])
+    path = path_of(lambda t: np.c_[0.02 * t, 0.04 + 0.05 * t])
+    moved = replace(path, means=path.means + shift)
+    here, there = (
+        advise(p, replace(DOWN, entry=entry), DISC, needle=TIP)
+        for p, entry in ((path, DOWN.entry), (moved, DOWN.entry + shift))
+    )
+    np.testing.assert_allclose(there.aim, here.aim + shift, rtol=0, atol=1e-9)
+    for name in ("arrival_s", "lateral_m", "depth_m", "turn_rad", "turned_axis"):
+        np.testing.assert_allclose(getattr(there, name), getattr(here, name), rtol=0, atol=1e-6, err_msg=name)
+    assert there.turned_probability == pytest.approx(here.turned_probability, abs=1e-6)
 
 
-@pytest.mark.parametrize(("depth_m", "way_s"), [(0.03, 0.3), (0.06, 0.0), (0.2, 0.0)])
-def test_the_path_is_as_short_as_the_rest_of_the_way(depth_m, way_s):
-    """Of 60 mm at 100 mm/s; a tip that is there, or too deep, has none."""
-    times = path_times(HEALTHY, replace(DOWN, depth_m=depth_m), TIP, AdviceSettings(), NOW_S)
-    assert NOW_S + 2.0 + way_s + 1.0 / 30 <= times[-1] + 1e-9 <= NOW_S + 2.0 + way_s + 2.1 / 30
+def test_the_turn_is_to_where_the_target_will_be_once_turned():
+    """Aside by 20 mm/s: met at (45, -60) mm from the entry by the turned needle after 0.75 s, not after 0.6 s."""
+    found = advise(path_of(lambda t: np.c_[0.045 + 0.02 * (t - 0.75), 0.04 + 0 * t]), DOWN, DISC, needle=TIP)
+    assert found.arrival_s == pytest.approx(NOW_S + 0.6, abs=1e-6)
+    assert found.aim[0] == pytest.approx(0.042, abs=1e-8)
+    np.testing.assert_allclose(found.turned_axis, [0.6, -0.8], rtol=0, atol=1e-6)
+    assert found.turn_rad == pytest.approx(np.arctan(0.75), abs=1e-6)
+
+
+def test_a_turned_needle_that_never_arrives_is_turned_to_where_the_straight_one_would():
+    """Aside at 200 mm/s from 45 mm: beside the straight needle after 0.6 s, at 165 mm; the turned one is outrun."""
+    found = advise(path_of(lambda t: np.c_[0.045 + 0.2 * t, 0.04 + 0 * t]), DOWN, DISC, needle=TIP)
+    assert found.lateral_m == pytest.approx(0.165, abs=1e-6)
+    np.testing.assert_allclose(found.turned_axis, np.array([0.165, -0.06]) / np.hypot(0.165, 0.06), rtol=0, atol=1e-6)
+    assert found.turned_probability == 0.0
+    assert found.advice is Advice.WAIT
 
 
 @pytest.mark.parametrize(
@@ -341,9 +333,10 @@ def test_the_path_is_as_short_as_the_rest_of_the_way(depth_m, way_s):
         (lambda: replace(DOWN, depth_m=-0.1), "insertion depth_m: expected 0 or more"),
         (lambda: replace(DOWN, axis=np.zeros(2)), "expected a finite entry and direction"),
         (lambda: replace(DOWN, axis=np.ones(3)), "expected entry and axis of 2 or 3 each"),
-        (lambda: path_of(at(0.0, 0.0), seconds=0.0), "path: expected two or more times"),
-        (lambda: advise(path_of(at(0.0, 0.0), seconds=1.0), DOWN, DISC), "path: expected to reach from 10.0 to 12.0"),
-        (lambda: advise(path_of(at(0.0, 0.0)), DOWN, Lesion.ball(1.0, 3)), "dimensions: expected path, insertion"),
+        (
+            lambda: advise(path_of(at(0.0, 0.0)), DOWN, Lesion.ball(1.0, 3)),
+            r"dimensions: expected path, insertion and lesion to agree, found \(2, 2, 3\)",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(make, message):

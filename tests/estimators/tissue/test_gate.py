@@ -3,9 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from scipy.linalg import cholesky
+from scipy.spatial.distance import mahalanobis
+from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER
-from estimators import MarkMeasurement, Status, TissueFilter
+from estimators import FilterSettings, MarkMeasurement, Status, TissueFilter
+from estimators.tissue.gate import gate_marks, squared_distance
 
 FRAME_S = 4 / 120.0
 SD = 1e-3
@@ -67,3 +72,81 @@ def test_what_stays_away_is_the_tissue(phantom):
     assert tissue.rejected == dict.fromkeys(OUTER, 4)
     assert tissue.repairs == {"inflated": 1}
     np.testing.assert_allclose(tissue.expected("M3")[0], at["M3"] + [0.0, 0.25], atol=5 * SD)
+
+
+MEANS = {"A": np.array([0.1, -0.2]), "B": np.array([0.3, 0.05])}
+OWN = {"A": 1e-4 * np.array([[4.0, 1.0], [1.0, 2.0]]), "B": 1e-4 * np.array([[1.0, -0.5], [-0.5, 3.0]])}
+COLUMNS = {"A": 3e-2 * np.array([[1.0, 0.2], [0.3, -1.0]]), "B": 1e-2 * np.array([[0.5, 0.0], [-0.4, 0.8]])}
+SHARED = 1e-2 * np.array([[0.7, -0.3], [0.2, 1.1]])
+NOISE = 1e-5 * np.array([[3.0, -1.0], [-1.0, 2.0]])
+
+
+def where(node, shared):
+    """A node whose own error has covariance OWN, with calibration errors moving it by COLUMNS and its mark by both."""
+    total = COLUMNS[node] if shared is None else COLUMNS[node] + shared
+    return MEANS[node], OWN[node] + total @ total.T
+
+
+def at_distance(node, squared, S, shared=None):
+    """A mark of that squared Mahalanobis distance by S from where the node is expected."""
+    off = cholesky(S, lower=True) @ np.array([0.6, -0.8]) * np.sqrt(squared)
+    return MarkMeasurement(node, MEANS[node] + off, NOISE, shared)
+
+
+@pytest.mark.parametrize("shared", [None, SHARED])
+@pytest.mark.parametrize("considered", [True, False])
+def test_the_distance_of_a_mark_allows_for_a_shared_error_once(shared, considered):
+    """(C + F)(C + F)' where the columns hold the calibration; C C' and F F', independent, where they do not. 1e-10."""
+    mark = MarkMeasurement("A", np.array([0.15, -0.1]), NOISE, shared)
+    C, F = COLUMNS["A"], np.zeros((2, 2)) if shared is None else SHARED
+    S = OWN["A"] + NOISE + ((C + F) @ (C + F).T if considered else C @ C.T + F @ F.T)
+    expected = mahalanobis(mark.position, MEANS["A"], np.linalg.inv(S)) ** 2
+    assert squared_distance(mark, where, considered=considered) == pytest.approx(expected, rel=1e-10)
+
+
+def test_rejected_marks_are_as_likely_as_marks_at_the_gate():
+    """SciPy's log density of marks put at the gate, of each the sum; one of them shares an error. 1e-10.
+
+    S = P + R, both with what is shared; of a mark within the gate nothing is added.
+    """
+    settings = FilterSettings(gate=9.0)
+    shared = {"A": None, "B": SHARED}
+    S = {
+        node: OWN[node] + COLUMNS[node] @ COLUMNS[node].T + NOISE + (0.0 if F is None else F @ F.T)
+        for node, F in shared.items()
+    }
+    far = [at_distance(node, 100.0, S[node], F) for node, F in shared.items()]
+    near = at_distance("A", 0.5, S["A"])
+    gated = gate_marks([*far, near], where, {"A": 1.0, "B": 1.0}, time_s=1.0, settings=settings, considered=False)
+    expected = sum(
+        multivariate_normal(MEANS[node], S[node]).logpdf(at_distance(node, 9.0, S[node]).position) for node in shared
+    )
+    assert gated.rejected == ("A", "B")
+    assert gated.accepted == [near]
+    assert gated.log_likelihood == pytest.approx(expected, rel=1e-10)
+    assert gate_marks([near], where, {}, time_s=1.0, settings=settings, considered=False).log_likelihood == 0.0
+
+
+def test_the_gate_considers_what_columns_hold():
+    """A calibration error that undoes that of the columns: 20 where they hold it, and below 9 as independent noise."""
+    undone = -COLUMNS["A"]
+    mark = at_distance("A", 20.0, OWN["A"] + NOISE, undone)
+    settings = FilterSettings(gate=9.0)
+    for considered, rejected in ((True, ("A",)), (False, ())):
+        gated = gate_marks([mark], where, {}, time_s=1.0, settings=settings, considered=considered)
+        assert gated.rejected == rejected
+
+
+def test_a_mark_on_the_gate_is_within_it():
+    """3, 4 and 5, in numbers without rounding."""
+    mark = MarkMeasurement("A", np.array([3.0, 4.0]), 0.25 * np.eye(2))
+    for gate, rejected in ((25.0, ()), (np.nextafter(25.0, 0.0), ("A",))):
+        gated = gate_marks(
+            [mark],
+            lambda _node, _shared: (np.zeros(2), 0.75 * np.eye(2)),
+            {},
+            time_s=0.0,
+            settings=FilterSettings(gate=gate),
+            considered=False,
+        )
+        assert gated.rejected == rejected

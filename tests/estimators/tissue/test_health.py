@@ -81,6 +81,43 @@ def test_diverged_lasts_until_marks_fitted_for_test_s():
     assert walked([(1.1, FINE), (2.2, None)], health)[0] == ["DIVERGED", "LOST"]
 
 
+def test_after_a_divergence_it_coasts_no_more_and_is_lost_as_ever():
+    """Without marks DIVERGED until lost_s = 1 s after the frame that showed it, LOST beyond."""
+    frames = [(1.05, BAD), (1.1, None), (2.05, None), (2.06, None)]
+    assert walked(frames, tracked())[0] == ["DIVERGED", "DIVERGED", "DIVERGED", "LOST"]
+
+
+def test_the_first_frame_after_a_loss_is_tested_with_none_before_it():
+    """Wrong beyond doubt, and still INITIALISING: frames from before the loss are forgotten."""
+    statuses, health = walked([(2.5, None), (2.6, BAD)], tracked())
+    assert statuses == ["LOST", "INITIALISING"]
+    assert health.innovations == ((2.6, BAD, 6),)
+
+
+@pytest.mark.parametrize(("period_s", "together"), [(1 / 32, 8), (1 / 16, 4), (1 / 8, 2), (1 / 4, 2), (1 / 2, 2)])
+def test_the_frames_of_test_s_are_tested_together_two_at_least(period_s, together):
+    """Those later than test_s = 1/4 s ago, times without rounding: 1/4 s over the period of them."""
+    _, health = walked([(k * period_s, FINE) for k in range(12)])
+    assert health.innovations == tuple((k * period_s, FINE, 6) for k in range(12 - together, 12))
+
+
+def test_frames_that_are_each_likely_enough_diverge_together():
+    """NIS of 39 for six degrees, after frames of 6: with the sixth of them eight frames together pass ten sigma.
+
+    Chi-square points of ten sigma: 122 for one frame, 220 for eight; ten per cent for the cube root, as above.
+    """
+    alone, limit = chi2.isf(norm.sf(10.0), [6, 48])
+    assert alone > 39.0
+    assert limit > 5 * 39.0 + 3 * FINE
+    assert 1.1 * limit < 6 * 39.0 + 2 * FINE
+    statuses, _ = walked([(k / 32, FINE) for k in range(12)] + [(k / 32, 39.0) for k in range(12, 18)])
+    assert statuses[12:] == ["TRACKING"] * 5 + ["DIVERGED"]
+
+
+def test_frames_of_no_coordinates_are_no_divergence():
+    assert not diverged(((0.0, 0.0, 0), (0.1, 0.0, 0)), 10.0)
+
+
 def test_at_low_frame_rates_the_last_two_frames_are_tested():
     """Five frames a second leave one in test_s; two beyond reason suffice, within half a second."""
     slow = walked([(0.2 * k, FINE) for k in range(10)])[1]

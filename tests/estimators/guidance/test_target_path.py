@@ -1,0 +1,186 @@
+"""The predicted path that advice rests on: its form, how far it reaches, and what a live filter is asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators import (
+    Advice,
+    AdviceSettings,
+    Hit,
+    Insertion,
+    Lesion,
+    Needle,
+    Status,
+    TargetEstimate,
+    TargetPath,
+    advise,
+    guide,
+    path_times,
+)
+
+NOW_S = 10.0
+TIP = Needle(hit=Hit.TIP, tip_sd_m=0.3e-3, bending_sd=0.01)
+DOWN = Insertion(np.array([0.0, 0.1]), np.array([0.0, -1.0]), speed_m_s=0.1)
+DISC = Lesion.ball(4e-3, 2)
+AT = np.array([0.0, 0.04])
+HEALTHY = TargetEstimate(NOW_S, AT, 1e-6 * np.eye(2), Status.TRACKING, 3)
+
+
+def resting(t):
+    """The target rests 60 mm below the entry."""
+    return np.tile(AT, (len(t), 1))
+
+
+def path_of(where, seconds, step):
+    """A path whose mean at each time since NOW_S is where(t), (k, dim), every `step` up to `seconds` [s]; sd 1 mm."""
+    t = step * np.arange(int(seconds / step) + 1)
+    return TargetPath(NOW_S + t, where(t), np.tile(1e-6 * np.eye(2), (len(t), 1, 1)))
+
+
+def test_the_path_reaches_to_the_end_of_the_last_way():
+    """2 s of horizon, 60 mm at 100 mm/s."""
+    times = path_times(HEALTHY, DOWN, TIP, AdviceSettings(), NOW_S)
+    assert times[0] == NOW_S
+    assert NOW_S + 2.6 + 1.0 / 30 <= times[-1] <= NOW_S + 2.6 + 2.1 / 30
+
+
+@pytest.mark.parametrize(("depth_m", "way_s"), [(0.03, 0.3), (0.06, 0.0), (0.2, 0.0)])
+def test_the_path_is_as_short_as_the_rest_of_the_way(depth_m, way_s):
+    """Of 60 mm at 100 mm/s; a tip that is there, or too deep, has none."""
+    times = path_times(HEALTHY, replace(DOWN, depth_m=depth_m), TIP, AdviceSettings(), NOW_S)
+    assert NOW_S + 2.0 + way_s + 1.0 / 30 <= times[-1] + 1e-9 <= NOW_S + 2.0 + way_s + 2.1 / 30
+
+
+@pytest.mark.parametrize(("needle", "way_s"), [(TIP, 0.6), (Needle(), 0.75), (Needle(notch_offset_m=0.02), 0.9)])
+@pytest.mark.parametrize("horizon_s", [1.99, 2.01])
+def test_the_path_ends_one_to_two_steps_after_the_last_arrival(needle, way_s, horizon_s):
+    """60 mm and the notch's middle beyond it, at 100 mm/s; steps of 1/30 s from now on."""
+    times = path_times(HEALTHY, DOWN, needle, AdviceSettings(horizon_s=horizon_s), NOW_S)
+    np.testing.assert_allclose(np.diff(times), 1.0 / 30, rtol=1e-9)
+    assert 1.0 / 30 <= times[-1] - (NOW_S + horizon_s + way_s) <= 2.0 / 30
+
+
+class Resting:
+    """A healthy filter whose target rests; it keeps the times that it was asked for."""
+
+    seen_s = NOW_S + 0.05
+
+    def predict_path(self, times_s):
+        """The resting target."""
+        self.times_s = times_s
+        return resting(times_s), np.tile(1e-6 * np.eye(2), (len(times_s), 1, 1))
+
+
+@pytest.mark.parametrize("needle", [None, TIP])
+@pytest.mark.parametrize("settings", [None, AdviceSettings(horizon_s=0.5, go=0.999)])
+@pytest.mark.parametrize("now_s", [None, NOW_S + 0.0625])
+def test_a_live_filter_is_asked_with_the_needle_the_settings_and_the_time(needle, settings, now_s):
+    """Closed forms of each: 60 mm of way, and 15 mm more to the notch of a default needle; starts 0.1 s apart.
+
+    Default settings: up to 2 s later, GO from 0.9 on; default time: the estimate's. Path and `advise` alike.
+    """
+    source, start, way = Resting(), NOW_S if now_s is None else now_s, 0.06 if needle else 0.075
+    found = guide(source, HEALTHY, DOWN, DISC, needle=needle, settings=settings, now_s=now_s)
+    last = 0.5 if settings else 2.0
+    assert found.depth_m == pytest.approx(way, abs=1e-9)
+    assert found.arrival_s == pytest.approx(start + way / 0.1, abs=1e-6)
+    np.testing.assert_allclose(found.outlook.starts_s, start + np.linspace(0.0, last, round(10 * last) + 1), rtol=1e-12)
+    assert found.advice is (Advice.WAIT if settings else Advice.GO)  # probabilities are 0.96 and 0.998
+    assert source.times_s[0] == start
+    assert start + last + way / 0.1 < source.times_s[-1] <= start + last + way / 0.1 + 0.1
+    path = TargetPath(source.times_s, *source.predict_path(source.times_s))
+    alone = advise(path, DOWN, DISC, needle=needle, settings=settings)
+    assert (alone.advice, alone.depth_m, alone.probability) == (found.advice, found.depth_m, found.probability)
+
+
+def test_between_the_times_of_the_path_the_target_moves_smoothly():
+    """A swing of 10 mm at 3 Hz, told at 30 a second: met within 0.1 mm of where it is (straight lines: 0.5 mm)."""
+    where = lambda t: np.c_[0.01 * np.sin(6 * np.pi * t), 0.04 + 0 * t]  # noqa: E731
+    path = path_of(where, 4.0, 1 / 30)
+    worst = 0.0
+    for k in range(20):
+        slow = replace(DOWN, speed_m_s=0.1 + 1e-3 * k)
+        said = advise(path, slow, DISC, needle=TIP)
+        worst = max(worst, np.abs(said.aim - where(np.array([said.arrival_s - NOW_S]))[0]).max())
+    assert worst < 0.1e-3
+
+
+@pytest.mark.parametrize("way_s", [0.0, 0.01, 0.1, 0.4, 0.75, 0.9])
+def test_the_covariance_between_the_times_of_the_path_is_on_a_straight_line(way_s):
+    """NumPy's interpolation of each entry, at arrivals in the first, middle and last of uneven intervals. 1e-6."""
+    times, rng = np.array([0.0, 0.05, 0.3, 0.6, 1.0]), np.random.default_rng(0)
+    roots = rng.normal(0.0, 1e-3, (5, 2, 2))
+    covs = roots @ roots.swapaxes(1, 2)
+    path = TargetPath(NOW_S + times, np.tile([0.0, 0.04], (5, 1)), covs)
+    begun = replace(DOWN, depth_m=0.06 - 0.1 * way_s) if way_s <= 0.6 else replace(DOWN, speed_m_s=0.06 / way_s)
+    found = advise(path, begun, DISC, needle=TIP, settings=AdviceSettings(horizon_s=0.0))
+    assert found.arrival_s == pytest.approx(NOW_S + way_s, abs=1e-6)
+    expected = [[np.interp(way_s, times, covs[:, a, b]) for b in range(2)] for a in range(2)]
+    np.testing.assert_allclose(found.cov, expected, rtol=0, atol=1e-6 * np.abs(covs).max())
+
+
+def test_each_moment_of_the_outlook_is_that_moments_own_advice():
+    """The probability told for a later start is what is told then, of the same path."""
+    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0.005 * np.sin(5 * t)], 4.0, 1 / 30)
+    settings = AdviceSettings(horizon_s=1.0)
+    said = advise(path, DOWN, DISC, needle=TIP, settings=settings)
+    assert len(said.outlook.starts_s) == 11
+    for start, arrival, p in zip(
+        said.outlook.starts_s, said.outlook.arrivals_s, said.outlook.probabilities, strict=True
+    ):
+        then = advise(path, DOWN, DISC, needle=TIP, settings=replace(settings, horizon_s=0.0), now_s=float(start))
+        assert (then.arrival_s, then.probability) == (arrival, p)
+    assert said.best_probability == said.outlook.probabilities.max()
+    assert np.ptp(said.outlook.probabilities) > 0.3
+
+
+def test_a_path_may_end_with_the_last_start_and_not_before():
+    """Times without rounding. Half a second apart, they reach no target 60 mm off but for a needle that is there."""
+    settings = AdviceSettings(horizon_s=2.0, step_s=0.5)
+    found = advise(path_of(resting, seconds=2.0, step=0.5), DOWN, DISC, needle=TIP, settings=settings)
+    assert np.isfinite(found.outlook.arrivals_s).tolist() == [True, True, True, False, False]
+    message = r"path: expected to reach from 10.0 to 12.0 s, found 10.0 to 11.5 s"
+    with pytest.raises(ValueError, match=message):
+        advise(path_of(resting, seconds=1.5, step=0.5), DOWN, DISC, needle=TIP, settings=settings)
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 2.0])
+def test_the_reach_of_a_path_is_to_its_last_time(step):
+    said = advise(path_of(lambda t: np.c_[0 * t, 0.04 - 0.2 * t], 4.0, step), DOWN, DISC, needle=TIP)
+    assert said.reason == "the needle does not reach the target within 4.0 s"
+
+
+def uneven(*times):
+    """A path of a target at the origin at these times [s]."""
+    return TargetPath(np.array(times), np.zeros((len(times), 2)), np.zeros((len(times), 2, 2)))
+
+
+def test_two_times_make_a_path():
+    assert uneven(0.0, 1e-9).times_s.shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: TargetPath(np.arange(4.0), np.zeros((3, 2)), np.zeros((3, 2, 2))),
+            r"found \(4,\), \(3, 2\), \(3, 2, 2",
+        ),
+        (
+            lambda: TargetPath(np.arange(3.0), np.zeros((3, 2)), np.zeros((3, 3, 3))),
+            r"found \(3,\), \(3, 2\), \(3, 3, 3",
+        ),
+        (lambda: path_of(resting, seconds=0.0, step=1.0), "path: expected two or more times"),
+        (
+            lambda: advise(path_of(resting, seconds=1.0, step=1 / 30), DOWN, DISC),
+            "path: expected to reach from 10.0 to 12.0",
+        ),
+        (lambda: uneven(0.0, 1.0, 1.0), r"path times_s: expected times that rise, found \[0\. 1\. 1\.\]"),
+        (lambda: uneven(0.0), r"path: expected two or more times, .* found \(1,\), \(1, 2\), \(1, 2, 2\)"),
+    ],
+)
+def test_what_is_no_path_is_rejected(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
