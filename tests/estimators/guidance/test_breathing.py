@@ -239,8 +239,24 @@ def test_nothing_is_said_too_early_or_of_a_track_that_does_not_breathe():
         place = 0.95 * place + 2e-3 * rng.normal(size=2)
         wandering.update(float(t), place, 1e-6 * np.eye(2))
     assert wandering.breath() is None
-    with pytest.raises(ValueError, match="predict: expected a track that breathes"):
+    with pytest.raises(ValueError, match=r"^predict: expected a track that breathes, found none$"):
         wandering.predict(np.array([21.0]))
+    assert Breathing(2).breath() is None
+
+
+def test_the_clock_of_a_track_may_start_anywhere():
+    """Times later by 100 s: nothing after 5 s of a breath of 4 s, and after 6.5 s the same breath. 1e-6 relative."""
+    marks = np.random.default_rng(1).normal(0.0, 1e-3, (195, 2))
+    early, late = Breathing(2), Breathing(2)
+    for k, off in enumerate(marks):
+        t = k * FRAME_S
+        for breathing, start in ((early, 0.0), (late, 100.0)):
+            breathing.update(start + t, wave(t, 4.0) + off, 1e-6 * np.eye(2))
+        if k == 150:
+            assert (early.breath(), late.breath()) == (None, None)
+    assert late.breath().period_s == pytest.approx(early.breath().period_s, rel=1e-6)
+    ahead = 195 * FRAME_S + np.array([0.1, 1.0])
+    np.testing.assert_allclose(late.predict(100.0 + ahead)[0], early.predict(ahead)[0], rtol=0, atol=1e-7)
 
 
 def test_the_past_fades():
@@ -252,9 +268,20 @@ def test_the_past_fades():
     assert breathing.breath().period_s == pytest.approx(3.2, rel=0.03)
 
 
+def test_bounds_of_the_settings():
+    """Periods below a second and one harmonic are accepted, periods of nothing and without end are not."""
+    settings = BreathingSettings(shortest_s=0.5, longest_s=0.9, n_periods=2, harmonics=1)
+    np.testing.assert_allclose(Breathing(2, settings).periods_s, [0.9, 0.5], rtol=1e-15)
+    for shortest_s, longest_s in ((0.0, 4.0), (-1.0, 4.0), (4.0, np.inf)):
+        with pytest.raises(ValueError, match=f"expected 0 < shortest_s < longest_s, found {shortest_s}, {longest_s}"):
+            BreathingSettings(shortest_s=shortest_s, longest_s=longest_s)
+
+
 def test_bad_input_is_told():
     breathing = Breathing(2)
     breathing.update(1.0, np.zeros(2), np.eye(2))
+    with pytest.raises(ValueError, match=r"time_s: expected more than 1.0, found inf"):
+        breathing.update(np.inf, np.zeros(2), np.eye(2))
     with pytest.raises(ValueError, match=r"time_s: expected more than 1.0, found 1.0"):
         breathing.update(1.0, np.zeros(2), np.eye(2))
     with pytest.raises(ValueError, match="mean: expected 2 finite coordinates"):

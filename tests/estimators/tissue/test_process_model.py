@@ -9,6 +9,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
 from estimators import ForceMode, TissueModel, accumulated_noise
+from estimators.tissue.known_force import KnownForce
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
 
@@ -108,6 +109,54 @@ def test_where_one_node_is_poked_the_others_are_not(model, phantom, rest_state):
     found = model.linearised(phantom.positions, ONLY_M3)
     np.testing.assert_allclose(found[0].diagonal()[16:], -1.0 / tau, rtol=1e-12)
     np.testing.assert_allclose(found[1].diagonal(), density.diagonal(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("mode", [ForceMode(0.3, 5.0, 0.2, only=1), ForceMode(0.3, 5.0, 0.2, others=MODE)])
+def test_pokes_are_alike_unless_one_node_and_the_others_are_given(mode):
+    """A node without the others' pokes, or those without a node: 5 m/s² and 0.2 s everywhere."""
+    sd, lasting = mode.pokes(3, 2)
+    assert sd.tolist() == [5.0] * 6
+    assert lasting.tolist() == [0.2] * 6
+
+
+def test_noise_of_modes_is_that_of_each_for_the_step_and_the_modes_asked_for(model):
+    """Steps that differ by less than half a nanosecond have one noise; another step or other modes have their own."""
+    modes, others = (MODE, ONLY_M3), (ONLY_M3, MODE)
+    for dt, asked in ((0.125, modes), (0.25, modes), (0.25, others), (0.125, others), (0.125, modes)):
+        found = model.noise_of_modes(dt, asked)
+        np.testing.assert_array_equal(found, [model.noise(dt, mode) for mode in asked])
+    found = model.noise_of_modes(0.125, modes)
+    assert model.noise_of_modes(0.125 + 4e-10, modes) is found
+    assert model.noise_of_modes(0.125 + 2e-9, modes) is not found
+
+
+def test_steps_are_of_at_most_a_120th_of_a_second(phantom):
+    """Half the stability limit of the phantom is longer than that; an interval of 0.1 s takes twelve steps."""
+    assert TissueModel(phantom, OUTER).stepper.n_steps(0.1) == 12
+
+
+def test_a_known_force_adds_to_the_pokes_and_sees_the_states(phantom, rest_state):
+    """A poke that hardly fades is a constant force: one of F and a push of G move the tissue as a poke of F + G.
+
+    To 1e-7 of some 1e-2 m/s: in a step of 1/120 s it fades by 8e-7. A push that depends on the state is at each sigma
+    point the constant one that it is there.
+    """
+    model, lasting, rng = TissueModel(phantom, OUTER), ForceMode(0.3, 5.0, 1e4), np.random.default_rng(3)
+    points = np.r_[rest_state, np.zeros(6)] + rng.normal(0.0, 0.01, (3, 22))
+    push = np.zeros(8)
+    push[model.poked_rows] = rng.normal(size=6)
+    together = points.copy()
+    together[:, 16:] += push[model.poked_rows]
+    expected = model.propagate(together, 1 / 120, lasting)[:, :16]
+    assert np.abs(expected - model.propagate(points, 1 / 120, lasting)[:, :16]).max() > 1e-3
+    model.push = KnownForce(push.reshape(4, 2), phantom, 0.0)
+    np.testing.assert_allclose(model.propagate(points, 1 / 120, lasting)[:, :16], expected, rtol=0, atol=1e-7)
+    gain = rng.normal(size=(8, 16))
+    model.push = KnownForce(lambda _t, states: (states @ gain.T).reshape(*states.shape[:-1], 4, 2), phantom, 0.0)
+    moved = model.propagate(points, 1 / 120, lasting)
+    for point, found in zip(points, moved, strict=True):
+        model.push = KnownForce((gain @ point[:16]).reshape(4, 2), phantom, 0.0)
+        np.testing.assert_allclose(found, model.propagate(point[None], 1 / 120, lasting)[0], rtol=0, atol=1e-12)
 
 
 def test_noise_is_what_drawn_forces_do_to_one_mass(one_mass):

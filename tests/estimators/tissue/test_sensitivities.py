@@ -32,7 +32,10 @@ def test_columns_of_a_calibration_move_as_errors_do(phantom, rest_state, constan
     columns = np.random.default_rng(1).normal(0.0, 1e-3, (22, constants + 3))
     moved = model.propagate_columns(mean[None], columns[None], 1 / 120, (MODE,))[0]
     ends = model.propagate(np.vstack([mean, mean + columns.T]), 1 / 120, MODE)
-    assert model.n_columns == constants + 3
+    assert (model.n_columns, model.n_calibration) == (constants + 3, 3)
+    assert TissueModel(phantom, OUTER, uncertainty=unsure).n_columns == constants
+    shared = np.arange(1.0, 13.0).reshape(4, 3)
+    np.testing.assert_array_equal(model.among_columns(shared), np.c_[np.zeros((4, constants)), shared])
     np.testing.assert_allclose(moved[:, constants:], (ends[1:] - ends[0]).T[:, constants:], rtol=0, atol=1e-14)
     assert np.abs(moved - columns)[:8, constants:].max() > 1e-6
 
@@ -107,6 +110,8 @@ def test_the_bias_of_fixes_fades_slowly_and_moves_nothing(phantom, rest_state):
     A, density = model.linearised(phantom.positions, mode)
     np.testing.assert_allclose(np.diag(A)[22:], -0.1)
     np.testing.assert_allclose(np.diag(density)[22:], 2.0 * 4e-6 / 10.0)
+    for found, own in zip((A, density), plain.linearised(phantom.positions, mode), strict=True):
+        np.testing.assert_array_equal(found[:22, :22], own)
 
 
 def test_a_set_of_points_with_a_spring_turned_is_found(phantom, rest_state):
