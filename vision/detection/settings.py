@@ -16,8 +16,8 @@ class CoverageSettings:
     pad_px: rim of pixels around the component whose outer part shows the background [px]; choice
     core_px: pixels this far inside the component are all mark, whatever highlights they show [px]; choice
     outlier_sds: pixels further from the background's median are no background [standard deviations]; choice
-    grain_reach_px: width of the square of lags over which noise may be correlated [px]; choice
-    edge_reach_px: the same for the antisymmetric part of a mark [px]; choice
+    grain_reach_px: width of the square of lags over which noise may be correlated [px]; half of it is that of the
+        antisymmetric part of a mark; choice
     edge_gain: variance of noise by that of half the difference of two pixels, 2 for white noise [1]; choice
     rough_gain: variance of noise as it moves a centre by that of one pixel, in the fast path [1]; choice
     floor_sd_px: standard deviation of a centre when nothing else is wrong: rounding, shading [px]; choice
@@ -28,7 +28,6 @@ class CoverageSettings:
     core_px: int = 2
     outlier_sds: float = 4.0
     grain_reach_px: int = 7
-    edge_reach_px: int = 3
     edge_gain: float = 1.6
     rough_gain: float = 12.0
     floor_sd_px: float = 0.0025
@@ -40,7 +39,7 @@ class CoverageSettings:
             self.outlier_sds,
             self.grain_reach_px,
             self.edge_gain,
-            self.edge_reach_px,
+            self.grain_reach_px // 2,
             self.rough_gain,
             floor_px2,
         )

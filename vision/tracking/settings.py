@@ -84,9 +84,8 @@ class CandidateSettings:
     score, share: least score, and least share of its pixels that are like the mark [1]; choice
     free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
     even_share, even_around, even_score: least share, most likeness of the ring and least score where the colour was
-        fitted [1]; choice
+        fitted; with this score a match of its own appearance is the mark whatever its colour [1]; choice
     other_share, other_score: least share and least score where it was fitted and the ring is free [1]; choice
-    sure_score: score from which on a match of a mark's own appearance is the mark whatever its colour [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice
@@ -102,7 +101,6 @@ class CandidateSettings:
     even_score: float = 0.75
     other_share: float = 0.4
     other_score: float = 0.65
-    sure_score: float = 0.7
     min_sd_px: float = 0.27
     max_sd_px: float = 1.2
     best_score: float = 1.35

@@ -231,7 +231,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
     """Whether a match is no other mark, and is like the mark beyond doubt, or like it and of its colour."""
     match, limits = candidate.match, search.settings.candidates
     alike = match is not None and is_mark(match, limits) and search.is_apart(seen)
-    return alike and match is not None and (match.score >= limits.sure_score or search.color_distance(seen) <= 1.0)
+    return alike and match is not None and (match.score >= limits.even_score or search.color_distance(seen) <= 1.0)
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
