@@ -7,7 +7,8 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from estimators import InteractingMixture, UnscentedKalmanFilter, moment_matched
-from estimators.filters.mixture import nearest_definite
+from estimators.filters.mixture import Move, nearest_definite
+from estimators.filters.unscented import CovarianceError
 
 RATES = np.array([[-0.4, 0.3, 0.1], [2.0, -3.0, 1.0], [0.5, 1.5, -2.0]])
 MU = np.array([0.6, 0.3, 0.1])
@@ -125,6 +126,56 @@ def test_rates_of_nothing_leave_the_modes_alone():
     ours.predict(0.1)
     np.testing.assert_allclose([f.x for f in ours.filters], alone, rtol=0, atol=1e-15)
     np.testing.assert_allclose(ours.mu, MU, rtol=0, atol=1e-15)
+
+
+def test_the_trace_of_a_prediction_is_what_a_smoother_needs():
+    """Weights p_ij mu_i / c_j, moments of each mix, and the transition matrix of two steps of half the time. 1e-10."""
+    ours, dt = mixture(), 0.1
+    means, covs = [f.x for f in ours.filters], [f.P for f in ours.filters]
+    ours.trace = []
+    ours.predict(dt, 0.5 * dt)
+    (found,) = ours.trace
+    p, F = expm(RATES * dt), transition(0.5 * dt)
+    np.testing.assert_allclose(found.arrived.mu, MU @ p, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.weights, p * MU[:, None] / (MU @ p), rtol=0, atol=1e-12)
+    for j, q in enumerate(QS):
+        w = p[:, j] * MU / (MU @ p)[j]
+        x = sum(w[i] * means[i] for i in range(3))
+        P = sum(w[i] * (covs[i] + np.outer(means[i] - x, means[i] - x)) for i in range(3))
+        np.testing.assert_allclose(found.means[j], x, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(found.covs[j], P, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(found.F[j], transition(dt), rtol=0, atol=1e-10)
+        np.testing.assert_allclose(found.arrived.means[j], transition(dt) @ x, rtol=0, atol=1e-10)
+        for _ in range(2):
+            P = F @ P @ F.T + noise(q, dt)
+        np.testing.assert_allclose(found.arrived.covs[j], P, rtol=0, atol=1e-10)
+
+
+def test_columns_move_with_the_means_of_each_step():
+    """By Euler's steps of 0.05 s of dc/dt = mean: c + 0.05 (m0 + m1), m1 the mean 0.05 s after m0. Rounding."""
+    ours = mixture(rates=np.zeros((3, 3)))
+    ours.columns = np.ones((3, 2, 1))
+    ours.move = Move(ours.move.points, lambda means, columns, dt: columns + dt * means[:, :, None])
+    before = np.array([f.x for f in ours.filters])
+    ours.predict(0.1, 0.05)
+    middle = before @ transition(0.05).T
+    np.testing.assert_allclose(ours.columns[:, :, 0], 1.0 + 0.05 * (before + middle), rtol=0, atol=1e-12)
+
+
+def test_the_likelihood_of_a_measurement_is_that_of_the_mixture():
+    """Log of the sum of mu_i N(z; H x_i, H P_i H' + R), by SciPy. Rounding."""
+    ours, z = mixture(), np.array([0.7])
+    ours.predict(0.1)
+    each = [multivariate_normal(H @ f.x, H @ f.P @ H.T + R).pdf(z) for f in ours.filters]
+    expected = np.log(ours.mu @ each)
+    ours.update_linear(z, H, R)
+    assert ours.log_likelihood == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_measurement_noise_that_is_none_is_rejected():
+    message = r"^innovation covariance: expected positive definite, found otherwise$"
+    with pytest.raises(CovarianceError, match=message):
+        mixture().update_linear(np.zeros(1), H, -10.0 * np.eye(1))
 
 
 def test_two_hopeless_modes_are_still_told_apart():
