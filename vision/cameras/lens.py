@@ -79,16 +79,19 @@ class Lens:
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)
-            off = seen_px - there
+            error = seen_px - there
             det = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
             if not (det > 0).all():
                 break
-            if np.abs(off).max(initial=0.0) < 1e-9:
+            if np.abs(error).max(initial=0.0) < 1e-9:
                 return ideal
             ideal = (
                 ideal
                 + np.column_stack(
-                    [J[:, 1, 1] * off[:, 0] - J[:, 0, 1] * off[:, 1], J[:, 0, 0] * off[:, 1] - J[:, 1, 0] * off[:, 0]]
+                    [
+                        J[:, 1, 1] * error[:, 0] - J[:, 0, 1] * error[:, 1],
+                        J[:, 0, 0] * error[:, 1] - J[:, 1, 0] * error[:, 0],
+                    ]
                 )
                 / det[:, None]
             )

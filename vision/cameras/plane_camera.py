@@ -1,4 +1,4 @@
-"""Cameras that look at a flat scene: homographies between the plane and the picture, and covariances through them.
+"""Cameras of a flat scene: homographies between the plane and the picture, and covariances through them.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes: x right, y up, metres.
 """
@@ -28,9 +28,9 @@ class PlaneCamera:
     name: what the camera is called
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3), up to scale
-    calibration_sd_px: what each mark's place may be off by [px], one standard deviation an axis, none like another
+    calibration_sd_px: error of each mark's place [px], one standard deviation an axis, independent of the others'
     lens: what bends the picture that the homography gives, None where nothing does
-    calibration: what lens and pose are off by, (n, 15): rows are independent directions of one standard deviation
+    calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
 
     Raises ValueError that names the field.
@@ -101,11 +101,11 @@ class PlaneCamera:
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
     def disc_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """What a disc at that point of the plane looks like, as `Outline.shape_px`, (2, 2) [px]."""
+        """The picture of a disc at that point of the plane, as `Outline.shape_px`, (2, 2) [px]."""
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """By how much the middle of a disc's picture is off the picture of its middle [px], (n, 2).
+        """Offset of the middle of a disc's picture from the picture of its middle [px], (n, 2).
 
         points_m: middles of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
         Perspective draws the near half larger: of a circle it makes an ellipse with another centre. A lens bends, too.
@@ -130,7 +130,7 @@ class PlaneCamera:
         return Pose(np.column_stack([B[:, 0], B[:, 1], np.cross(B[:, 0], B[:, 1])]), B[:, 2])
 
     def calibration_error(self, points_m: ArrayLike) -> Floats:
-        """What each direction of the calibration being off moves points of the plane by [m], (n, 2, n_directions)."""
+        """Shift of points of the plane [m] by one sd along each direction of the calibration, (n, 2, n_directions)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))

@@ -1,4 +1,4 @@
-"""Where the centre of a mark is: by what it covers, by its outline, by its rim, whichever is to be believed.
+"""Where the centre of a mark is: by what it covers, by its outline, by its rim, whichever is valid.
 
 Image axes: u right, v down, pixels from the corner of a patch.
 """
@@ -57,7 +57,7 @@ def centers_of(
 
 
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
-    """The centre of a mark that is clear, and whose area and outline say the same; None where they do not."""
+    """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
     center = _agreed(
         seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings.centers
     )
@@ -110,7 +110,7 @@ def _by_outline(
         return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
     if share < limits.min_area or (outline.even and share > limits.max_area):
         return []
-    # of its outline nothing is to be told: somewhere within it
+    # its outline gives no information: somewhere within it
     return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
 
@@ -127,7 +127,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """Places inside a piece where marks that hang together begin to be looked for, (n, 2)."""
+    """Places inside a piece where the search for marks that hang together begins, (n, 2)."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)
@@ -155,7 +155,7 @@ def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Fl
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 
-def _squared(off: Floats, cov: Floats) -> float:
-    """Mahalanobis distance of off, (2,), squared, by cov, (2, 2), written out."""
-    (u, v), ((uu, uv), (_, vv)) = off.tolist(), cov.tolist()
+def _squared(error: Floats, cov: Floats) -> float:
+    """Mahalanobis distance of an error, (2,), squared, by cov, (2, 2), written out."""
+    (u, v), ((uu, uv), (_, vv)) = error.tolist(), cov.tolist()
     return (vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv)

@@ -44,9 +44,9 @@ def detect_marks(
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest area that is seen of a mark [px]
     region: left, top, width, height of the part to search [px]; all of the frame where None
-    outlines: what a whole mark looks like, one for all or one for each expected mark, of which the nearest counts; with
+    outlines: shape of a whole mark, one for all or one for each expected mark, of which the nearest counts; with
         it, marks that are partly covered are found at their centre
-    expected_px, expected_hues: where marks are expected, (n, 2), and of which hue; they help to tell apart marks that
+    expected_px, expected_hues: where marks are expected, (n, 2), and of which hue; they help to separate marks that
         touch, and which outline a mark has
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
@@ -165,13 +165,13 @@ class _Search:
         ]
 
     def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
-        """What the mark of this hue that is expected nearest to this place looks like."""
+        """The outline of the mark of this hue that is expected nearest to this place."""
         if len(self.outlines) < 2:
             return self.outlines[0] if self.outlines else None
-        off = np.linalg.norm(self.starts_px - place_px, axis=1)
+        distances = np.linalg.norm(self.starts_px - place_px, axis=1)
         if self.hues_deg:
-            off = np.where(np.array(self.hues_deg) == hue_deg, off, np.inf)
-        return self.outlines[int(np.argmin(off))]
+            distances = np.where(np.array(self.hues_deg) == hue_deg, distances, np.inf)
+        return self.outlines[int(np.argmin(distances))]
 
     def _inside(self, piece: Component) -> list[Floats]:
         """Where marks are expected inside a piece, from its patch's corner [px]."""

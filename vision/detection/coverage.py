@@ -44,7 +44,7 @@ def measure_coverage(
     *,
     thorough: bool = True,
 ) -> Coverage | None:
-    """What a component covers of a patch; None where it cannot be told from what lies behind it.
+    """What a component covers of a patch; None where it cannot be distinguished from what lies behind it.
 
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
@@ -52,8 +52,10 @@ def measure_coverage(
     thorough: whether to see how far the noise hangs together; if not, the covariance is rough
     """
     discs = _half_widths(settings.grow_px + max(component.shape) // 16), _half_widths(settings.core_px)
-    told, alpha, figures = kernels.covered(patch, component, others, discs, settings.for_kernel(), FIT_PIXELS, thorough)
-    return _cover(alpha, figures) if told else None
+    valid, alpha, figures = kernels.covered(
+        patch, component, others, discs, settings.for_kernel(), FIT_PIXELS, thorough
+    )
+    return _cover(alpha, figures) if valid else None
 
 
 def measure_isolated(
@@ -72,10 +74,10 @@ def measure_isolated(
         _half_widths(settings.grow_px + min(box[2] - box[0], box[3] - box[1]) // 20),
         _half_widths(settings.core_px),
     )
-    told, left, top, alpha, figures = kernels.alone(
+    valid, left, top, alpha, figures = kernels.alone(
         frame, box, *classes, fewest, (settings.pad_px, 8), discs, settings.for_kernel(), FIT_PIXELS // 2
     )
-    return ((left, top), _cover(alpha, figures)) if told else None
+    return ((left, top), _cover(alpha, figures)) if valid else None
 
 
 def _cover(alpha: Floats, figures: Floats) -> Coverage:

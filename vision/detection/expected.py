@@ -1,4 +1,4 @@
-"""Where a mark is expected, for a detector that looks there."""
+"""Where a mark is expected, for a detector that searches there."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Expected:
     center_px: expected centre [px], shape (2,)
     cov_px2: covariance of the expectation alone [px²], shape (2, 2); the detection brings its own
     hue_deg: the hue of its class
-    outline: what it looks like, None where that is not known
+    outline: its shape and size, None where those are not known
     """
 
     name: str

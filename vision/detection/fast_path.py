@@ -21,9 +21,9 @@ def detect_isolated(
     expected: Expected,
     settings: DetectionSettings = DETECTION,
 ) -> Detection | None:
-    """The mark expected in this region, where it is the only one of its hue there and nothing is odd about it.
+    """The mark expected in this region, where it is the only one of its hue there and nothing there is unusual.
 
-    region: left, top, width, height [px]. None where it is not so: then `detect_marks` knows more.
+    region: left, top, width, height [px]. None where it is not so: then `detect_marks` finds more.
     """
     outline = expected.outline
     if outline is None or not outline.even:
@@ -31,16 +31,16 @@ def detect_isolated(
     palette = palette_of(tuple(hues))
     number = 1 + [hue.hue_deg for hue in hues].index(expected.hue_deg)
     left, top, width, height = region
-    told = measure_isolated(
+    measured = measure_isolated(
         frame_bgr,
         (left, top, left + width, top + height),
         (number, (palette.table, palette.least_value, palette.least_saturation)),
         max(1, int(settings.components.min_class_share * outline.area_px)),
         settings.coverage,
     )
-    if told is None:
+    if measured is None:
         return None
-    corner, seen = told
+    corner, seen = measured
     center = centers_agreed(seen, outline, settings)
     if center is None:
         return None

@@ -28,7 +28,7 @@ class MarkHue:
     """What colours count as one kind of mark.
 
     hue_deg: the hue, 0 red, 120 green, 240 blue
-    half_width_deg: how far off it a pixel's hue may be [degrees]
+    half_width_deg: how far from it a pixel's hue may be [degrees]
     min_saturation, min_value: below these, 0 to 1, a pixel has no hue worth the name
     seen_deg: the hue that such marks show in the light there is, where it is not hue_deg
     saturation, value: what they show of these, 0 to 1, where that is known

@@ -42,7 +42,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
     hsv = cv2.cvtColor(smooth.astype(np.float32) / 255.0, cv2.COLOR_BGR2HSV)[inside]
     angles, saturation, value = np.deg2rad(hsv[:, 0]), hsv[:, 1], hsv[:, 2]
     middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
-    off = np.angle(np.exp(1j * (angles - middle)))
+    errors = np.angle(np.exp(1j * (angles - middle)))
     weakest = np.percentile(saturation, 5.0), np.percentile(value, 5.0)
     if weakest[0] < 0.1:
         raise HueError(
@@ -51,7 +51,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
     return MarkHue(
         hue_deg=on_circle(float(np.degrees(middle))),
         half_width_deg=float(
-            np.clip(settings.sds * np.degrees(off.std()), settings.min_width_deg, settings.max_width_deg)
+            np.clip(settings.sds * np.degrees(errors.std()), settings.min_width_deg, settings.max_width_deg)
         ),
         min_saturation=float(settings.paler * weakest[0]),
         min_value=float(settings.darker * weakest[1]),
@@ -69,13 +69,13 @@ def _around(smooth: Picture, u: int, v: int, max_distance: float) -> Picture:
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
     shares = smooth / brightness[:, :, None]
-    # by what sets the place off from grey: what lies much further off than that is of no account
+    # by the distance of the place's colour from grey: colours much further away than that are of no account
     grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
-    off = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / (FURTHEST * grey))
+    distances = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / (FURTHEST * grey))
     inside: Picture = np.zeros((height, width), dtype=np.uint8)
     for reach in (SMALLEST_PX * 2**k for k in range(12)):
         u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
-        window = off[v0:v1, u0:u1]
+        window = distances[v0:v1, u0:u1]
         parting, _ = cv2.threshold(window, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
         alike = np.asarray(window <= min(parting, 255.0 * max_distance / FURTHEST), dtype=np.uint8)
         _, parts = cv2.connectedComponents(alike)

@@ -1,6 +1,6 @@
 """Compiled loops over pixels: colour classes of a picture, and how much of each pixel a mark covers.
 
-tests/vision/plain_coverage.py says the same with NumPy and OpenCV. Kernels that call each other stay in one file:
+tests/vision/plain_coverage.py computes the same with NumPy and OpenCV. Kernels that call each other stay in one file:
 numba's cache on disk does not see changes across files.
 """
 
@@ -12,9 +12,9 @@ from numba import njit
 HUE_STEPS = 720
 """Half degrees on the circle of hues: what a table of classes is indexed by."""
 NARROW_PX = 12
-"""Around the pixels of a mark that is looked at alone: its edge, and what lies behind it."""
+"""Around the pixels of a mark that is measured alone: its edge, and what lies behind it."""
 ON_A_LINE = 1e-6
-"""Determinant of the Gram matrix by its diagonal's product, below which places tell no plane: nearly on a line."""
+"""Determinant of the Gram matrix by its diagonal's product, below which places determine no plane: nearly on a line."""
 ROUNDING = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
 
@@ -182,7 +182,7 @@ def _boxed(values, reach):  # type: ignore[no-untyped-def]
 def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     """Sum of the noise's autocovariance over the lags in a square of width `reach`, not less than its variance.
 
-    weights: how much each pixel's noise matters, (h, w), 0 where it is not to be looked at.
+    weights: how much each pixel's noise matters, (h, w), 0 where it does not count.
     The variance of a mean of n pixels is that sum over n. White noise: its variance. Grainy noise: more.
     """
     weighted = noise * weights
@@ -334,7 +334,7 @@ def _arms(edge, area, u, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, discs, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """What a component covers of a patch: whether that can be told, alpha (h, w) with 0 away from it, and its figures.
+    """What a component covers of a patch: whether that is valid, alpha (h, w) with 0 away from it, and its figures.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
@@ -487,7 +487,7 @@ def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels
         return False, 0, 0, none, np.zeros(10)
     height, width = box[3] - box[1], box[2] - box[0]
     classes = np.empty((height, width), dtype=np.uint8)
-    # as it is: where noise breaks a mark into pieces, the slow way knows more
+    # as it is: where noise breaks a mark into pieces, the slow way finds more
     classify(frame[box[1] : box[3], box[0] : box[2]], palette[0], palette[1], palette[2], classes)
     there, piece, (low_v, high_v, low_u, high_u) = _only_piece(classes, number, fewest)
     if not there:
@@ -497,5 +497,5 @@ def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
     patch = frame[box[1] + v0 : box[1] + v1, box[0] + u0 : box[0] + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
-    told, alpha, figures = covered(patch, component, np.zeros_like(component), discs, settings, fit_pixels, False)
-    return told, box[0] + u0, box[1] + v0, alpha, figures
+    valid, alpha, figures = covered(patch, component, np.zeros_like(component), discs, settings, fit_pixels, False)
+    return valid, box[0] + u0, box[1] + v0, alpha, figures

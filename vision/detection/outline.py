@@ -1,6 +1,6 @@
 """The outline of a mark, and its centre where a needle or a hand covers part of it.
 
-A mark's centre of gravity is its centre only while all of it is seen. What is seen of its outline tells the centre,
+A mark's centre of gravity is its centre only while all of it is seen. What is seen of its outline gives the centre,
 too, less well the shorter the arc, but whatever covers the rest. Image axes: u right, v down, pixels.
 """
 
@@ -15,7 +15,7 @@ from vision.arrays import Floats
 from vision.detection.settings import DETECTION, OutlineSettings
 
 N_RAYS = 64
-"""Directions in which the edge is looked for."""
+"""Directions in which the edge is searched."""
 RAYS = np.column_stack(
     [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
 )
@@ -26,12 +26,12 @@ SETTLED = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """What a whole mark looks like.
+    """The shape and size of a whole mark in a picture.
 
     shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
-    size_sd: how far its size may be off, as a share of it
+    size_sd: standard deviation of its size, as a share of it
     area_px: of the whole mark [px], from these
-    even: it is of one colour; of one that is not, a ball with its shading, say, the rim is looked for, not the colour
+    even: it is of one colour; of one that is not, such as a ball with its shading, the rim is detected, not the colour
     """
 
     shape_px: Floats
@@ -51,7 +51,7 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """What the outline tells.
+    """A mark fitted to the outline.
 
     center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
     share: of all directions, those in which the mark's own edge is seen
@@ -73,7 +73,7 @@ def fit_outline(
 
     alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
     start_px: a place inside what is seen, (2,)
-    settings: `reach` says how far from there the edge may lie [sizes]; where none is nearer another mark goes on
+    settings: `reach` is how far from there the edge may lie [sizes]; where none is nearer another mark goes on
     """
     center, cov, share, beyond, size = _fitted(
         alpha, start_px, outline.shape_px, outline.size_sd, settings.reach, settings.for_kernel()
@@ -137,11 +137,11 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
             score = -0.5 * ((size - 1.0) / size_sd) ** 2
             inner, outer = max(size - near, 0.0) ** 2, (size + near) ** 2
             for k in range(n):
-                off2 = (edges[k, 0] - x) ** 2 + (edges[k, 1] - y) ** 2
+                squared = (edges[k, 0] - x) ** 2 + (edges[k, 1] - y) ** 2
                 # What covers a mark brings its edge inward, never outward.
-                if off2 > outer:
+                if squared > outer:
                     score -= 1.0
-                elif off2 > inner:
+                elif squared > inner:
                     score += 1.0
             if score > best:
                 best = score
@@ -174,12 +174,12 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         for k in range(n):
             x, y = edges[k, 0] - fit[0], edges[k, 1] - fit[1]
             length = max(np.sqrt(x * x + y * y), 1e-9)
-            off = length - fit[2]
-            n_beyond += off > limit
-            if abs(off) >= limit:
+            error = length - fit[2]
+            n_beyond += error > limit
+            if abs(error) >= limit:
                 continue
-            # Tukey's biweight; off falls by (x, y) / length for a step of the centre, by 1 for one of the size
-            w = (1.0 - (off / limit) ** 2) ** 2
+            # Tukey's biweight; the error falls by (x, y) / length for a step of the centre, by 1 for one of the size
+            w = (1.0 - (error / limit) ** 2) ** 2
             x, y = x / length, y / length
             a00 += w * x * x
             a01 += w * x * y
@@ -187,10 +187,10 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             a11 += w * y * y
             a12 += w * y
             a22 += w
-            g0 += w * off * x
-            g1 += w * off * y
-            g2 += w * off
-            squares += w * off * off
+            g0 += w * error * x
+            g1 += w * error * y
+            g2 += w * error
+            squares += w * error * error
             weights2 += w * w
             n_on += w
             if not last:
@@ -199,8 +199,8 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             turned_x, turned_y = x, y
             for k_wave in range(2, highest_wave + 1):
                 turned_x, turned_y = turned_x * x - turned_y * y, turned_x * y + turned_y * x
-                waves[k_wave, 0] += w * off * turned_x
-                waves[k_wave, 1] += w * off * turned_y
+                waves[k_wave, 0] += w * error * turned_x
+                waves[k_wave, 1] += w * error * turned_y
         normal = np.array([[a00, a01, a02], [a01, a11, a12], [a02, a12, a22]])
         step = np.array([g0, g1, g2])
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
@@ -212,7 +212,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             break
         settled = abs(variance - narrower) < 0.01 * variance and np.abs(step).max() < SETTLED
     # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them
-    # says how strong one wave of noise, of highlights and of compression is.
+    # is how strong one wave of noise, of highlights and of compression is.
     power = (waves**2).sum() / (highest_wave - 1) / weights2
     return fit, normal, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 

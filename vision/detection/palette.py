@@ -26,9 +26,9 @@ class Palette:
 def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
     """The classes of these hues; where ranges overlap, a pixel is of the hue that is nearer."""
     steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
-    off = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
+    distances = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
     half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
-    beyond = np.where(off <= half_widths, off, np.inf)
+    beyond = np.where(distances <= half_widths, distances, np.inf)
     table = np.where(np.isfinite(beyond.min(axis=0)), 1 + beyond.argmin(axis=0), 0).astype(np.uint8)
     values = [255.0 * hue.min_value for hue in hues]
     saturations = [256.0 * hue.min_saturation for hue in hues]

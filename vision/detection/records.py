@@ -11,7 +11,7 @@ from vision.arrays import Floats
 
 
 class HueError(ValueError):
-    """A range of hues that cannot tell marks from the scene."""
+    """A range of hues that cannot distinguish marks from the scene."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +25,7 @@ class Detection:
     clipped: it touches the border of what was searched, so part of it was not seen
     occluded: something hides part of it, so its centre is that of its outline
     color_bgr: of its core [grey levels]
-    size: by that of the outline it was looked for with
+    size: by that of the outline it was searched with
     """
 
     center_px: Floats

@@ -1,7 +1,7 @@
 """The rim of a mark that is no even disc of colour: a ball with its shading, stripes or a highlight.
 
-Where a colour that varies over the mark leaves no share of each pixel to be told, the rim still is a step of some kind
-on a circle of about the right size. Image axes: u right, v down, pixels.
+Where the colour varies over the mark, the share of each pixel cannot be estimated; the rim still is a step of some
+kind on a circle of about the right size. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-d
         gradient[0], gradient[1], gradient[2] = 0.0, 0.0, weight * (1.0 - fit[2])
         score = n_on = squares = 0.0
         for k in range(N_RAYS):
-            nearest, off, own_x, own_y = 2.0 * limit, 0.0, 0.0, 0.0
+            nearest, error, own_x, own_y = 2.0 * limit, 0.0, 0.0, 0.0
             height = 0.0
             for j in range(N_STEPS):
                 if steps[k, j, 2] == 0.0:
@@ -120,17 +120,17 @@ def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-d
                 # a weak step must be nearer to be the rim
                 there = abs(length - fit[2]) * (1.0 + strong / (steps[k, j, 2] + strong))
                 if there < nearest:
-                    nearest, off, height = there, length - fit[2], steps[k, j, 2]
+                    nearest, error, height = there, length - fit[2], steps[k, j, 2]
                     own_x, own_y = x / length, y / length
-            if abs(off) >= limit or height == 0.0:
+            if abs(error) >= limit or height == 0.0:
                 continue
-            w = (1.0 - (off / limit) ** 2) ** 2 * height / (height + 0.5 * strong)
+            w = (1.0 - (error / limit) ** 2) ** 2 * height / (height + 0.5 * strong)
             slope = np.array([own_x, own_y, 1.0])
             for a in range(3):
-                gradient[a] += w * off * slope[a]
+                gradient[a] += w * error * slope[a]
                 for b in range(3):
                     normal[a, b] += w * slope[a] * slope[b]
-            squares += w * off * off
+            squares += w * error * error
             n_on += w
             score += w
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:

@@ -1,4 +1,4 @@
-"""A mark looked for at one place, by its rim alone: what touches it, blood say, has its colour and hides its shape."""
+"""A mark searched at one place, by its rim alone: what touches it, as blood, has its colour and hides its shape."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vision.detection.settings import DETECTION, DetectionSettings
 def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
     """The mark whose rim is seen about where it is expected; None where there is none, or where it may be anywhere.
 
-    Whether its colour is right is for the caller to say.
+    Whether its colour is right is for the caller to check.
     """
     outline = expected.outline
     if outline is None:

@@ -22,7 +22,7 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import SourceWatchdog
 
 POLL_S = 0.02
-"""Period of polling, below a frame interval at 30 frames/s: faults are looked for and failed reads tried again; a
+"""Period of polling, below a frame interval at 30 frames/s: faults are checked for and failed reads tried again; a
 frame wakes its reader at once."""
 
 

@@ -27,7 +27,7 @@ class Highlight:
 
     size: its radius as a share of the mark's
     strength: 0 to 1, the share of the mark's colour that white takes the place of
-    offset: where on the plane it lies off the mark's centre, as shares of the mark's radius along x and y
+    offset: where on the plane it lies from the mark's centre, as shares of the mark's radius along x and y
     """
 
     size: float = 0.2

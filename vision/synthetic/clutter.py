@@ -108,10 +108,10 @@ def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
     alpha: Picture = np.zeros((height, width), dtype=np.float32)
     depth: Picture = np.zeros_like(alpha)
     for a, b, half in parts:
-        off = _off_segment((width, height), a, b)
-        alpha = np.maximum(alpha, np.clip(0.5 + half - off, 0.0, 1.0))
+        distances = _distances_to_segment((width, height), a, b)
+        alpha = np.maximum(alpha, np.clip(0.5 + half - distances, 0.0, 1.0))
         # Fingers and palm are round: the light falls off towards their sides.
-        depth = np.maximum(depth, np.sqrt(np.clip(1.0 - (off / half) ** 2, 0.0, 1.0)))
+        depth = np.maximum(depth, np.sqrt(np.clip(1.0 - (distances / half) ** 2, 0.0, 1.0)))
     if hand.softness_px:
         alpha, depth = (cv2.GaussianBlur(part, (0, 0), hand.softness_px / scale) for part in (alpha, depth))
     skin = light_of(hand.skin_srgb)[::-1]
@@ -168,9 +168,9 @@ def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture
     center, turn, tall = rng.uniform((0, 0), size_px), rng.uniform(0.0, np.pi), rng.uniform(0.25, 0.8)
     u, v = np.arange(size_px[0]) - center[0], (np.arange(size_px[1]) - center[1])[:, None]
     along, across = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
-    off = np.hypot(along / radius_px, across / (tall * radius_px))
+    distances = np.hypot(along / radius_px, across / (tall * radius_px))
     rough = 0.30 * _clouds(size_px, 0.35 * radius_px, rng) + 0.10 * _clouds(size_px, 2.0, rng)
-    thick = np.clip((1.0 - off + rough) / 0.35, 0.0, 1.0)
+    thick = np.clip((1.0 - distances + rough) / 0.35, 0.0, 1.0)
     return np.asarray(0.95 * thick, dtype=np.float32)
 
 
@@ -184,8 +184,8 @@ def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture
     return clouds
 
 
-def _off_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
-    """How far each pixel is off the segment from a to b [px], (height, width)."""
+def _distances_to_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
+    """Distance of each pixel from the segment from a to b [px], (height, width)."""
     u, v = np.arange(size_px[0], dtype=np.float32) - a[0], (np.arange(size_px[1], dtype=np.float32) - a[1])[:, None]
     d = b - a
     along = np.clip((u * d[0] + v * d[1]) / (d @ d), 0.0, 1.0)

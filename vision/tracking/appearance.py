@@ -1,4 +1,4 @@
-"""What a mark looked like when it was last seen whole, and where in a picture something looks like it.
+"""The appearance of a mark when it was last seen whole, and its best match in a picture.
 
 Where blood of a mark's own colour touches it, or a hand covers half of it, its colour class has another shape than it.
 Then the picture is compared pixel by pixel with the mark as it was. Image axes: u right, v down, pixels.
@@ -30,11 +30,11 @@ COARSE_PX = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AppearanceMatch:
-    """Where a picture looks most like a mark.
+    """The place of a picture that matches a mark best.
 
     center_px: [px], (2,)
-    score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that look like
-    it; around: how much the ring around it does, from -1 to 1; color_bgr: median of the pixels that look like it
+    score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that are like
+    it; around: how much the ring around it is, from -1 to 1; color_bgr: median of the pixels that are like it
     weighed: the score, less what it loses by its distance from where the mark is expected
     """
 
@@ -47,7 +47,7 @@ class AppearanceMatch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Look:
+class _Template:
     """A mark and what is around it.
 
     inside, ring: pixels from its centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of
@@ -63,12 +63,12 @@ class _Look:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is like the mark, so that it cannot be told from it."""
+        """Whether the background is like the mark, so that it cannot be distinguished from it."""
         return bool(_squared(self.behind, self.core, self.settings) < 1.0)
 
 
 class AppearanceModel:
-    """What one mark looked like in the last frames that showed it whole.
+    """The appearance of one mark in the last frames that showed it whole.
 
     hue_deg: of its kind; unseen: frames since then, for its owner to count
     """
@@ -103,24 +103,24 @@ class AppearanceModel:
         within_px: float | None = None,
         another: bool = False,
     ) -> AppearanceMatch | None:
-        """Where it looks most like the mark about where that is expected.
+        """The best match of the mark's appearance about where that is expected.
 
         about_px: another place, (2,); within_px: only so near to that is searched
         another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
-        None where the mark may be anywhere, or nothing is known that would tell it from what is around it.
+        None where the mark may be anywhere, or nothing is known that would distinguish it from what is around it.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
         if outline is None or not self._kept or reach > settings.max_reach_px:
             return None
-        look = self._look(outline)
+        template = self._template(outline)
         height, width = frame_bgr.shape[:2]
         u0, v0 = (max(int(np.ceil(x - reach)), 0) for x in expected.center_px)
         u1, v1 = (min(int(x + reach) + 1, size) for x, size in zip(expected.center_px, (width, height), strict=True))
         if within_px is not None and about_px is not None:
             (u, v), far = (round(float(x)) for x in about_px), ceil(within_px)
             u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
-        if (look.blends and not another) or u1 <= u0 or v1 <= v0:
+        if (template.blends and not another) or u1 <= u0 or v1 <= v0:
             return None
         pad = _half(outline, settings) + 3
         corner = left, top = max(u0 - pad, 0), max(v0 - pad, 0)
@@ -130,28 +130,28 @@ class AppearanceModel:
         box = (u0, v0, u1, v1)
         if another:
             # a colour is fitted at each place: first of every third, then of those about the best
-            _, weighed = _weighed(part, corner, box, look, expected, COARSE_PX, another)
+            _, weighed = _weighed(part, corner, box, template, expected, COARSE_PX, another)
             j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
             u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
             box = u0, v0, u1, v1 = max(u - far, u0), max(v - far, v0), min(u + far + 1, u1), min(v + far + 1, v1)
-        told, weighed = _weighed(part, corner, box, look, expected, 1, another)
+        evidence, weighed = _weighed(part, corner, box, template, expected, 1, another)
         j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
         center = np.array([u0 + i + _peak(weighed[j], i), v0 + j + _peak(weighed[:, i], j)])
-        u, v = (look.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
+        u, v = (template.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
-        alike = _squared(pixels, look.colors - look.core + told[3:, j, i], settings) < 1.0
+        alike = _squared(pixels, template.colors - template.core + evidence[3:, j, i], settings) < 1.0
         color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
-        share, around = (float(x) for x in told[1:3, j, i])
+        share, around = (float(x) for x in evidence[1:3, j, i])
         return AppearanceMatch(
             center,
-            _score(told[:, j, i], settings.ring_weight),
+            _score(evidence[:, j, i], settings.ring_weight),
             share,
             around,
             tuple(color.tolist()),
             float(weighed[j, i]),
         )
 
-    def _look(self, outline: Outline) -> _Look:
+    def _template(self, outline: Outline) -> _Template:
         """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
         settings, half = self._settings, _half(outline, self._settings)
         inside, ring = _pixels(outline.shape_px.tobytes(), half, settings)
@@ -166,46 +166,47 @@ class AppearanceModel:
         median = np.median(views, axis=0)
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
-        return _Look(inside, ring, colors, np.median(colors, axis=0), behind, settings)
+        return _Template(inside, ring, colors, np.median(colors, axis=0), behind, settings)
 
 
 def _weighed(
     part: Image,
     corner: tuple[int, int],
     box: tuple[int, int, int, int],
-    look: _Look,
+    template: _Template,
     expected: Expected,
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """What `_likeness` tells of the places of a box, and their scores by how far off the expected place they are.
+    """The evidence of `_likeness` for the places of a box, and their scores by distance from the expected place.
 
     part, corner: of the picture, and where its first pixel is; box: in the picture
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
-    told = _likeness(
+    evidence = _likeness(
         part,
         inside,
         step,
-        look.inside,
-        look.ring,
-        look.colors,
-        look.core,
-        look.behind,
-        look.settings.for_kernel(),
+        template.inside,
+        template.ring,
+        template.colors,
+        template.core,
+        template.behind,
+        template.settings.for_kernel(),
         another,
     )
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
-    prior = look.settings.other_prior if another else look.settings.prior
-    return told, _score(told, look.settings.ring_weight) - prior * (uu * du * du + 2.0 * uv * du * dv + vv * dv * dv)
+    prior = template.settings.other_prior if another else template.settings.prior
+    squared = uu * du * du + 2.0 * uv * du * dv + vv * dv * dv
+    return evidence, _score(evidence, template.settings.ring_weight) - prior * squared
 
 
-def _score(told: Floats, ring_weight: float) -> Any:
-    """By evidence inside and around, as `_likeness` tells them."""
-    return told[0] - ring_weight * told[2]
+def _score(evidence: Floats, ring_weight: float) -> Any:
+    """By evidence inside and around, as `_likeness` returns them."""
+    return evidence[0] - ring_weight * evidence[2]
 
 
 def _redrawn(
@@ -240,14 +241,14 @@ def _pixels(shape_px: bytes, half: int, settings: AppearanceSettings) -> tuple[N
     shape = np.frombuffer(shape_px).reshape(2, 2)
     v, u = np.mgrid[-half : half + 1, -half : half + 1]
     places = np.column_stack([u.ravel(), v.ravel()]).astype(np.int64)
-    off = np.linalg.norm(places @ np.linalg.inv(shape).T, axis=1)
+    radii = np.linalg.norm(places @ np.linalg.inv(shape).T, axis=1)
     pixel = abs(float(np.linalg.det(shape))) ** -0.5
     begin = 1.0 + settings.margin + 0.5 * pixel
-    return places[off <= 1.0 - settings.margin], places[(off > begin) & (off <= begin + settings.ring_px * pixel)]
+    return places[radii <= 1.0 - settings.margin], places[(radii > begin) & (radii <= begin + settings.ring_px * pixel)]
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """How far colours are off, squared, by how far those of pixels that look alike may be: (n, 3) or (3,) each."""
+    """Squared distance of colours, in units of what pixels alike may differ by: (n, 3) or (3,) each."""
     return ((pixels - colors) ** 2 / (settings.level_sd**2 + (settings.shade * colors) ** 2)).mean(
         axis=-1
     ) / settings.match
@@ -262,13 +263,13 @@ def _peak(line: Floats, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _off(frame, y, x, color, level):  # type: ignore[no-untyped-def]
+def _squared_distance(frame, y, x, color, level):  # type: ignore[no-untyped-def]
     """As `_squared`, of one pixel."""
     match, shade, sd = level
     squared = 0.0
     for c in range(3):
-        off = frame[y, x, c] - color[c]
-        squared += off * off / (sd * sd + (shade * color[c]) ** 2)
+        error = frame[y, x, c] - color[c]
+        squared += error * error / (sd * sd + (shade * color[c]) ** 2)
     return squared / (3.0 * match)
 
 
@@ -280,7 +281,7 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, an
     level = match, shade, sd
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
-    told = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
+    evidence = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
     own_core, own_colors = core.copy(), colors.copy()
     for v in range(v0, v1, step):
         for u in range(u0, u1, step):
@@ -293,23 +294,23 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, an
                 if x < 0 or y < 0 or x >= width or y >= height:
                     total -= hidden
                     continue
-                off = _off(frame, y, x, own_colors[k], level)
-                if off < 1.0:
+                distance = _squared_distance(frame, y, x, own_colors[k], level)
+                if distance < 1.0:
                     like += 1
-                    total += 1.0 - off
+                    total += 1.0 - distance
                 else:
-                    total -= 1.0 if not another and _off(frame, y, x, behind, level) < 1.0 else hidden
+                    total -= 1.0 if not another and _squared_distance(frame, y, x, behind, level) < 1.0 else hidden
             around, n_ring = 0.0, 0
             for k in range(len(ring)):
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(1.0 - contrast * _off(frame, y, x, own_core, level), -1.0)
-            told[0, row, column] = total / len(inside)
-            told[1, row, column] = like / len(inside)
-            told[2, row, column] = around / max(n_ring, 1)
-            told[3:, row, column] = own_core
-    return told
+                    around += max(1.0 - contrast * _squared_distance(frame, y, x, own_core, level), -1.0)
+            evidence[0, row, column] = total / len(inside)
+            evidence[1, row, column] = like / len(inside)
+            evidence[2, row, column] = around / max(n_ring, 1)
+            evidence[3:, row, column] = own_core
+    return evidence
 
 
 @njit(cache=True, nogil=True)
@@ -324,7 +325,7 @@ def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors):  
             x, y = u + inside[k, 0], v + inside[k, 1]
             if x < 0 or y < 0 or x >= width or y >= height:
                 continue
-            if turn == 0 or _off(frame, y, x, own_colors[k], level) < 1.0:
+            if turn == 0 or _squared_distance(frame, y, x, own_colors[k], level) < 1.0:
                 n += 1
                 for c in range(3):
                     sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])

@@ -45,15 +45,15 @@ def associate_marks(
     found_px = np.array([d.center_px for d in detections])
     means_px = np.array([e.center_px for e in expected])
     S = np.array([e.cov_px2 for e in expected])[:, None] + np.array([d.cov_px2 for d in detections])[None, :]
-    off = found_px[None, :] - means_px[:, None]
+    innovations = found_px[None, :] - means_px[:, None]
     # Two by two, written out: inv(S) = [[S_vv, -S_uv], [-S_uv, S_uu]] / det S
     det = S[..., 0, 0] * S[..., 1, 1] - S[..., 0, 1] * S[..., 1, 0]
     definite = (det > 0) & (S[..., 0, 0] > 0)
     if not definite.all():
         k = int(np.argwhere(~definite)[0, 0])
         raise ValueError(f"expected mark {expected[k].name}: expected a positive definite covariance, found {S[k, 0]}")
-    cross = (S[..., 0, 1] + S[..., 1, 0]) * off[..., 0] * off[..., 1]
-    squared = (S[..., 1, 1] * off[..., 0] ** 2 - cross + S[..., 0, 0] * off[..., 1] ** 2) / det
+    cross = (S[..., 0, 1] + S[..., 1, 0]) * innovations[..., 0] * innovations[..., 1]
+    squared = (S[..., 1, 1] * innovations[..., 0] ** 2 - cross + S[..., 0, 0] * innovations[..., 1] ** 2) / det
     same = np.array([[hue_distance(e.hue_deg, d.hue_deg) <= SAME_CLASS_DEG for d in detections] for e in expected])
     allowed = same & (squared <= gate)
     if not allowed.any():

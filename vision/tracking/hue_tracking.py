@@ -20,7 +20,7 @@ class AdaptiveHue:
     """A kind of mark whose colour is followed from frame to frame.
 
     now: what counts as this kind now
-    State: that, and how many frames it was learned from; the mean colour as hue [degrees off where it began],
+    State: that, and how many frames it was learned from; the mean colour as hue [degrees from where it began],
     saturation and log of value, and the variance of hue and saturation about it.
     """
 

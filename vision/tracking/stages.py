@@ -220,7 +220,7 @@ def _is_left(_search: Search, candidate: Candidate, _seen: Detection) -> bool:
 
 
 def _by_appearance(search: Search) -> Iterator[Candidate]:
-    """Missing marks where the picture looks like them."""
+    """Missing marks where the picture matches their appearance."""
     for one in search.missing:
         match = search.templates.match(search.frame_bgr, one) if search.templates.can_compare(one) else None
         if match is not None:
@@ -228,14 +228,14 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is no other mark, and is like the mark beyond doubt, or like it and of its colour."""
+    """Whether a match is no other mark, and is surely like the mark, or like it and of its colour."""
     match, limits = candidate.match, search.settings.candidates
     alike = match is not None and is_mark(match, limits) and search.is_apart(seen)
     return alike and match is not None and (match.score >= limits.even_score or search.color_distance(seen) <= 1.0)
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Missing marks where the picture looks like a mark of their hue in any light."""
+    """Missing marks where the picture matches a mark of their hue in any light."""
     for one in search.missing:
         if search.templates.can_compare(one):
             match = search.templates.match_in_other_light(search.frame_bgr, one)

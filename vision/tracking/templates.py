@@ -41,7 +41,7 @@ class AppearanceTemplates:
         return outline is not None and outline.even and outline.area_px >= np.pi * self._settings.min_radius_px**2
 
     def is_clear(self, seen: Detection) -> bool:
-        """Whether a detection is a whole mark beyond doubt."""
+        """Whether a detection is surely a whole mark."""
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
