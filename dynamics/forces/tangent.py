@@ -21,7 +21,7 @@ RK4_RADIUS = 2.6
 """Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
-"""Lengths over rest lengths at which the stability limit looks for the stiffest shape: a stiffness that is monotone
+"""Lengths over rest lengths at which the stability limit searches for the stiffest shape: a stiffness that is monotone
 between them, as that of every law is so far, has its maximum at one of the ends."""
 
 

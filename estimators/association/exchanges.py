@@ -97,7 +97,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks, each on the node that its name stands for; on the one it is named after where names do not say."""
+    """The marks, each on the node that its name stands for; on the one it is named after where names lack it."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

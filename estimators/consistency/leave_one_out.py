@@ -74,7 +74,7 @@ class LeaveOneOut:
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """The same, of marks that the filter of the target has taken in already and what it said then."""
+        """The same, of marks that the filter of the target has taken in already, and its estimate after them."""
         checks = {}
         dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
         self._time_s = estimate.time_s
@@ -92,7 +92,7 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """What a calibration that is off adds to the variance of its mark about a filter's target [m²], (dim, dim).
+    """What an error of the calibration adds to the variance of its mark about a filter's target [m²], (dim, dim).
 
     Where the filter considers it, its own error comes from the same: columns C and the mark's F add
     (C + F)(C + F)' - C C'.

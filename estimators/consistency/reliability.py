@@ -12,7 +12,7 @@ from scipy.stats import beta
 
 @dataclass(frozen=True, slots=True)
 class ReliabilityBin:
-    """Predictions from low to high, 0.3 to 0.4 say, and what came of them.
+    """Predictions from low to high, such as 0.3 to 0.4, and what came of them.
 
     n: how many; mean: of what was predicted, None where n is 0; hits: how many came true
     least, most: the interval of the true rate that the hits leave, Clopper and Pearson's [clopper1934]

@@ -36,10 +36,10 @@ def energy_score(
     mean, truth = np.asarray(means, dtype=float), np.asarray(truths, dtype=float)
     roots = np.linalg.cholesky(np.asarray(covs, dtype=float))
     drawn = np.einsum("nij,kj->nki", roots, rng.standard_normal((n_draws, mean.shape[1])))
-    off = np.linalg.norm(drawn - (truth - mean)[:, None], axis=2).mean(axis=1)
+    distance = np.linalg.norm(drawn - (truth - mean)[:, None], axis=2).mean(axis=1)
     # each draw against the next: independent pairs
     apart = np.linalg.norm(drawn - np.roll(drawn, 1, axis=1), axis=2).mean(axis=1)
-    return np.asarray(off - 0.5 * apart)
+    return np.asarray(distance - 0.5 * apart)
 
 
 def pit_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:

@@ -1,6 +1,6 @@
 """Generic filters on filterpy: sigma points, mixture of models, considered constants.
 
-What may enter: probability that knows neither springs nor marks.
+What may enter: probability without springs or marks.
 """
 
 from estimators.filters.adaptation import VarianceScale

@@ -8,7 +8,7 @@ from estimators.arrays import Floats
 
 
 class VarianceScale:
-    """How much larger a variance is than told, by maximum likelihood with forgetting.
+    """The factor by which a variance is larger than stated, by maximum likelihood with forgetting.
 
     Innovations have the covariance S = rest + scale part. Each moves log scale by its score over the Fisher information
     of the last forget_s, so that an innovation in which the part plays no role moves nothing.
@@ -36,7 +36,7 @@ class VarianceScale:
         score = 0.5 * float(innovation @ np.linalg.solve(rest + scaled, scaled @ share[:, -1]) - np.trace(along))
         kept = float(np.exp(-dt / self.forget_s))
         self.information = kept * self.information + (1.0 - kept) * self._start + 0.5 * float(np.sum(along * along.T))
-        # a step of one in the logarithm at most: far from the maximum the score says where, not how far
+        # a step of one in the logarithm at most: far from the maximum the score gives the direction, not the distance
         step = float(np.clip(score / self.information, -1.0, 1.0))
         self.scale = float(np.clip(self.scale * np.exp(step), *self.bounds))
         return self.scale

@@ -95,7 +95,7 @@ def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def regressions(points, moved):  # type: ignore[no-untyped-def]
-    """What a set of symmetric points says of the transition matrix F, for each of several: (k, n, n).
+    """The transition matrix F by linear regression on a set of symmetric points, for each of several: (k, n, n).
 
     F L = (moved along each column - moved against it) / 2 with L lower triangular: by substitution, column by column.
     """
@@ -164,16 +164,16 @@ def joseph_update(x, P, z, H, R, total):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def schmidt_update(x, P, z, H, R, columns, shared, wary):  # type: ignore[no-untyped-def]
+def schmidt_update(x, P, z, H, R, columns, shared, added_share):  # type: ignore[no-untyped-def]
     """`joseph_update` where errors of unit variance move the state by columns (n, r) and z by shared (m, r).
 
-    K = (P H' + columns told') S^-1 with S = H P H' + told told' + R and told = H columns + shared. [bierman1977]
-    Differs from it by wary shared shared' in S; P and columns are exact for whatever gain.
+    K = (P H' + columns C') S^-1 with S = H P H' + C C' + R and C = H columns + shared. [bierman1977]
+    Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain.
     """
-    told = H @ columns + shared
+    C = H @ columns + shared
     PH = P @ H.T
-    S = H @ PH + told @ told.T + wary * (shared @ shared.T) + R
-    return _updated(x, P, z, H, R, PH + columns @ told.T, S)
+    S = H @ PH + C @ C.T + added_share * (shared @ shared.T) + R
+    return _updated(x, P, z, H, R, PH + columns @ C.T, S)
 
 
 @njit(cache=True, nogil=True)

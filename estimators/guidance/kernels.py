@@ -112,13 +112,13 @@ def rotation_of(C, n):  # type: ignore[no-untyped-def]
     """Rotation V with V' C V diagonal, of the leading n x n block of C, by Jacobi's sweeps; the rest stays."""
     A, V = C.copy(), np.eye(C.shape[0])
     for _ in range(20):
-        off = 0.0
+        off_diagonal = 0.0
         size = 0.0
         for p in range(n):
             size += abs(A[p, p])
             for q in range(p + 1, n):
-                off += abs(A[p, q])
-        if off <= 1e-15 * size:
+                off_diagonal += abs(A[p, q])
+        if off_diagonal <= 1e-15 * size:
             break
         for p in range(n):
             for q in range(p + 1, n):

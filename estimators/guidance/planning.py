@@ -95,7 +95,7 @@ class Plan:
 
     entries, directions, tips: (n, dim) [m]; lengths: in the tissue [m], (n,)
     pushed: by how much the insertion moves the target [m], (n, dim)
-    means, covs: where the target will be [m], (n, dim), and what tip and target are off by together [m²], (n, dim, dim)
+    means, covs: of the target then [m], (n, dim), covs with the tip's error [m²], (n, dim, dim)
     hits: probability that the tip ends in the lesion, (n,); clearance: least room to an obstacle's margin [m], (n,)
     angles: to the skin's normal [rad], (n,); reasons: why it is rejected, one tuple for each, empty where it is not
     order: allowed paths from the best on, then rejected ones by their hits, (n,)
@@ -198,7 +198,7 @@ def plan(
     directions = along / lengths[:, None]
     pushed = needle_displacement(network, compliance(network, target), needle, tips, entries)
     means = lesion.mean + pushed
-    # the forces are off by one factor: the target stays on the line along which it is pushed
+    # the forces have one factor of error: the target stays on the line along which it is pushed
     covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)
     covs = covs + needle.force_sd**2 * pushed[:, :, None] * pushed[:, None, :]
     hits = ball_hits(tips - means, covs, lesion.radius_m)

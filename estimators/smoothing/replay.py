@@ -23,7 +23,7 @@ class Event:
 
 @dataclass(slots=True)
 class _Kept:
-    """An event and what the filter knew before it."""
+    """An event and the state of the filter before it."""
 
     event: Event
     before: Snapshot = field(repr=False)
@@ -36,8 +36,8 @@ class Replay:
     after. The result is that of the same events in order, to the last bit.
 
     horizon_s: how far back events are kept [s]
-    State: the filter; the events of the last horizon_s with what the filter knew before each; late: how many events
-    came out of order and were fused, `fused`, or were older than all that is kept, `refused`.
+    State: the filter; the events of the last horizon_s with the filter's state before each; late: how many events
+    came out of order and were fused, `fused`, or were older than all that is kept, `rejected`.
     """
 
     def __init__(self, tissue: TissueFilter, horizon_s: float = 0.5) -> None:
@@ -64,7 +64,7 @@ class Replay:
         if newest is None or event.time_s >= newest:
             estimate = self._apply(event)
         elif event.time_s < newest - self.horizon_s:
-            self.late["refused"] += 1
+            self.late["rejected"] += 1
             return None
         else:
             self.late["fused"] += 1

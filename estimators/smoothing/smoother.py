@@ -1,7 +1,7 @@
-"""What the marks that came later say of an earlier time: fixed-interval and fixed-lag smoothing of the mixture.
+"""Fixed-interval and fixed-lag smoothing of the mixture: an earlier state given the marks that came later, too.
 
 Backward in time each mode hands to the modes before it a Gaussian likelihood of the state; a pair of modes is weighed
-by its odds and by how well that likelihood meets the earlier mode's belief.
+by its odds and by how well that likelihood meets the earlier mode's state.
 With one mode this is Rauch, Tung and Striebel's smoother. Sources: [rauch1965], [koch2000].
 """
 
@@ -27,11 +27,11 @@ Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilteredStep:
-    """What a filter knew at one frame, and how it came there.
+    """The state of a filter at one frame, and the predictions that led there.
 
-    estimate: the filter's own; filtered: its beliefs, mode by mode
-    cycles: the predictions that led here from the frame before; None where the filter started anew: what is known here
-        says nothing of earlier
+    estimate: the filter's own; filtered: its states, mode by mode
+    cycles: the predictions that led here from the frame before; None where the filter restarted: its state holds
+        no information on earlier ones
     considered: what constants not known add to the target's covariance [m²], (dim, dim)
     """
 
@@ -63,10 +63,10 @@ class ForwardPass:
             mixture.trace = None
         estimate = self.tissue.update(marks)
         restarts = self.tissue.repairs["restarted"] + self.tissue.repairs["inflated"]
-        anew = first or restarts != self._restarts
+        restarted = first or restarts != self._restarts
         self._restarts = restarts
         columns = self.tissue.target.linear(mixture.mean_columns)
-        return FilteredStep(estimate, mixture.beliefs(), None if anew else cycles, columns @ columns.T)
+        return FilteredStep(estimate, mixture.beliefs(), None if restarted else cycles, columns @ columns.T)
 
 
 def fixed_interval(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
@@ -102,7 +102,7 @@ class FixedLag:
 
 
 def smooth(passed: Sequence[FilteredStep]) -> list[ModeBeliefs]:
-    """What all frames say of the state at each of them; none may be missing between."""
+    """The state at each frame given all of them; none may be missing between."""
     known = [passed[-1].filtered] if passed else []
     for before, one in zip(reversed(passed[:-1]), reversed(passed), strict=False):
         now = known[-1]
@@ -154,17 +154,17 @@ def smoothed_before(after: ModeBeliefs, cycle: Transition, before: ModeBeliefs) 
 
 
 def _likelihood(after: ModeBeliefs, cycle: Transition, j: int, root: Floats) -> tuple[Floats, Floats]:
-    """What is known at the end says of y, (x - mix's mean) by the root of the mix's covariance: exp(y'n - y'N y / 2).
+    """Likelihood exp(y'n - y'N y / 2) of later marks given y, (x - mix's mean) by the root of the mix's covariance.
 
     It takes the mix, N(0, 1) in y, to the smoothed moments of Rauch, Tung and Striebel: N(m / (1 - M), 1 - M) with M
     between 0 and 1. Beyond these bounds, where merging modes has made the end less sure than was predicted, it is
-    taken to say nothing.
+    taken to hold no information.
     """
     predicted = cycle.arrived
     gain = np.linalg.solve(predicted.covs[j], cycle.F[j] @ root).T
     M = gain @ (predicted.covs[j] - after.covs[j]) @ gain.T
     values, axes = np.linalg.eigh(0.5 * (M + M.T))
-    told = np.where(values > 0.0, np.minimum(values, CERTAIN), 0.0)
+    shares = np.where(values > 0.0, np.minimum(values, CERTAIN), 0.0)
     toward = axes.T @ (gain @ (after.means[j] - predicted.means[j]))
-    pull = np.where(values > 0.0, toward / (1.0 - told), 0.0)
-    return (axes * (told / (1.0 - told))) @ axes.T, axes @ pull
+    pull = np.where(values > 0.0, toward / (1.0 - shares), 0.0)
+    return (axes * (shares / (1.0 - shares))) @ axes.T, axes @ pull

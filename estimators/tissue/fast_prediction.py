@@ -27,7 +27,7 @@ SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 
 SPREAD = 4.0
 """Weight of the velocities' variance beside their squared mean in the typical speed; chosen so that the covariances
-agree with those of `predict_path`, whose sigma points stand some standard deviations off and feel less friction."""
+agree with those of `predict_path`, whose sigma points stand some standard deviations away and feel less friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,24 +86,24 @@ def predict_fast(
     """
     if tissue.time_s is None:
         raise ValueError("predict_fast: expected a filter after its first frame, found no time")
-    believed = tissue.mixture.beliefs()
+    modes = tissue.mixture.beliefs()
     n, half = len(tables.rest), len(tables.rest) // 2
-    away = believed.means.copy()
+    away = modes.means.copy()
     away[:, :n] -= tables.rest
     mean, var = tissue.mixture.x[half:n], np.diagonal(tissue.mixture.P)[half:n]
     speed = np.sqrt(2.0 * float(mean @ mean + SPREAD * var.sum()) / half)
     level = int(np.abs(np.log(np.maximum(SPEEDS_M_S, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
     dim, k = len(tables.target.constant), tables.n_times
     low = np.tril_indices(away.shape[1])
-    covs_now, columns = believed.covs, tissue.mixture.columns
-    if columns.shape[2]:  # a calibration that is off moves as any error of the state
+    covs_now, columns = modes.covs, tissue.mixture.columns
+    if columns.shape[2]:  # an error of the calibration moves as any error of the state
         covs_now = covs_now + columns @ columns.swapaxes(1, 2)
-    S = believed.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :])
-    means = (tables.first[level] @ (believed.mu[:, None] * away).ravel()).reshape(k, dim)
-    told = tables.second[level] @ S[:, low[0], low[1]].ravel() + tables.noise[level] @ believed.mu
+    S = modes.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :])
+    means = (tables.first[level] @ (modes.mu[:, None] * away).ravel()).reshape(k, dim)
+    second_moments = tables.second[level] @ S[:, low[0], low[1]].ravel() + tables.noise[level] @ modes.mu
     a, b = np.tril_indices(dim)
     covs = np.empty((k, dim, dim))
-    covs[:, a, b] = told.reshape(k, len(a)) - means[:, a] * means[:, b]
+    covs[:, a, b] = second_moments.reshape(k, len(a)) - means[:, a] * means[:, b]
     covs[:, b, a] = covs[:, a, b]
     if push is not None:
         means = means + _moved_by(tables.pushed[level], np.asarray(push, dtype=float), half)

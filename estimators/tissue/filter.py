@@ -139,7 +139,7 @@ class TissueFilter:
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
 
-        push: a known force that acts meanwhile, a needle's say; see `ForceHistory`
+        push: a known force that acts meanwhile, such as a needle's; see `ForceHistory`
         """
         if not np.isfinite(time_s):
             raise ValueError(f"time_s: expected a finite time, found {time_s}")
@@ -156,7 +156,7 @@ class TissueFilter:
         advance(self.mixture, self.model, self._modes, dt, mix_s=self.settings.mix_s, push=force)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
-        """The target at a later time [s] given the marks until now, when the needle arrives, say; the state stays.
+        """The target at a later time [s] given the marks until now, such as when the needle arrives; the state stays.
 
         push: a known force that acts until then; see `ForceHistory`
         Raises ValueError before the first frame, and for a time that is past or not finite.
@@ -191,7 +191,7 @@ class TissueFilter:
         return time_s - self.time_s
 
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """Where to look for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
+        """Where to search for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
 
         shared: what errors of the calibration move the mark by, as `MarkMeasurement.shared`; None for the node itself
         By the poked mode, not by the mixture: see `expected_place`.

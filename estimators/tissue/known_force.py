@@ -1,4 +1,4 @@
-"""A known force on the tissue, a needle's say, as the steps of a filter's prediction ask for it."""
+"""A known force on the tissue, such as a needle's, as the steps of a filter's prediction ask for it."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_what_is_older_than_the_history_is_refused_and_counted(phantom, frames):
     assert replayed.take(*frames[4]) is None
     np.testing.assert_array_equal(replayed.tissue.mixture.x, before)
     assert replayed.take(*frames[5]) is not None
-    assert replayed.late == {"refused": 1, "fused": 1}
+    assert replayed.late == {"rejected": 1, "fused": 1}
     assert not np.array_equal(replayed.tissue.mixture.x, before)
 
 
@@ -74,7 +74,7 @@ def test_the_history_is_bounded(phantom, frames):
     none = Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=0.0)
     for k in (0, 2, 1):
         none.take(*frames[k])
-    assert none.late == {"refused": 1}
+    assert none.late == {"rejected": 1}
     with pytest.raises(ValueError, match="horizon_s: expected 0 s or more"):
         Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=-1.0)
 
