@@ -19,7 +19,7 @@ from vision import Lens, quiet_opencv
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFile:
-    """A lens, the size of its pictures [px], and the camera's name where the file tells it."""
+    """A lens, the size of its pictures [px], and the camera's name where the file states it."""
 
     lens: Lens
     size_px: tuple[int, int]

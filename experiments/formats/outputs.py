@@ -18,7 +18,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
     """A fresh folder to write into, whose files stand under `path` after a clean exit; after any exception, none do.
 
     force: write into a folder that is not empty; files of the names written are replaced, all others stay
-    inputs: what is read meanwhile; a `path` that is, holds or lies in one of them is refused even with force
+    inputs: what is read meanwhile; a `path` that is, holds or lies in one of them is rejected even with force
 
     Raises InputError, before any work is done, when `path` cannot be written.
     """

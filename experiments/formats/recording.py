@@ -60,7 +60,7 @@ class Truth:
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
         """Which of the times [s], (n,), the truth spans, and where the node was then [m], (n, dim).
 
-        Straight between the truth's own times. Positions outside of its span are NaN: nobody knows.
+        Straight between the truth's own times. Positions outside of its span are NaN: they are unknown.
         KeyError for a node that is not among `nodes`.
         """
         own_s, own = self.times_s[node], self.positions[node]
@@ -151,7 +151,7 @@ def _check_frames(recording: Recording, source: Path, scene_path: Path) -> None:
 
 def read_frames(path: Path, *, torn: bool = False) -> Floats:
     """Exposure times of frames.csv [s], (n_frames,); torn: the last line may be incomplete. Raises InputError."""
-    table = read_table(path, ["frame", "exposure_s"], refused={"camera": ONE_CAMERA}, torn=torn)
+    table = read_table(path, ["frame", "exposure_s"], rejected={"camera": ONE_CAMERA}, torn=torn)
     if not table.n_rows:
         raise InputError.at(path, "a row for each frame", "none")
     table.check_each("frame", np.arange(table.n_rows, dtype=float))
@@ -175,9 +175,9 @@ def _read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[F
     else:
         after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
         near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
-        off = np.abs(exposures_s[near] - times_s)
-        frames = np.where(off[0] <= off[1], near[0], near[1])
-        table.check("time_s", off.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
+        distances = np.abs(exposures_s[near] - times_s)
+        frames = np.where(distances[0] <= distances[1], near[0], near[1])
+        table.check("time_s", distances.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
     _, first = np.unique(frames * scene.network.n_nodes + nodes, return_index=True)
     table.check("node", np.isin(np.arange(table.n_rows), first), "each node once at one time")
     positions, sds = _positions(table, scene), (1e-3 * table.numbers["sd_mm"]).tolist()
@@ -208,10 +208,10 @@ def _read_fixes(path: Path, scene: Scene) -> tuple[Fix, ...]:
 
 
 def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str]) -> Table:
-    refused = {"camera": ONE_CAMERA}
+    rejected = {"camera": ONE_CAMERA}
     if scene.network.dim == 2:
-        refused["z_mm"] = "expected no such column for a flat scene, found it"
-    return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, refused=refused)
+        rejected["z_mm"] = "expected no such column for a flat scene, found it"
+    return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, rejected=rejected)
 
 
 def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:

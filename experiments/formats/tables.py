@@ -76,12 +76,12 @@ def read_table(
     numbers: Sequence[str],
     texts: Sequence[str] = (),
     *,
-    refused: Mapping[str, str] | None = None,
+    rejected: Mapping[str, str] | None = None,
     torn: bool = False,
 ) -> Table:
     """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are let be.
 
-    refused: the message for columns that may occur and are not read, by name
+    rejected: the message for columns that may occur and are not read, by name
     torn: the writer may have been killed in the last line: it is left out if it has no end
 
     Raises InputError for anything else; for a number that is not finite too.
@@ -94,7 +94,7 @@ def read_table(
     reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
     rows = _rows(path, reader)
     header = next(rows)
-    _check_header(path, header, [*numbers, *texts], refused or {})
+    _check_header(path, header, [*numbers, *texts], rejected or {})
     parts: dict[str, list[Floats]] = {column: [np.empty(0)] for column in numbers}
     read_texts: dict[str, list[str]] = {column: [] for column in texts}
     same: dict[str, str] = {}
@@ -136,10 +136,10 @@ def _rows(path: Path, reader: Iterator[list[str]]) -> Iterator[list[str]]:
         yield entries
 
 
-def _check_header(path: Path, header: list[str], columns: list[str], refused: Mapping[str, str]) -> None:
+def _check_header(path: Path, header: list[str], columns: list[str], rejected: Mapping[str, str]) -> None:
     for column in header:
-        if column in refused:
-            raise InputError(f"{path}: {column}: {refused[column]}")
+        if column in rejected:
+            raise InputError(f"{path}: {column}: {rejected[column]}")
     for column in columns:
         if header.count(column) != 1:
             found = "none" if column not in header else str(header.count(column))

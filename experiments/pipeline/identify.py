@@ -25,7 +25,7 @@ from experiments.pipeline.track import measurement
 Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
-TOLD = 0.5
+MAX_VARIANCE_LEFT = 0.5
 """Part of the prior variance left to a combination of constants above which it is undetermined; chosen."""
 
 NAMED = 4
@@ -130,7 +130,7 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
     for share, direction in zip(left, directions, strict=True):
-        if share > TOLD:
+        if share > MAX_VARIANCE_LEFT:
             most = np.argsort(-np.abs(direction))[:NAMED]
             weights = {parameter_label(found.network, found.parameters[k]): round(float(direction[k]), 3) for k in most}
             combinations.append({"variance_left": float(share), "weights": weights})

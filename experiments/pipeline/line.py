@@ -39,7 +39,7 @@ class Step:
     """What one frame gave.
 
     estimates: by method
-    marks: all marks identified in the frame, those for scoring only included, by the names that are believed now
+    marks: all marks identified in the frame, those for scoring only included, by the present association
     swap: marks that were found to have been taken for each other, None in all but a few frames
     detect_s, method_s: seconds spent on finding marks, and by method
     """
@@ -55,7 +55,7 @@ class Line:
     """Runs the methods through the frames of one scene, in order of exposure.
 
     check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
-    fixes: direct sightings of the target, fused at their times; what they are off by together is estimated, too
+    fixes: direct sightings of the target, fused at their times; their common error is estimated, too
     State: the filter, the names of its marks (identity), the filters that check it, the paper's open
     loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come.
     """

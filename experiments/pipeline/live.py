@@ -172,10 +172,10 @@ def _warm_up(scene: Scene) -> None:
     image = vision.draw_frame(camera.size_px, discs, vision.Lighting(), np.random.default_rng(0))
     line.see(3 / 30.0, image)
     one = vision.Expected("", np.array([60.0, 60.0]), np.eye(2), 0.0, vision.Outline(8.0 * np.eye(2), 0.05))
-    look = AppearanceModel(0.0)
-    look.remember(image, one.center_px, vision.Outline(8.0 * np.eye(2), 0.05))
+    appearance = AppearanceModel(0.0)
+    appearance.remember(image, one.center_px, vision.Outline(8.0 * np.eye(2), 0.05))
     for another in (False, True):
-        look.place(image, one, another=another)
+        appearance.place(image, one, another=another)
     detect_by_rim(image, one)
 
 

@@ -28,7 +28,7 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.advise import header, row
 
 SETTLED_S = 0.5
-"""The breath is learnt from so long after the first tracked frame on [s]: the first estimates are far off; chosen."""
+"""The breath is learnt from so long after the first tracked frame on [s]: the first ones have large errors; chosen."""
 
 ASIDE_M = 0.05
 """The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""

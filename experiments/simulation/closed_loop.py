@@ -24,7 +24,7 @@ from estimators import (
     hit_probability,
 )
 from experiments.arrays import Floats
-from experiments.simulation.policies import Policy, believed_parts, believed_push
+from experiments.simulation.policies import Policy, predicted_parts, predicted_push
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
@@ -96,7 +96,7 @@ def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tri
         if robot.doing == "waiting":
             path = policy.path(_way(world, robot, case.speed_m_s))
             goal = _reached(path, world.entry, None, 0.0, case.speed_m_s)[1]
-            if not policy.waits or _says_go(policy, path, world, goal, lesion):
+            if not policy.waits or _advises_go(policy, path, world, goal, lesion):
                 way = goal - world.entry
                 robot.axis, robot.beside = way / np.linalg.norm(way), 0.0
                 robot.doing, robot.insertions = "going", robot.insertions + 1
@@ -143,7 +143,7 @@ class _Shot:
     axis: Floats
 
     def probability(self, lesion: Lesion) -> float | None:
-        """Of a hit, None where nothing is believed of the target."""
+        """Of a hit, None where there is no density of the target."""
         return None if self.target is None else hit_probability(self.target, self.tip, self.axis, lesion, needle=TIP)
 
     def miss(self, world: World, robot: _Robot, state: Floats) -> float:
@@ -161,8 +161,8 @@ def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float
     speed = world.case.speed_m_s
     deep = robot.depth + speed * left
     tip = world.entry + deep * robot.axis + (robot.beside + aside) * robot.across
-    parts = believed_parts(world, robot.axis, robot.depth, robot.beside, speed, steps=1)[:, 0]
-    target = policy.belief_at(now + left, parts)
+    parts = predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, steps=1)[:, 0]
+    target = policy.density_at(now + left, parts)
     return _Shot(now, left, aside, GaussianMixture.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
 
 
@@ -173,11 +173,11 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> Needle
 
 
 def _way(world: World, robot: _Robot, speed: float, steps: int = 0) -> Floats:
-    """What the needle is believed to push with in each of the coming frames [N], (n, n_free, dim)."""
-    return believed_push(world, robot.axis, robot.depth, robot.beside, speed, steps)
+    """The predicted push of the needle in each of the coming frames [N], (n, n_free, dim)."""
+    return predicted_push(world, robot.axis, robot.depth, robot.beside, speed, steps)
 
 
-def _says_go(policy: Policy, path: TargetPath, world: World, goal: Floats, lesion: Lesion) -> bool:
+def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats, lesion: Lesion) -> bool:
     if policy.fault(float(path.times_s[0])) is not None:
         return False
     insertion = Insertion(world.entry, goal - world.entry, world.case.speed_m_s)

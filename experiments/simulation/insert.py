@@ -25,7 +25,7 @@ from experiments.simulation.policies import POLICIES, Ahead, Filtered, Rest, Wai
 from experiments.simulation.world import Case, world_of
 
 FIRST_SEED = 30_000
-"""Seeds below were used to choose figures by, or looked at before settings changed; results are from this one on."""
+"""Seeds below were used to choose figures by, or seen before settings changed; results are from this one on."""
 
 BREATHING_WARM_S = 12.0
 """Marks are seen for so long before the needle may start where the tissue breathes [s]: two breaths; chosen."""

@@ -30,11 +30,11 @@ from estimators import (
 from estimators.tissue.filter import Snapshot
 from experiments.arrays import Floats
 from experiments.formats.scenario import Scenario
-from experiments.simulation.world import BELIEVED, ENTRY_M, FORCES_OFF, World, needle_with
+from experiments.simulation.world import ENTRY_M, FORCE_ERROR, STATED, World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""The breath is learnt from then on [s]: the first estimates are far off."""
+"""The breath is learnt from then on [s]: the first estimates have large errors."""
 
 WAYS, MARGIN_S = 1.5, 0.75
 """So many ways of the needle, and so long, ahead reach predictions: later starts, a target that moves away; chosen."""
@@ -58,15 +58,15 @@ class Policy(Protocol):
     waits: bool
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Take in a frame; push: the needle's since the last one, as believed [N], (n_free, dim)."""
+        """Take in a frame; push: the needle's since the last one, as predicted [N], (n_free, dim)."""
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Where the target is to be looked for from now on; pushes: the needle's in the frames ahead, as believed."""
+        """Where the target is expected from now on; pushes: the needle's in the frames ahead, as predicted."""
 
-    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """What is believed of the target then, None where nothing is.
+    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
+        """The density of the target's place then, None where there is none.
 
-        parts: of the needle's force from now until then, as believed [N], (2, n_free, dim), see `believed_parts`
+        parts: of the needle's force from now until then, as predicted [N], (2, n_free, dim), see `predicted_parts`
         """
 
     def fault(self, now_s: float) -> str | None:
@@ -86,35 +86,35 @@ def horizon_s(world: World) -> float:
     return float(np.ceil((WAYS * way_s + MARGIN_S) * world.case.frames_per_s) / world.case.frames_per_s)
 
 
-def believed_push(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
-    """Forces on the free nodes [N] that the needle is believed to make in coming frames, (n, n_free, dim).
+def predicted_push(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+    """Forces on the free nodes [N] that the needle makes in coming frames by its stated constants, (n, n_free, dim).
 
     steps: how many frames; 0: as many as a path covers. Full cutting and friction forward, friction back.
     """
-    return believed_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
+    return predicted_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
 
 
-def believed_parts(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
-    """As `believed_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
+def predicted_parts(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+    """As `predicted_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
     n = steps or round(horizon_s(world) * world.case.frames_per_s)
     ahead = (np.arange(n) + 0.5) / world.case.frames_per_s
     depths = depth + speed * ahead
     across = np.array([-axis[1], axis[0]])
     tips = world.entry + depths[:, None] * axis + beside * across
     cutting, friction = (
-        sliding_friction(world.network, needle_with(world.entry, BELIEVED | {without: 0.0}), tips, axis, depths)
+        sliding_friction(world.network, needle_with(world.entry, STATED | {without: 0.0}), tips, axis, depths)
         for without in ("friction_N_m", "cutting_N")
     )
     return np.array([cutting, friction] if speed >= 0.0 else [np.zeros_like(cutting), -friction])
 
 
-def off_by_forces(gives: Floats, parts: Floats) -> Floats:
-    """Covariance of a node [m²] by parts of the needle's force, each off by its own factor, uniform in FORCES_OFF.
+def force_error_cov(gives: Floats, parts: Floats) -> Floats:
+    """Covariance of a node [m²] by parts of the needle's force, errors independent and uniform in FORCE_ERROR.
 
     gives: the node's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim)
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
-    return FORCES_OFF**2 / 3.0 * shifts.T @ shifts
+    return FORCE_ERROR**2 / 3.0 * shifts.T @ shifts
 
 
 def _standing(time_s: float, place: Floats) -> TargetPath:
@@ -139,7 +139,7 @@ class Rest:
         """Where it rests, for ever."""
         return _standing(self.time_s, self._place)
 
-    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
+    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """None."""
         return None
 
@@ -165,7 +165,7 @@ class Paper(Rest):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: what it knew, its last estimate, its tables, and the breath."""
+    """A filter after the warm-up: its state, its last estimate, its tables, and the breath."""
 
     tissue: TissueFilter
     then: Snapshot
@@ -185,7 +185,7 @@ class Filtered:
         self._compliance = compliance(world.network, HIDDEN)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Predict under the believed push, take in the marks."""
+        """Predict under the predicted push, take in the marks."""
         self.tissue.predict(time_s, push)
         self.estimate = self.tissue.update(marks)
 
@@ -193,10 +193,10 @@ class Filtered:
         """Where it is now, for ever."""
         return _standing(self.estimate.time_s, self.estimate.mean)
 
-    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
+    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
-        return GaussianMixture(ahead.weights, ahead.means, ahead.covs + off_by_forces(self._compliance, parts))
+        return GaussianMixture(ahead.weights, ahead.means, ahead.covs + force_error_cov(self._compliance, parts))
 
     def fault(self, now_s: float) -> str | None:
         """Of the filter's health."""
@@ -206,7 +206,7 @@ class Filtered:
 class Ahead(Filtered):
     """Follow where the target will be: by its breath where it breathes, by the filter's equations where it does not.
 
-    State: as `Filtered`, and the breath, of the target less the shift that the needle is believed to make.
+    State: as `Filtered`, and the breath, of the target less the predicted shift by the needle.
     """
 
     name = "filter-ahead"
@@ -230,13 +230,13 @@ class Ahead(Filtered):
         means, covs = self._breathing.predict(times)
         return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
 
-    def belief_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
+    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """By the breath, or by the filter, and what wrong forces of the needle make of it."""
         if self._breathing.breath() is None:
-            return super().belief_at(time_s, parts)
+            return super().density_at(time_s, parts)
         mean, cov = self._breathing.predict(np.array([time_s]))
         return GaussianMixture.gaussian(
-            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + off_by_forces(self._compliance, parts)
+            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + force_error_cov(self._compliance, parts)
         )
 
     def _shifts(self, pushes: Floats) -> Floats:

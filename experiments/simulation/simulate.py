@@ -35,7 +35,7 @@ class Truth:
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """What a camera of the scenario looks at."""
+    """The scene that a camera of the scenario sees."""
     network = four_mass_phantom()
     names = [network.names[i] for i in network.free]
     marks = tuple(

@@ -30,11 +30,11 @@ from experiments.simulation.simulate import start_and_forces
 KNOT_S = 1.0 / 480.0
 """Outside forces are straight over this time [s]: four knots for each of the tremor's."""
 
-BELIEVED = {"puncture_N": 0.8, "contact_N_m": 400.0, "cutting_N": 0.4, "friction_N_m": 5.0}
+STATED = {"puncture_N": 0.8, "contact_N_m": 400.0, "cutting_N": 0.4, "friction_N_m": 5.0}
 """The filter's model of the needle, as in soft PVC (`docs/needle.md`): the target gives way by 2 to 3 mm."""
 
-FORCES_OFF = 0.3
-"""Each true constant of the needle lies between so much less and so much more than what is believed."""
+FORCE_ERROR = 0.3
+"""Each true constant of the needle lies between so much less and so much more than what is stated."""
 
 ENTRY_M = (0.015, 0.020)
 """Where the needle enters, from where the target rests [m]: 25 mm of tissue; chosen."""
@@ -71,7 +71,7 @@ class World:
 
     knots: outside forces; needle: its true constants; start: the tissue's state at time 0, (n_state,)
     noise: of the marks on OUTER [m], (n_frames, n_marks, dim); entry: of the needle [m], (dim,)
-    tip_noise: standard normal, (dim,): by how many standard deviations the tip is off at last
+    tip_noise: standard normal, (dim,): error of the tip at last, in standard deviations
     share: in (0, 1), for what is drawn once a run
     """
 
@@ -135,7 +135,7 @@ def world_of(case: Case) -> World:
     knots = np.zeros((len(times), *start.shape))
     for force in forces:
         knots += np.array([force(t) for t in times])
-    true = {key: value * rng.uniform(1.0 - FORCES_OFF, 1.0 + FORCES_OFF) for key, value in BELIEVED.items()}
+    true = {key: value * rng.uniform(1.0 - FORCE_ERROR, 1.0 + FORCE_ERROR) for key, value in STATED.items()}
     entry = network.positions[network.index(HIDDEN)] + ENTRY_M
     return World(
         case,

@@ -3,9 +3,9 @@
 filter_step: one predict of 1/30 s in ten Runge-Kutta steps for 33 sigma points of 16 states, one update with three
 marks; ours, and stock filterpy with the same model in plain NumPy, one sigma point after the other.
 full_step: predict of 1/30 s and update with three marks of the filter that is used: three modes, gates, health, what
-the marks carry, names of marks alike looked after; 16 states of the network and six pokes. considered: the same with
+the marks carry, association of marks alike; 16 states of the network and six pokes. considered: the same with
 ten unknown constants beside.
-advice: what `guide` does in two parts: one second of the target's path, told 30 times; advice from a path, 21 starts
+advice: what `guide` does in two parts: one second of the target's path, at 30 times; advice from a path, 21 starts
 over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
 live_frame: all that a live loop adds to a frame for it: the breath's fit, 1.5 s of path by tables, advice from it on 4
 starts; and the path by tables alone.
@@ -267,8 +267,8 @@ def detect(n_frames: int = 60) -> dict[str, float]:
             began = time.perf_counter()
             one(k)
             seconds[name].append(time.perf_counter() - began)
-    told = {name: 1e3 * float(np.median(each[n_frames // 10 :])) for name, each in seconds.items()}
-    return told | {"ratio": told["blob_detector_ms"] / told["full_1280x720_ms"]}
+    medians = {name: 1e3 * float(np.median(each[n_frames // 10 :])) for name, each in seconds.items()}
+    return medians | {"ratio": medians["blob_detector_ms"] / medians["full_1280x720_ms"]}
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:

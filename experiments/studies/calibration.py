@@ -1,14 +1,14 @@
 """Study of a camera with a constant calibration error in a run: bias and covariance of the target.
 
 Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their own, 30 frames/s, runs of 5 s,
-the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place are off along directions drawn
-once for each run and scaled so that marks are off by so much on average (rms, both axes). Three filters on the same
-marks, told the same directions: one takes them as drawn anew in each frame (n_calibration 0), one considers them as
-constant with
-Schmidt's own gain (wary 0), one as the filter does by itself. `python -m experiments.studies.calibration` prints, with
-100 runs of each (figures last obtained in docs/calibration.md):
+the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place have errors along directions
+drawn once for each run and scaled to an error of marks of so much on average (rms, both axes). Three filters on the
+same marks, given the same directions: one takes them as independent in each frame (n_calibration 0), one considers them
+as constant with Schmidt's own gain (wary 0), one as the filter does by itself.
 
-    camera  scenario  off  filter  rms error  rms sigma  in 95 % region  mean NEES
+`python -m experiments.studies.calibration` prints, with 100 runs of each (last figures in docs/calibration.md):
+
+    camera  scenario  error  filter  rms error  rms sigma  in 95 % region  mean NEES
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from vision import Lens, PlaneCamera, Pose, posed_camera
 
 MARK_SD_M = 0.0005
 SEEDS = range(7000, 7100)
-OFF_M = (0.0003, 0.001, 0.002)
+ERRORS_M = (0.0003, 0.001, 0.002)
 SETTLED = 15
 """Frames of the start that are left out."""
 
-ANEW, SCHMIDT, CONSIDERED = "drawn anew", "Schmidt's gain", "considered"
-FILTERS = (ANEW, SCHMIDT, CONSIDERED)
+INDEPENDENT, SCHMIDT, CONSIDERED = "independent", "Schmidt's gain", "considered"
+FILTERS = (INDEPENDENT, SCHMIDT, CONSIDERED)
 
 WHOLE, TURNED = "whole", "turned"
 DIRECTIONS = {
@@ -44,7 +44,10 @@ DIRECTIONS = {
 }
 """Before scaling, chosen. Whole: lens and place as a calibration from a dozen pictures leaves them; marks move mostly
 alike. Turned: the lens is known; the camera is turned about its axis and nearer or further."""
-CASES = (*((WHOLE, scenario, off_m) for scenario in ("quiet", "poked") for off_m in OFF_M), (TURNED, "quiet", 0.002))
+CASES = (
+    *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
+    (TURNED, "quiet", 0.002),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +59,7 @@ class Run:
     nees: dict[str, Floats]
 
 
-def camera_off(off_m: float, kind: str) -> PlaneCamera:
+def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
     """A camera before the phantom whose calibration moves marks at rest by this much on average [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
@@ -69,16 +72,16 @@ def camera_off(off_m: float, kind: str) -> PlaneCamera:
     network = four_mass_phantom()
     moved = camera.calibration_error([network.positions[network.index(node)] for node in OUTER])
     rms = np.sqrt((moved**2).sum() / len(OUTER))
-    return replace(camera, calibration=camera.calibration * off_m / rms)
+    return replace(camera, calibration=camera.calibration * error_m / rms)
 
 
 def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
-    """The filters on the same marks, seen by a camera that is off by one draw of its directions."""
-    kind, scenario, off_m = case
-    rng = np.random.default_rng([seed, round(1e6 * off_m)])
+    """The filters on the same marks, seen by a camera miscalibrated by one draw of its directions."""
+    kind, scenario, error_m = case
+    rng = np.random.default_rng([seed, round(1e6 * error_m)])
     trial = Trial(scenario, seed, duration_s=duration_s, mark_sd_m=MARK_SD_M)
     given, hidden = seen(trial, cache, rng)
-    camera = camera_off(off_m, kind)
+    camera = miscalibrated_camera(error_m, kind)
     theta = rng.normal(size=len(camera.calibration))
     frames = []
     for time_s, marks in given:
@@ -91,7 +94,9 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
         )
     found = Run({}, {}, {})
     for name in FILTERS:
-        tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER, n_calibration=0 if name == ANEW else len(theta))
+        tissue = TissueFilter(
+            four_mass_phantom(), HIDDEN, OUTER, n_calibration=0 if name == INDEPENDENT else len(theta)
+        )
         if name == SCHMIDT:
             tissue.mixture.wary = 0.0
         errors, covs = [], []

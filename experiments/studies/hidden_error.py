@@ -50,9 +50,13 @@ def run(scenario_name: str, seed: int, mark_sd_m: float = MARK_SD_M, duration_s:
         noisy = positions + rng.normal(0.0, mark_sd_m, positions.shape)
         marks = [MarkMeasurement(node, noisy[names.index(node)], cov) for node in scene.measured_nodes]
         steps.append(line.take(float(exposure_s), marks))
-    off = {m: np.array([s.estimates[m].mean for s in steps]) - truth.positions[:, hidden] for m in (OPEN_LOOP, FILTER)}
+    errors = {
+        m: np.array([s.estimates[m].mean for s in steps]) - truth.positions[:, hidden] for m in (OPEN_LOOP, FILTER)
+    }
     covs = np.array([s.estimates[FILTER].cov for s in steps])
-    return Run({m: np.linalg.norm(e, axis=1) for m, e in off.items()}, normalised_error_squared(off[FILTER], covs))
+    return Run(
+        {m: np.linalg.norm(e, axis=1) for m, e in errors.items()}, normalised_error_squared(errors[FILTER], covs)
+    )
 
 
 def study(scenario_name: str, seeds: range, runner: Callable[..., Run] = run) -> dict[str, float]:

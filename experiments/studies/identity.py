@@ -9,7 +9,7 @@ and its marks pass each other. Kinds of run:
 
 never: names as they are. wrong springs: the same, and the filter takes them to be 1.4 times as
 stiff. for good: two names exchanged from 1.5 s on. a while: for ten frames. from the start: names
-permuted in all frames. slipped by: the same, and nobody doubts them in the first 1.5 s. hidden: nobody gives names;
+permuted in all frames. slipped by: the same, names fixed in the first 1.5 s. hidden: nobody gives names;
 all marks are hidden for half a second in each 1.3 s, and those that come back are named by where the filter expects
 them (`vision.tracking.association`). seldom: the same with 5 frames/s and nothing hidden.
 
@@ -43,9 +43,9 @@ DURATION_S, FRAMES_PER_S = 4.0, 30
 FROM, FOR = 45, 10
 """Frame of the exchange, and how many frames it lasts where it ends."""
 SETTINGS = tuple((where, how) for where in ("phantom", "close") for how in ("quiet", "poked", "shoved"))
-TOLD = ("never", "wrong springs", "for good", "a while", "from the start", "slipped by")
+REPORTED = ("never", "wrong springs", "for good", "a while", "from the start", "slipped by")
 BLIND = ("for good", "from the start")
-"""Kinds of run that are done without doubts, too."""
+"""Kinds of run that are done with fixed names, too."""
 WRONG = 1.4
 """Stiffness in the filter's model, as a share of the true one, where its springs are wrong."""
 NAMELESS = {"hidden": 1, "seldom": 6}
@@ -102,7 +102,7 @@ def reported_names(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
 
 
 def reported_run(one: World, kind: str, reported: NDArray[np.int64], alike: list[tuple[str, ...]]) -> dict[str, object]:
-    """A run with names that another gave; alike empty: nobody doubts them."""
+    """A run with names that another gave; alike empty: they are fixed."""
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
@@ -170,18 +170,18 @@ def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[st
 
 
 def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
-    """All kinds of run on one truth, with the names in doubt and without."""
+    """All kinds of run on one truth, with names that may be exchanged and with fixed names."""
     one = world(where, how, seed)
     rows = []
-    for kind in TOLD:
+    for kind in REPORTED:
         reported = reported_names(kind, np.random.default_rng([seed, 3]))
-        for doubted in (True, False)[: 2 if kind in BLIND else 1]:
-            row = reported_run(one, kind, reported, [tuple(OUTER)] if doubted else [])
-            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": doubted} | row)
+        for interchangeable in (True, False)[: 2 if kind in BLIND else 1]:
+            row = reported_run(one, kind, reported, [tuple(OUTER)] if interchangeable else [])
+            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": interchangeable} | row)
     for kind in NAMELESS:
-        for doubted in (True, False):
-            row = nameless_run(one, kind, [tuple(OUTER)] if doubted else [])
-            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": doubted} | row)
+        for interchangeable in (True, False):
+            row = nameless_run(one, kind, [tuple(OUTER)] if interchangeable else [])
+            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": interchangeable} | row)
     return rows
 
 
@@ -197,7 +197,7 @@ def figures(rows: pd.DataFrame) -> dict[str, dict[str, float]]:
 
 
 def _of_kind(part: pd.DataFrame, rows: pd.DataFrame) -> dict[str, float]:
-    """Of runs of one kind, beside all rows: with names in doubt; `else` with nobody who doubts them."""
+    """Of runs of one kind, beside all rows: with names that may be exchanged; `else` with fixed names."""
     ours, blind = part[part.doubted], part[~part.doubted]
     known = {
         "runs": len(ours),
@@ -215,7 +215,7 @@ def _of_kind(part: pd.DataFrame, rows: pd.DataFrame) -> dict[str, float]:
     if part.kind.iloc[0] in ("for good", "a while", "from the start", "slipped by"):
         late = ours.wrong_frames - (FROM if part.kind.iloc[0] == "slipped by" else 0)
         known["late_median"], known["late_most"] = float(late.median()), float(late.max())
-    if part.kind.iloc[0] in TOLD:
+    if part.kind.iloc[0] in REPORTED:
         known["frames_in_doubt"] = int(ours.doubts.sum())
     return known
 

@@ -4,7 +4,7 @@
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
 Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; where
-marks are expected is 3 px off the truth, an axis. A mark is visible where more than half of it is; what is named after
+marks are expected has an error of 3 px, an axis. A mark is visible where more than half of it is; what is named after
 it is false where its centre lies beyond the mark's own radius. study/marks.json has
 the figures of docs/marks-study.md, study/marks.csv every mark of every frame.
 """
@@ -56,7 +56,7 @@ VISIBLE = 0.5
 FAR_PX = 4.0
 """Marks found further than this from their places are counted, though they count in the error, too."""
 PREDICTED_SD_PX = 3.0
-"""How far off a filter predicts a mark [px], an axis; the tissue filter is off by less at a millimetre a pixel."""
+"""Error of a filter's prediction of a mark [px], an axis; the tissue filter's is less at a millimetre a pixel."""
 
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
@@ -123,7 +123,7 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
     visible = rows[rows.visible > VISIBLE]
     seen = visible[visible.found.astype(bool)]
     right = seen[~seen.false.astype(bool)]
-    off = right[["du", "dv"]].to_numpy(dtype=float)
+    errors = right[["du", "dv"]].to_numpy(dtype=float)
     variance = right[["uu", "vv"]].to_numpy(dtype=float)
     named = rows[rows.found.astype(bool)]
     n_frames = len(rows.drop_duplicates(["seed", "frame"]))
@@ -131,9 +131,9 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
         "frames": n_frames,
         "marks_visible": len(visible),
         "found": len(right) / len(visible),
-        "rms_px": float(np.sqrt((off**2).mean())),
-        "median_px": float(np.median(np.hypot(*off.T))),
-        "predicted_by_real": float(np.sqrt(variance.mean() / (off**2).mean())),
+        "rms_px": float(np.sqrt((errors**2).mean())),
+        "median_px": float(np.median(np.hypot(*errors.T))),
+        "predicted_by_real": float(np.sqrt(variance.mean() / (errors**2).mean())),
         "false_per_1000_frames": 1000.0 * float(named.false.astype(bool).sum()) / n_frames,
         "far_per_1000_frames": 1000.0 * float(named.far.astype(bool).sum()) / n_frames,
         "swapped": int(named.swapped.astype(bool).sum()),
@@ -152,7 +152,7 @@ def marks_figures(
 
     seeds: of runs that settings may be chosen by, below FIRST_SEED; frames are rendered once a process
     """
-    told: dict[str, float] = {}
+    compared: dict[str, float] = {}
     kinds: tuple[tuple[str, Level, bool, Sequence[int]], ...] = (
         ("good light", "good light", True, seeds[:2]),
         ("whole range", "whole range", True, seeds),
@@ -161,9 +161,9 @@ def marks_figures(
     for name, level, even, own in kinds:
         rows = pd.concat([followed(seed, _rendered(seed, level, n_frames), settings, even=even) for seed in own])
         row = figures(rows)
-        told |= {f"{name}: {key}": row[key] for key in COMPARED}
+        compared |= {f"{name}: {key}": row[key] for key in COMPARED}
     lost = [crossing(FIRST_SEED + seed, settings=settings) for seed in seeds[:2]]
-    return told | {
+    return compared | {
         "crossing: frames_lost": float(sum(n for n, _, _ in lost)),
         "crossing: found": sum(n for _, _, n in lost) / sum(2 * n for _, n, _ in lost),
     }
@@ -174,8 +174,8 @@ def crossing(seed: int, n_frames: int = 50, settings: FinderSettings | None = No
 
     Returns the frames lost, all frames, and the marks found.
 
-    A filter of constant velocity says where each is expected; a frame is lost in which a mark is named by the other's
-    place, beyond the first frame in which they are apart again.
+    A filter of constant velocity predicts where each is expected; a frame is lost in which a mark is named by
+    the other's place, beyond the first frame in which they are apart again.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
@@ -198,25 +198,25 @@ def crossing(seed: int, n_frames: int = 50, settings: FinderSettings | None = No
         apart = float(np.hypot(*(places[0, k] - places[1, k])))
         for own, name in enumerate(("a", "b")):
             if name in found and apart > 2.0 * radius:
-                off = np.linalg.norm(places[:, k] - found[name].center_px, axis=1)
-                lost += int(off[own] > off[1 - own])
+                distances = np.linalg.norm(places[:, k] - found[name].center_px, axis=1)
+                lost += int(distances[own] > distances[1 - own])
     return lost, n_frames, n_found
 
 
 def crossings(n_runs: int, n_processes: int = 2) -> dict[str, float]:
     """Frames of lost identity in so many crossings."""
     with ProcessPoolExecutor(n_processes) as pool:
-        told = list(pool.map(crossing, range(n_runs), chunksize=5))
+        outcomes = list(pool.map(crossing, range(n_runs), chunksize=5))
     return {
-        "frames": sum(frames for _, frames, _ in told),
-        "frames_lost": sum(lost for lost, _, _ in told),
-        "crossings_swapped": sum(lost > 0 for lost, _, _ in told),
+        "frames": sum(frames for _, frames, _ in outcomes),
+        "frames_lost": sum(lost for lost, _, _ in outcomes),
+        "crossings_swapped": sum(lost > 0 for lost, _, _ in outcomes),
     }
 
 
 def study(seeds: Sequence[int], n_frames: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, float]]:
     """Both levels, a run for each seed; marks.csv and marks.json in the folder."""
-    told: dict[str, dict[str, float]] = {}
+    by_level: dict[str, dict[str, float]] = {}
     tables = []
     for level in LEVELS:
         parts = []
@@ -226,12 +226,12 @@ def study(seeds: Sequence[int], n_frames: int, out: Path, n_processes: int = 2) 
                 sys.stderr.write(f"\r{level}: {k + 1} of {len(seeds)} runs ")
         sys.stderr.write("\n")
         rows = pd.concat(parts)
-        told[level] = figures(rows)
+        by_level[level] = figures(rows)
         tables.append(rows.assign(level=level))
-    told["crossings"] = crossings(5 * len(seeds), n_processes)
+    by_level["crossings"] = crossings(5 * len(seeds), n_processes)
     write_whole(out / "marks.csv", pd.concat(tables).to_csv(index=False, float_format="%.4f"))
-    write_whole(out / "marks.json", json.dumps(told, indent=1) + "\n")
-    return told
+    write_whole(out / "marks.json", json.dumps(by_level, indent=1) + "\n")
+    return by_level
 
 
 def main() -> None:
@@ -246,8 +246,8 @@ def main() -> None:
     chosen = parser.parse_args()
     with output_folder(chosen.out, force=True) as folder:
         seeds = range(chosen.first_seed, chosen.first_seed + chosen.runs)
-        told = study(seeds, chosen.frames, folder)
-    for level, row in told.items():
+        by_level = study(seeds, chosen.frames, folder)
+    for level, row in by_level.items():
         sys.stdout.write(f"{level}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
 
 

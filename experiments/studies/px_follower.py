@@ -13,7 +13,7 @@ from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline
 from vision.tracking.settings import FinderSettings
 
 GONE = 10
-"""Frames unseen after which a mark is looked for anywhere; chosen."""
+"""Frames unseen after which a mark is searched anywhere; chosen."""
 FASTEST_PX_S = 1500.0
 """Standard deviation of a velocity at the first sight [px/s]; chosen."""
 
@@ -45,7 +45,7 @@ class PxFollower:
         self.filters = {name: _started(place, cov) for name, place in (starts_px or {}).items()}
 
     def see(self, frame: Frame, outlines: Mapping[str, Outline]) -> dict[str, Detection]:
-        """The marks seen in the next frame, by name; outlines: what each looks like."""
+        """The marks seen in the next frame, by name; outlines: of each."""
         dt = 0.0 if self._time_s is None else frame.exposure_s - self._time_s
         self._time_s = frame.exposure_s
         if dt > 0.0:

@@ -39,7 +39,7 @@ class Film:
     path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
     jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
     focal_px: of the camera, by what is usual in telephones
-    size_sd, follow_size: how far its size may be off, as a share of it; how much of that a new sight corrects
+    size_sd, follow_size: standard deviation of its size, as a share of it; how much of that a new sight corrects
     """
 
     path: str
@@ -58,9 +58,9 @@ FILMS = {
 }
 
 
-def stretched(off_px: Floats, focal_px: float) -> Floats:
-    """By what a ball off the middle of a picture, (2,), is drawn wider from there on, (2, 2): 1 / cos of the angle."""
-    return np.eye(2) + (np.hypot(1.0, np.hypot(*off_px) / focal_px) - 1.0) * _projector(off_px)
+def stretched(offset_px: Floats, focal_px: float) -> Floats:
+    """By what a ball at an offset from a picture's middle, (2,), is drawn wider, (2, 2): 1 / cos of the angle."""
+    return np.eye(2) + (np.hypot(1.0, np.hypot(*offset_px) / focal_px) - 1.0) * _projector(offset_px)
 
 
 def _projector(along: Floats) -> Floats:
@@ -83,8 +83,8 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
                 radius_px = film.radius_px
             known = follower.filters.get("ball")
             middle = (np.array(frame.image.shape[1::-1]) - 1.0) / 2.0
-            off = np.zeros(2) if known is None else known.x[:2] - middle
-            outline = Outline(radius_px * stretched(off, film.focal_px), film.size_sd, even=False)
+            offset = np.zeros(2) if known is None else known.x[:2] - middle
+            outline = Outline(radius_px * stretched(offset, film.focal_px), film.size_sd, even=False)
             seen = follower.see(frame, {"ball": outline}).get("ball")
             row: dict[str, float | int | bool] = {"frame": frame.index, "time_s": frame.exposure_s}
             row["seen"] = seen is not None
@@ -103,7 +103,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
     labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
-    off = (both[["u_px", "v_px"]].to_numpy() - both[["u_px_label", "v_px_label"]].to_numpy())[labelled]
+    errors = (both[["u_px", "v_px"]].to_numpy() - both[["u_px_label", "v_px_label"]].to_numpy())[labelled]
     variance = both[["uu_px2", "vv_px2"]].to_numpy(dtype=float)[labelled]
     twice = first.merge(labels[labels.by == 2], on="frame", suffixes=("", "_again"))
     again = (twice[["u_px", "v_px"]].to_numpy() - twice[["u_px_again", "v_px_again"]].to_numpy()).ravel()
@@ -111,8 +111,8 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
         "labels": len(first),
         "found": len(both),
         "coordinates": int(labelled.sum()),
-        "rms_px": float(np.sqrt((off**2).mean())),
-        "median_px": float(np.median(np.abs(off))),
+        "rms_px": float(np.sqrt((errors**2).mean())),
+        "median_px": float(np.median(np.abs(errors))),
         "sigma_px": float(np.sqrt(variance.mean())),
         "label_scatter_px": float(np.sqrt((again**2).mean() / 2.0)) if len(again) else np.nan,
     }

@@ -65,7 +65,7 @@ class Plane:
     """The plane of the swing as the camera sees it, its unit the pixel at the hook's distance, the hook its origin.
 
     narrowing: cosine of the angle by which it is turned from the picture; nearing: share by which one unit to the
-    right lies further away; center_px: where the camera looks, (2,)
+    right lies further away; center_px: where the optical axis meets the picture, (2,)
     radius_px: length of the cord [units]
     """
 

@@ -18,7 +18,7 @@ METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 
 
 def camera_of(table: CameraTable, folder: Path) -> PlaneCamera:
-    """The camera of a table; a file that it names is looked for in this folder.
+    """The camera of a table; a file that it names is searched in this folder.
 
     Raises ValueError, `key: expected …, found …`, and InputError for that file.
     """

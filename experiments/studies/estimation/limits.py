@@ -22,10 +22,10 @@ MANY = 30
 """Histories that the particle filter keeps."""
 
 FAR_M = 0.04
-"""Error of the hidden mass that counts as far off."""
+"""Error of the hidden mass that counts as far."""
 
-UNSAID_S = 0.5
-"""Time [s] within which a filter that is far off must say so."""
+UNREPORTED_S = 0.5
+"""Time [s] within which a filter whose error is far must report it."""
 
 
 def hard_trial(k: int) -> Trial:
@@ -53,7 +53,7 @@ def hard(study: Study) -> dict[str, Row]:
 
 
 def overturned(study: Study) -> dict[str, Row]:
-    """Pokes so strong that the truth turns over: whether the filter follows, or says so."""
+    """Pokes so strong that the truth turns over: whether the filter follows, or reports that it does not."""
     rows: dict[str, Row] = {}
     for strength in (1.5, 2.0, 3.0):
         outcomes = study.all(run, [(Trial("shoved", 3000 + seed, strength=strength), Model()) for seed in study.seeds])
@@ -106,8 +106,8 @@ def optimum_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
     for (time_s, marks), place in zip(frames, hidden, strict=True):
         for name, method in (("filter", tissue), ("particles", particles)):
             method.predict(time_s)
-            off = method.update(marks).mean - place
-            squared[name].append(float(off @ off))
+            error = method.update(marks).mean - place
+            squared[name].append(float(error @ error))
     return {name: np.array(values) for name, values in squared.items()}
 
 
@@ -135,15 +135,15 @@ def lost_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
     for time_s, marks in frames[:166]:
         tissue.predict(time_s)
         estimates.append(tissue.update([] if 90 <= len(estimates) < 150 else marks))
-    off = estimates[165].mean - hidden[165]
+    error = estimates[165].mean - hidden[165]
     before, late, after = (np.array(estimates[k].cov, dtype=float) for k in (89, 149, 165))
     return {
         "coasted_then_lost": [e.status.value for e in estimates[91:149]] == ["COASTING"] * 28 + ["LOST"] * 30
         or [e.status.value for e in estimates[91:149]] == ["COASTING"] * 29 + ["LOST"] * 29,
         "grew": bool(np.trace(late) > np.trace(before)),
         "tracking": estimates[165].status.value == "TRACKING",
-        "nees": float(off @ np.linalg.solve(after, off)),
-        "off_mm": 1e3 * float(np.linalg.norm(off)),
+        "nees": float(error @ np.linalg.solve(after, error)),
+        "error_mm": 1e3 * float(np.linalg.norm(error)),
     }
 
 
@@ -158,8 +158,8 @@ def lost(study: Study) -> dict[str, Row]:
             "grew": sum(one["grew"] for one in runs),
             "tracking": sum(one["tracking"] for one in runs),
             "coverage95": coverage([one["nees"] for one in runs], 2),
-            "mean_mm": float(np.mean([one["off_mm"] for one in runs])),
-            "worst_mm": float(np.max([one["off_mm"] for one in runs])),
+            "mean_mm": float(np.mean([one["error_mm"] for one in runs])),
+            "worst_mm": float(np.max([one["error_mm"] for one in runs])),
         }
     return rows
 
@@ -167,14 +167,14 @@ def lost(study: Study) -> dict[str, Row]:
 def _far(outcomes: Sequence[Outcome]) -> Row:
     """Runs that diverged, and the longest time [s] for which one was surely wrong and TRACKING.
 
-    Diverged: more than FAR_M off while TRACKING, for UNSAID_S or longer or in the last frame. Surely wrong: more than
-    FAR_M off with a NEES above 30, which one frame in three million has.
+    Diverged: an error of more than FAR_M while TRACKING, for UNREPORTED_S or longer or in the last frame. Surely wrong:
+    more than FAR_M with a NEES above 30, which one frame in three million has.
     """
     diverged, longest = 0, 0.0
     for one in outcomes:
-        off = (one.filtered > FAR_M) & (np.array(one.status) == "TRACKING")
-        diverged += bool(_longest(one.times_s, off) >= UNSAID_S or off[-1])
-        longest = max(longest, _longest(one.times_s, off & (one.nees > 30.0)))
+        far = (one.filtered > FAR_M) & (np.array(one.status) == "TRACKING")
+        diverged += bool(_longest(one.times_s, far) >= UNREPORTED_S or far[-1])
+        longest = max(longest, _longest(one.times_s, far & (one.nees > 30.0)))
     ever = sum(bool((one.filtered > FAR_M).any()) for one in outcomes)
     return {"runs_diverged": diverged, "runs_ever_far": ever, "longest_unsaid_s": longest}
 

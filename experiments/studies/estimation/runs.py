@@ -38,7 +38,7 @@ class Study:
         return self.folder / "truth"
 
     def all(self, work: Callable[..., Outcome | dict[str, object]], jobs: Sequence[tuple[object, ...]]) -> list[Any]:
-        """The results of work(*job, cache) in the order of the jobs, told on standard error as they come."""
+        """The results of work(*job, cache) in the order of the jobs, counted on standard error as they come."""
         results = []
         with ProcessPoolExecutor(self.n_processes) as pool:
             for k, result in enumerate(pool.map(partial(_call, work, self.cache), jobs, chunksize=1)):

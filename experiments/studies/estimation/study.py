@@ -6,7 +6,7 @@
 
 Parts are kept as JSON in the folder, truths in `truth` beside them. Truth is DOP853's with friction and tremor; pokes
 are half sines (`poked`: one mass at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to
-140 mm). Constants that are off are off in the model: what is true stays the phantom's.
+140 mm). Errors of constants are in the model: what is true stays the phantom's.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from experiments.studies.estimation.limits import bound, hard, lost, optimum, ov
 from experiments.studies.estimation.runs import Row, Study, by_scenario
 from experiments.studies.estimation.trials import Frames, Model, Trial, run, seen
 
-OFF = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
-"""Relative standard deviations of the constants that are off, by kind: 10 %, rest lengths 1 % (2 mm)."""
+CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
+"""Relative standard deviations of the errors of constants, by kind: 10 %, rest lengths 1 % (2 mm)."""
 
 LEFT = {kind: 0.02 for kind in KINDS if kind != "rest_length"}
 """What is taken to be left after identification in the grid; rest lengths are corrected by a picture at rest."""
@@ -49,7 +49,7 @@ RATES = (5, 10, 30, 60, 120)
 
 
 def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertainty | None = None) -> Model:
-    """The phantom with constants off at random by these relative standard deviations."""
+    """The phantom with random errors of its constants of these relative standard deviations."""
     network = four_mass_phantom()
     which = parameters(network, tuple(sds))
     change = np.random.default_rng([seed, 1]).normal(size=len(which)) * [sds[one.kind] for one in which]
@@ -68,9 +68,9 @@ def calibration(seed: int, cache: Path) -> Frames:
 
 
 def identified_run(seed: int, cache: Path) -> dict[str, object]:
-    """One phantom whose constants are off, identified from a calibration recording, then tracked in all scenarios."""
-    model = perturbed(seed, OFF)
-    found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=OFF)
+    """One phantom with wrong constants, identified from a calibration recording, then tracked in all scenarios."""
+    model = perturbed(seed, CONSTANT_SDS)
+    found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
     known = Model(found.network, found.uncertainty)
     network = four_mass_phantom()
     true = np.log([parameter_value(network, one) / parameter_value(model.network, one) for one in found.parameters])
@@ -84,7 +84,7 @@ def identified_run(seed: int, cache: Path) -> dict[str, object]:
 
 
 def identified(study: Study) -> dict[str, Row]:
-    """10 % off, identified from 30 s, both methods with what was found; 4.14 mm, 30 frames/s."""
+    """Constants wrong by 10 %, identified from 30 s, both methods with what was found; 4.14 mm, 30 frames/s."""
     runs = study.all(identified_run, [(seed,) for seed in study.seeds])
     rows = by_scenario({name: [one["outcomes"][name] for one in runs] for name in ("quiet", "poked", "shoved")})
     rows["constants"] = {
@@ -96,14 +96,16 @@ def identified(study: Study) -> dict[str, Row]:
 
 
 def unidentified(study: Study) -> dict[str, Row]:
-    """10 % off and not identified: the filter considers their uncertainty, or ignores it."""
+    """Constants wrong by 10 %, not identified: the filter considers their uncertainty, or ignores it."""
     network = four_mass_phantom()
     which = parameters(network)
-    known = independent_uncertainty(which, [OFF[one.kind] for one in which])
+    known = independent_uncertainty(which, [CONSTANT_SDS[one.kind] for one in which])
     rows: dict[str, Row] = {}
     for label, uncertainty in (("considered", known), ("ignored", None)):
         outcomes = {
-            name: study.all(run, [(Trial(name, seed), perturbed(seed, OFF, uncertainty)) for seed in study.seeds])
+            name: study.all(
+                run, [(Trial(name, seed), perturbed(seed, CONSTANT_SDS, uncertainty)) for seed in study.seeds]
+            )
             for name in ("quiet", "poked", "shoved")
         }
         rows |= {f"{label}, {name}": row for name, row in by_scenario(outcomes).items()}
@@ -111,7 +113,7 @@ def unidentified(study: Study) -> dict[str, Row]:
 
 
 def grid(study: Study) -> dict[str, Row]:
-    """Mark noise by frame rate, constants 2 % off and known to so much, rest seen; half the runs quiet, half shoved."""
+    """Mark noise by frame rate, constants wrong by 2 %, known to that, rest seen; half the runs quiet, half shoved."""
     network = four_mass_phantom()
     which = parameters(network, tuple(LEFT))
     wide = independent_uncertainty(which, [LEFT[one.kind] for one in which])
@@ -181,7 +183,7 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
 
 
 def main() -> None:
-    """Run the parts named, or all, and keep what they say."""
+    """Run the parts named, or all, and keep their figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="default: all")
     parser.add_argument("--out", type=Path, required=True)
@@ -194,8 +196,8 @@ def main() -> None:
         rows = PARTS[name](study)
         write_whole(study.folder / f"{name}.json", json.dumps(rows, indent=1) + "\n")
         for label, row in rows.items():
-            told = "  ".join(f"{key} {value:.3g}" for key, value in row.items() if not isinstance(value, str))
-            sys.stdout.write(f"{label}: {told}\n")
+            columns = "  ".join(f"{key} {value:.3g}" for key, value in row.items() if not isinstance(value, str))
+            sys.stdout.write(f"{label}: {columns}\n")
 
 
 if __name__ == "__main__":

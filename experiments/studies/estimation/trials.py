@@ -47,7 +47,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """What the methods are told of the tissue."""
+    """The model of the tissue that the methods are given."""
 
     network: MassSpringNetwork = field(default_factory=four_mass_phantom)
     uncertainty: ParameterUncertainty | None = None
@@ -59,7 +59,7 @@ class Outcome:
     """What came of a run.
 
     open_loop, filtered: error of the hidden mass [m], (n_frames,); nees, sigma [m]: by and of the filter's covariance
-    statuses, refused, repairs: counts; turned: whether a spring of the truth ever turned by more than a right angle
+    statuses, rejected, repairs: counts; turned: whether a spring of the truth ever turned by more than a right angle
     """
 
     times_s: Floats
@@ -68,7 +68,7 @@ class Outcome:
     nees: Floats
     sigma: Floats
     status: tuple[str, ...]
-    refused: Counter[str]
+    rejected: Counter[str]
     repairs: Counter[str]
     turned: bool
 

@@ -194,8 +194,8 @@ def _corner_error_px(settings: CalibrationSettings) -> float:
             if corners is None:
                 squares.append(1.0)
                 continue
-            off = corners.seen_px - project(PINHOLE, pose, corners.board_m)
-            squares.append(float((off**2).sum(axis=1).mean()))
+            errors = corners.seen_px - project(PINHOLE, pose, corners.board_m)
+            squares.append(float((errors**2).sum(axis=1).mean()))
     return float(np.sqrt(np.mean(squares)))
 
 

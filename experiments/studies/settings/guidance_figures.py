@@ -165,9 +165,9 @@ def guidance_figures(
                     if ahead[0] <= run.times_s[-1] and breathing.breath() is not None:
                         breaths += 1
                         means, covs = breathing.predict(ahead)
-                        off = (run.target(ahead) - means)[0]
-                        errors.append(float(np.linalg.norm(off)))
-                        nees.append(0.5 * float(off @ np.linalg.solve(covs[0], off)))
+                        error = (run.target(ahead) - means)[0]
+                        errors.append(float(np.linalg.norm(error)))
+                        nees.append(0.5 * float(error @ np.linalg.solve(covs[0], error)))
                 if found.probability is None or found.depth_m is None or found.arrival_s is None:
                     continue
                 if found.arrival_s > run.times_s[-1]:

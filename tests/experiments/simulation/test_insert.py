@@ -13,8 +13,8 @@ from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.closed_loop import Tried
 from experiments.simulation.insert import case_of, figures, insert, one_run
-from experiments.simulation.policies import believed_parts, believed_push, off_by_forces, settings_for
-from experiments.simulation.world import BELIEVED, FORCES_OFF, Case, needle_with, world_of
+from experiments.simulation.policies import force_error_cov, predicted_parts, predicted_push, settings_for
+from experiments.simulation.world import FORCE_ERROR, STATED, Case, needle_with, world_of
 
 
 def case(name):
@@ -139,9 +139,9 @@ def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
     tip = world.entry + depth[:, None] * axis + 0.001 * np.array([0.8, -0.6])
     shifts = []
     for _ in range(4000):
-        true = {key: BELIEVED[key] * rng.uniform(1.0 - FORCES_OFF, 1.0 + FORCES_OFF) for key in BELIEVED}
+        true = {key: STATED[key] * rng.uniform(1.0 - FORCE_ERROR, 1.0 + FORCE_ERROR) for key in STATED}
         shifts.append(gives @ sliding_friction(world.network, needle_with(world.entry, true), tip, axis, depth).ravel())
-    drawn, told = np.cov(np.array(shifts).T), off_by_forces(gives, believed_parts(*where, 0.05, 1)[:, 0])
+    drawn, told = np.cov(np.array(shifts).T), force_error_cov(gives, predicted_parts(*where, 0.05, 1)[:, 0])
     assert np.abs(told - drawn).max() < 0.06 * np.abs(drawn).max()
 
 
@@ -150,8 +150,8 @@ def test_a_needle_drawn_back_cuts_nothing():
     world, axis = world_of(case("poked")), np.array([0.0, -1.0])
     depths = 0.02 + 0.05 * np.array([0.5, 1.5, 2.5]) / 30.0
     tips = world.entry + depths[:, None] * axis
-    whole = sliding_friction(world.network, needle_with(world.entry, BELIEVED), tips, axis, depths)
-    assert believed_push(world, axis, 0.02, 0.0, 0.05, 3) == pytest.approx(whole)
-    cutting, friction = believed_parts(world, axis, 0.02, 0.0, -0.05, 3)
+    whole = sliding_friction(world.network, needle_with(world.entry, STATED), tips, axis, depths)
+    assert predicted_push(world, axis, 0.02, 0.0, 0.05, 3) == pytest.approx(whole)
+    cutting, friction = predicted_parts(world, axis, 0.02, 0.0, -0.05, 3)
     assert not cutting.any()
     assert np.all(friction @ axis < 0.0)
