@@ -62,7 +62,7 @@ BAD = {
 def test_a_fault_is_told_in_one_line_with_row_and_column(path: Path, content: str, message: str):
     path.write_text(content, encoding="utf-8")
     with pytest.raises(InputError) as fault:
-        read_table(path, ["a", "b"], ["node"], refused={"camera": "one camera is read for now"})
+        read_table(path, ["a", "b"], ["node"], rejected={"camera": "one camera is read for now"})
     assert str(fault.value).startswith(f"{path}{message}")
     assert len(str(fault.value).splitlines()) == 1
 
