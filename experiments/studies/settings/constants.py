@@ -13,7 +13,6 @@ from experiments.studies.estimation.figures import estimation_figures
 PLACES = {
     "longest_step_s": "estimators.tissue.process_model.LONGEST_STEP",
     "narrow": "estimators.filters.mixture.NARROW",
-    "wary": "estimators.filters.mixture.WARY",
 }
 """The module's constant of each name."""
 
@@ -29,12 +28,10 @@ class Constants:
 
     longest_step_s: time between two additions of process noise, and longest integration step [s]; choice
     narrow: spread of sigma points that would leave the model's range, by the usual spread [1]; choice
-    wary: share of the variance of common errors of marks that gains take as independent beside [1]; choice
     """
 
     longest_step_s: float = _now("longest_step_s")
     narrow: float = _now("narrow")
-    wary: float = _now("wary")
 
 
 def constants_figures(constants: Constants) -> Mapping[str, float]:
