@@ -172,6 +172,22 @@ def test_the_likelihood_of_a_measurement_is_that_of_the_mixture():
     assert ours.log_likelihood == pytest.approx(expected, rel=1e-12)
 
 
+def test_only_indefinite_covariances_are_repaired_and_each_is_counted():
+    """Of modes that do not mix: the others move as the textbook has it, F P F' + Q, to rounding."""
+    ours = mixture(rates=np.zeros((3, 3)))
+    assert ours.log_likelihood == 0.0
+    for bad, counted in (((1,), 1), ((0, 2), 3)):
+        before = [f.P.copy() for f in ours.filters]
+        for k in bad:
+            ours.filters[k].P = np.diag([1.0, -1e-3])
+        ours.predict(0.1)
+        assert ours.repairs["definite"] == counted
+        for k, f in enumerate(ours.filters):
+            assert np.linalg.eigvalsh(f.P).min() > 0.0
+            if k not in bad:
+                np.testing.assert_allclose(f.P, transition(0.1) @ before[k] @ transition(0.1).T + f.Q, rtol=1e-9)
+
+
 def test_a_measurement_noise_that_is_none_is_rejected():
     message = r"^innovation covariance: expected positive definite, found otherwise$"
     with pytest.raises(CovarianceError, match=message):
