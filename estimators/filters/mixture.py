@@ -32,9 +32,9 @@ NARROW = 0.05
 LEAST = 1e-100
 """Least probability of a mode: none is ruled out for good, and none is divided by nothing."""
 
-WARY = 1.0
-"""Part of the variance of what z shares that gains take as drawn anew beside; chosen: `docs/calibration.md`. Schmidt's
-gain, 0, is the best of one update: it does not see that the next ones are off by the same, and leans on them."""
+ADDED_SHARE = 1.0
+"""Share of the variance of z's common errors that gains add as independent; measured: `docs/calibration.md`. Schmidt's
+gain, 0, is the best of one update, but the next ones have the same error: it relies on them too much."""
 
 FLOOR = 1e-12
 """Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""
@@ -88,7 +88,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         of each mode's mean; never estimated
     considered: whether gains allow for the columns; if not, these are the sensitivities of a filter that knows of none
     log_likelihood: of the last measurement
-    wary: see `WARY`
+    added_share: see `ADDED_SHARE`
     innovation_columns: (n_modes, m, r): what the directions made of the last innovations
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
@@ -103,7 +103,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     ) -> None:
         self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
         self.considered = True
-        self.wary = WARY
+        self.added_share = ADDED_SHARE
         self.omega: Floats
         self.cbar: Floats
         self.innovation_columns = self.columns
@@ -189,7 +189,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.innovation_columns = H @ self.columns if shared is None else H @ self.columns + shared
         for k, f in enumerate(self.filters):
             if shared is not None and self.considered:
-                found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.wary)
+                found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.added_share)
             else:
                 total = with_columns(f.P, self.columns[k]) if self.considered else f.P
                 found = joseph_update(f.x, f.P, z, H, R, total)

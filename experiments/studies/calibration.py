@@ -4,7 +4,7 @@ Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their 
 the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place have errors along directions
 drawn once for each run and scaled to an error of marks of so much on average (rms, both axes). Three filters on the
 same marks, given the same directions: one takes them as independent in each frame (n_calibration 0), one considers them
-as constant with Schmidt's own gain (wary 0), one as the filter does by itself.
+as constant with Schmidt's own gain (added_share 0), one as the filter does by itself.
 
 `python -m experiments.studies.calibration` prints, with 100 runs of each (last figures in docs/calibration.md):
 
@@ -98,7 +98,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
             four_mass_phantom(), HIDDEN, OUTER, n_calibration=0 if name == INDEPENDENT else len(theta)
         )
         if name == SCHMIDT:
-            tissue.mixture.wary = 0.0
+            tissue.mixture.added_share = 0.0
         errors, covs = [], []
         for (time_s, marks), place in zip(frames, hidden, strict=True):
             tissue.predict(time_s)

@@ -65,7 +65,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
 
 
 def followed(
-    seed: int, run_frames: Iterable[RunFrame], settings: FinderSettings | None = None, *, even: bool = True
+    seed: int, run_frames: Iterable[RunFrame], settings: FinderSettings = FINDER, *, even: bool = True
 ) -> pd.DataFrame:
     """The rows of `run` for rendered frames; even: marks are of one colour, else found by their rim."""
     frames = iter(run_frames)
@@ -75,9 +75,7 @@ def followed(
     camera = posed_camera("drawn", view.size_px, lens, Pose(view.rotation, view.translation_m))
     names = [f"M{k}" for k in range(len(first.marks))]
     clearest = int(np.argmax(first.frame.visible))
-    hue = learn_hue(
-        first.frame.image, first.frame.centers_px[clearest], (FINDER if settings is None else settings).hue.learning
-    )
+    hue = learn_hue(first.frame.image, first.frame.centers_px[clearest], settings.hue.learning)
     finder = MarkFinder([hue], settings)
     rng = np.random.default_rng([seed, 7])
     gate = PREDICTED_SD_PX**2 * np.eye(2)

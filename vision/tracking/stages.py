@@ -95,11 +95,12 @@ class Stage:
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
             seen = candidate.detection
-            accepted = seen is not None and self.accept(search, candidate, seen)
+            if seen is not None and not self.accept(search, candidate, seen):
+                seen = None
             if candidate.name is None:
-                if accepted and seen is not None:
+                if seen is not None:
                     unnamed.append(seen)
-            elif accepted and seen is not None:
+            elif seen is not None:
                 search.found[candidate.name] = seen
             else:
                 search.found.pop(candidate.name, None)
@@ -214,9 +215,9 @@ def _checked(search: Search) -> Iterator[Candidate]:
         yield Candidate(better, one.name)
 
 
-def _is_left(_search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the comparison with the appearance left a mark."""
-    return candidate.detection is not None
+def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> bool:
+    """Always true: the comparison itself proposes nothing where neither detection nor match is like the mark."""
+    return True
 
 
 def _by_appearance(search: Search) -> Iterator[Candidate]:
@@ -230,8 +231,9 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
     """Whether a match is no other mark, and is surely like the mark, or like it and of its colour."""
     match, limits = candidate.match, search.settings.candidates
-    alike = match is not None and is_mark(match, limits) and search.is_apart(seen)
-    return alike and match is not None and (match.score >= limits.even_score or search.color_distance(seen) <= 1.0)
+    if match is None or not is_mark(match, limits) or not search.is_apart(seen):
+        return False
+    return match.score >= limits.even_score or search.color_distance(seen) <= 1.0
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
@@ -285,7 +287,7 @@ STAGES = (
     Stage("regions", _in_regions, _has_color),
     Stage("picture", _in_picture, _has_color),
     Stage("impulse", _after_impulse, _has_color),
-    Stage("check", _checked, _is_left),
+    Stage("check", _checked, _is_like_it),
     Stage("appearance", _by_appearance, _is_match),
     Stage("other light", _in_other_light, _has_color_apart),
     Stage("rim", _by_rim, _has_color_apart),

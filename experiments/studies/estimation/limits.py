@@ -22,10 +22,10 @@ MANY = 30
 """Histories that the particle filter keeps."""
 
 FAR_M = 0.04
-"""Error of the hidden mass that counts as far."""
+"""Error of the hidden mass that counts as large [m]."""
 
 UNREPORTED_S = 0.5
-"""Time [s] within which a filter whose error is far must report it."""
+"""Time [s] within which a filter of such an error must report it."""
 
 
 def hard_trial(k: int) -> Trial:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from importlib import import_module
 from unittest.mock import patch
@@ -36,11 +37,7 @@ class Constants:
 
 def constants_figures(constants: Constants) -> Mapping[str, float]:
     """Figures of `estimation_figures` with these constants in place of the modules' own."""
-    patches = [patch(PLACES[field.name], getattr(constants, field.name)) for field in fields(constants)]
-    for one in patches:
-        one.start()
-    try:
+    with ExitStack() as patched:
+        for field in fields(constants):
+            patched.enter_context(patch(PLACES[field.name], getattr(constants, field.name)))
         return estimation_figures(FilterSettings())
-    finally:
-        for one in patches:
-            one.stop()

@@ -10,12 +10,10 @@ from estimators import (
     Advice,
     AdviceSettings,
     GaussianMixture,
-    Hit,
     Insertion,
     Lesion,
     Needle,
     Status,
-    TargetEstimate,
     TargetPath,
     advise,
     guide,
@@ -23,23 +21,7 @@ from estimators import (
 )
 from estimators.guidance.advice import RULES, Prospect, Rule, decide
 from estimators.guidance.kernels import insert_each
-
-NOW_S = 10.0
-TIP = Needle(hit=Hit.TIP, tip_sd_m=0.3e-3, bending_sd=0.01)
-DOWN = Insertion(np.array([0.0, 0.1]), np.array([0.0, -1.0]), speed_m_s=0.1)
-DISC = Lesion.ball(4e-3, 2)
-HEALTHY = TargetEstimate(NOW_S, np.array([0.0, 0.04]), 1e-6 * np.eye(2), Status.TRACKING, 3)
-
-
-def path_of(where, sd=1e-3, seconds=4.0, step=1 / 30):
-    """A path whose mean at each time since NOW_S is where(t), (k, dim), and whose sd an axis [m] is one number."""
-    t = step * np.arange(int(seconds / step) + 1)
-    means = where(t)
-    return TargetPath(NOW_S + t, means, np.tile(sd**2 * np.eye(means.shape[1]), (len(t), 1, 1)))
-
-
-def at(x, y):
-    return lambda t: np.tile([x, y], (len(t), 1)).astype(float)
+from tests.estimators.guidance.straight_down import DISC, DOWN, HEALTHY, NOW_S, TIP, at, path_of
 
 
 class Filter:

@@ -5,38 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import (
-    Advice,
-    AdviceSettings,
-    Hit,
-    Insertion,
-    Lesion,
-    Needle,
-    Status,
-    TargetEstimate,
-    TargetPath,
-    advise,
-    guide,
-    path_times,
-)
+from estimators import Advice, AdviceSettings, Needle, TargetPath, advise, guide, path_times
+from tests.estimators.guidance.straight_down import DISC, DOWN, HEALTHY, NOW_S, TIP, at, path_of
 
-NOW_S = 10.0
-TIP = Needle(hit=Hit.TIP, tip_sd_m=0.3e-3, bending_sd=0.01)
-DOWN = Insertion(np.array([0.0, 0.1]), np.array([0.0, -1.0]), speed_m_s=0.1)
-DISC = Lesion.ball(4e-3, 2)
-AT = np.array([0.0, 0.04])
-HEALTHY = TargetEstimate(NOW_S, AT, 1e-6 * np.eye(2), Status.TRACKING, 3)
-
-
-def resting(t):
-    """The target rests 60 mm below the entry."""
-    return np.tile(AT, (len(t), 1))
-
-
-def path_of(where, seconds, step):
-    """A path whose mean at each time since NOW_S is where(t), (k, dim), every `step` up to `seconds` [s]; sd 1 mm."""
-    t = step * np.arange(int(seconds / step) + 1)
-    return TargetPath(NOW_S + t, where(t), np.tile(1e-6 * np.eye(2), (len(t), 1, 1)))
+resting = at(0.0, 0.04)
+"""The target rests 60 mm below the entry."""
 
 
 def test_the_path_reaches_to_the_end_of_the_last_way():
@@ -98,7 +71,7 @@ def test_a_live_filter_is_asked_with_the_needle_the_settings_and_the_time(needle
 def test_between_the_times_of_the_path_the_target_moves_smoothly():
     """A swing of 10 mm at 3 Hz, told at 30 a second: met within 0.1 mm of where it is (straight lines: 0.5 mm)."""
     where = lambda t: np.c_[0.01 * np.sin(6 * np.pi * t), 0.04 + 0 * t]  # noqa: E731
-    path = path_of(where, 4.0, 1 / 30)
+    path = path_of(where)
     worst = 0.0
     for k in range(20):
         slow = replace(DOWN, speed_m_s=0.1 + 1e-3 * k)
@@ -123,7 +96,7 @@ def test_the_covariance_between_the_times_of_the_path_is_on_a_straight_line(way_
 
 def test_each_moment_of_the_outlook_is_that_moments_own_advice():
     """The probability told for a later start is what is told then, of the same path."""
-    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0.005 * np.sin(5 * t)], 4.0, 1 / 30)
+    path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0.005 * np.sin(5 * t)])
     settings = AdviceSettings(horizon_s=1.0)
     said = advise(path, DOWN, DISC, needle=TIP, settings=settings)
     assert len(said.outlook.starts_s) == 11
@@ -148,7 +121,7 @@ def test_a_path_may_end_with_the_last_start_and_not_before():
 
 @pytest.mark.parametrize("step", [0.5, 1.0, 2.0])
 def test_the_reach_of_a_path_is_to_its_last_time(step):
-    said = advise(path_of(lambda t: np.c_[0 * t, 0.04 - 0.2 * t], 4.0, step), DOWN, DISC, needle=TIP)
+    said = advise(path_of(lambda t: np.c_[0 * t, 0.04 - 0.2 * t], step=step), DOWN, DISC, needle=TIP)
     assert said.reason == "the needle does not reach the target within 4.0 s"
 
 

@@ -53,14 +53,14 @@ def considered():
     return mixture
 
 
-@pytest.mark.parametrize("wary", [0.0, 1.0])
-def test_it_is_schmidts_filter(wary):
+@pytest.mark.parametrize("added_share", [0.0, 1.0])
+def test_it_is_schmidts_filter(added_share):
     """State, force and calibration as one state of seven, gain rows of the last three 0; every third unseen. 1e-10.
 
-    Source: [bierman1977], chapter VIII; there wary is 0. Joseph's form holds for any gain.
+    Source: [bierman1977], chapter VIII; there added_share is 0. Joseph's form holds for any gain.
     """
     rng, mixture = np.random.default_rng(0), considered()
-    mixture.wary = wary
+    mixture.added_share = added_share
     x, P, A, W = np.zeros(7), np.eye(7), np.eye(7), np.zeros((7, 7))
     P[:4, :4], A[:4, :4], A[:4, 4:5], W[:4, :4] = START, F, B, Q
     G = np.hstack([H, SHARED])
@@ -70,7 +70,7 @@ def test_it_is_schmidts_filter(wary):
         if k % 3 < 2:
             z = rng.normal(size=2)
             mixture.update_linear(z, H, R, SHARED)
-            K = P @ G.T @ np.linalg.inv(G @ P @ G.T + R + wary * SHARED @ SHARED.T)
+            K = P @ G.T @ np.linalg.inv(G @ P @ G.T + R + added_share * SHARED @ SHARED.T)
             K[4:] = 0.0
             keep = np.eye(7) - K @ G
             x, P = x + K @ (z - G @ x), keep @ P @ keep.T + K @ R @ K.T
