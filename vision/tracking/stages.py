@@ -94,16 +94,14 @@ class Stage:
         """Take the accepted candidates into `search.found`, drop marks whose candidate is rejected."""
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
-            seen = candidate.detection
-            if seen is not None and not self.accept(search, candidate, seen):
-                seen = None
-            if candidate.name is None:
-                if seen is not None:
-                    unnamed.append(seen)
-            elif seen is not None:
-                search.found[candidate.name] = seen
+            seen, name = candidate.detection, candidate.name
+            if seen is None or not self.accept(search, candidate, seen):
+                if name is not None:
+                    search.found.pop(name, None)
+            elif name is None:
+                unnamed.append(seen)
             else:
-                search.found.pop(candidate.name, None)
+                search.found[name] = seen
         if unnamed:
             named = associate_marks(unnamed, search.missing, gate=search.settings.association.gate)
             search.found |= {one.name: one.detection for one in named}
