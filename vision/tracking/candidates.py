@@ -75,9 +75,8 @@ def fused(seen: Detection, match: AppearanceMatch, settings: CandidateSettings =
     """A detection with the mean of its centre and that of a match [px], weighted by their covariances [px²]."""
     variance = _sd_px(match, settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
-    center, cov = seen.center_px + gain @ (match.center_px - seen.center_px), settings.shared * variance * gain
-    rest = seen.area_px, seen.hue_deg, seen.clipped, seen.occluded, seen.color_bgr, seen.size
-    return Detection(center, cov, *rest)
+    center_px = seen.center_px + gain @ (match.center_px - seen.center_px)
+    return replace(seen, center_px=center_px, cov_px2=settings.shared * variance * gain)
 
 
 def _sd_px(match: AppearanceMatch, settings: CandidateSettings) -> float:

@@ -70,7 +70,8 @@ class AppearanceTemplates:
     ) -> Detection | None:
         """A detection compared with the mark's appearance: as it is, fused with a match, or the match; None if neither.
 
-        color_distance: how far a detection's colour is from its kind's, squared [gates]
+        frame_bgr: (height, width, 3) uint8; color_distance: how far a detection's colour is from its kind's, squared
+            [gates]
         """
         quick = self._checked_near(frame_bgr, one, seen)
         if quick is not None:
