@@ -33,8 +33,8 @@ LEAST = 1e-100
 """Least probability of a mode: none is ruled out for good, and none is divided by nothing."""
 
 ADDED_SHARE = 1.0
-"""Share of the variance of z's common errors that gains add as independent; measured: `docs/calibration.md`. Schmidt's
-gain, 0, is the best of one update, but the next ones have the same error: it relies on them too much."""
+"""Share of the variance of z's common errors that gains add as independent; choice, its cost in docs/settings.md.
+Schmidt's gain, 0, is the best of one update, but the next ones have the same error: it relies on them too much."""
 
 FLOOR = 1e-12
 """Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""

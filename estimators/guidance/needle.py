@@ -25,12 +25,13 @@ class Hit(StrEnum):
 class Needle:
     """A side-notch core needle.
 
-    hit: what counts as a hit; choice
+    hit: what counts as a hit; source: needle.toml, what the user wants in the lesion
     notch_offset_m: from the tip back to the notch [m]; source: 5 mm that a biopsy gun is reported not to sample,
         [skiparea]
     notch_length_m: of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
-    core_m: least length of tissue from the lesion for CORE [m]; choice
-    tip_sd_m: standard deviation of the tracked tip in each direction [m]; choice
+    core_m: least length of tissue from the lesion for CORE [m]; source: needle.toml, what the user's pathologist needs
+    tip_sd_m: standard deviation of the tracked tip in each direction [m]; source: needle.toml, the accuracy of the
+        user's tracker
     bending_sd: standard deviation across the needle that bending adds, by depth [m/m]; source: 0.9 mm at 45 mm, the
         mean deflection of such a gun in a phantom, [deflection]
 

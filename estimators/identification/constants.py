@@ -29,7 +29,7 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
-"""Prior relative standard deviations of the constants by kind; choice."""
+"""Prior relative standard deviations of the constants by kind; choice, its cost in docs/settings.md."""
 
 MOST_PASSES = 12
 """Limit of the iteration: Gauss-Newton needs three to five passes."""

@@ -20,7 +20,8 @@ NAMES = ("white", "poke", "marks")
 """Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by the reported one."""
 
 PRIOR_LOG_SD = np.log(2.0)
-"""Prior standard deviation of the log of each level: a recording without pokes leaves them undetermined; choice."""
+"""Prior standard deviation of the log of each level: a recording without pokes leaves them undetermined; choice,
+its cost in docs/settings.md."""
 
 MOST_PASSES = 60
 """Limit of the iteration: the simplex closes to its tolerances in about fifty passes."""

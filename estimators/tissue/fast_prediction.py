@@ -23,11 +23,11 @@ from estimators.tissue.filter import TissueFilter
 from estimators.tissue.target import TargetMap
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
-"""Typical speeds of the nodes for which tables are made; chosen, each twice the last."""
+"""Typical speeds of the nodes for which tables are made, each twice the last; choice, its cost in docs/settings.md."""
 
 SPREAD = 4.0
-"""Weight of the velocities' variance beside their squared mean in the typical speed; chosen so that the covariances
-agree with those of `predict_path`, whose sigma points stand some standard deviations away and feel less friction."""
+"""Weight of the velocities' variance beside their squared mean in the typical speed; choice, its cost in
+docs/settings.md. The sigma points of `predict_path` stand some standard deviations away and feel less friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

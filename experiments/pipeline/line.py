@@ -31,7 +31,7 @@ SIZE_SD = 0.05
 """Relative error of a mark's stated size: print, tilt, light that spills over; chosen."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Common error of fixes where the scene states none: an ultrasound probe's calibration; chosen."""
+"""Common error of fixes where the scene states none: an ultrasound probe's calibration; the scene's to state."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,16 +41,17 @@ class LiveSettings:
 
     wait_s: without a frame for so long, the target is predicted and shown without one [s]; choice
     behind_s: the filter stays behind by so long, and by two frame intervals, for a frame that comes late [s]; choice
-    source: its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are
-        those of which the median interval is the usual one
     """
 
     wait_s: float = 0.1
     behind_s: float = 0.25
-    source: vision.SourceSettings = vision.SourceSettings()
 
 
 LIVE_DEFAULTS = LiveSettings()
+
+SOURCE = vision.SourceSettings()
+"""Its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are those of
+which the median interval is the usual one."""
 
 
 class Session:
@@ -83,7 +84,7 @@ class Session:
         self._file = rows.open("w", encoding="utf-8", newline="")
         self._csv = csv.writer(self._file)
         self._csv.writerow(header(scene.network.dim))
-        self._intervals_s: deque[float] = deque(maxlen=settings.source.settled_frames)
+        self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
 
     def take(self, frame: vision.Frame) -> bool:
@@ -127,7 +128,7 @@ class Session:
             self._show("no frame yet")
             return
         interval_s, settings = self.interval_s, self.settings
-        behind_s = now_s - (settings.source.hung_s if interval_s is None else settings.behind_s + 2.0 * interval_s)
+        behind_s = now_s - (SOURCE.hung_s if interval_s is None else settings.behind_s + 2.0 * interval_s)
         if behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
             self.n_coasted += 1

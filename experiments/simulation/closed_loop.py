@@ -28,16 +28,16 @@ from experiments.simulation.policies import Policy, predicted_parts, predicted_p
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
-"""The line of the needle is fixed so long before arrival [s]: two frames, for delays of camera and robot; chosen."""
+"""The line of the needle is fixed so long before arrival [s]: two frames, delays of the study's camera and robot."""
 
 DEEPEST_M = 0.06
-"""A needle that is so deep and has not met its target is drawn back or has missed [m]; chosen."""
+"""A needle that is so deep and has not met its target is drawn back or has missed [m]; a parameter of the study."""
 
 SMALLEST_M, LARGEST_M = 2e-4, 10e-3
-"""Between these, evenly by its logarithm, the lesion is drawn by which probabilities are judged [m]; chosen."""
+"""Between these, evenly by its logarithm, the lesion is drawn by which probabilities are judged [m]; of the study."""
 
 BOUND = 0.9
-"""A policy that may retract does so where a hit is less probable than this at the commitment; chosen."""
+"""A policy that may retract does so where a hit is less probable than this at the commitment; of the study."""
 
 TIP = Needle(hit=Hit.TIP)
 """What hits, and how uncertain it is; `docs/guidance.md`."""

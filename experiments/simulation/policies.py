@@ -34,10 +34,11 @@ from experiments.simulation.world import ENTRY_M, FORCE_ERROR, STATED, World, ne
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""The breath is learnt from then on [s]: the first estimates have large errors."""
+"""The breath is learnt from then on [s], for the first estimates have large errors; a parameter of the study."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""So many ways of the needle, and so long, ahead reach predictions: later starts, a target that moves away; chosen."""
+"""So many ways of the needle, and so long, ahead reach predictions: later starts, a target that moves away; size of the
+study's tables."""
 
 ONE_AT_A_TIME = FilterSettings(
     quiet=replace(FilterSettings().quiet, lasting_s=0.01),

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -75,7 +76,14 @@ def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
     return replace(camera, calibration=camera.calibration * error_m / rms)
 
 
-def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
+def run(
+    seed: int,
+    case: tuple[str, str, float],
+    cache: Path,
+    duration_s: float = 5.0,
+    *,
+    filters: Sequence[str] = FILTERS,
+) -> Run:
     """The filters on the same marks, seen by a camera miscalibrated by one draw of its directions."""
     kind, scenario, error_m = case
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
@@ -93,7 +101,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
             )
         )
     found = Run({}, {}, {})
-    for name in FILTERS:
+    for name in filters:
         tissue = TissueFilter(
             four_mass_phantom(), HIDDEN, OUTER, n_calibration=0 if name == INDEPENDENT else len(theta)
         )

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
 from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
+from estimators.association import IdentitySettings
 from experiments.arrays import Floats
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.scenario import read_scenario
@@ -101,13 +102,20 @@ def reported_names(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
     return reported
 
 
-def reported_run(one: World, kind: str, reported: NDArray[np.int64], alike: list[tuple[str, ...]]) -> dict[str, object]:
+def reported_run(
+    one: World,
+    kind: str,
+    reported: NDArray[np.int64],
+    alike: list[tuple[str, ...]],
+    *,
+    settings: IdentitySettings | None = None,
+) -> dict[str, object]:
     """A run with names that another gave; alike empty: they are fixed."""
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
     tissue = TissueFilter(network, HIDDEN, OUTER)
-    identity = AssociationFilter(tissue, alike)
+    identity = AssociationFilter(tissue, alike, settings)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
     for k, time_s in enumerate(one.times_s):
@@ -137,10 +145,12 @@ def reported_run(one: World, kind: str, reported: NDArray[np.int64], alike: list
     }
 
 
-def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
+def nameless_run(
+    one: World, kind: str, alike: list[tuple[str, ...]], *, settings: IdentitySettings | None = None
+) -> dict[str, object]:
     """A run in which each frame's marks are named by where the filter expects them."""
     tissue = TissueFilter(one.network, HIDDEN, OUTER)
-    identity = AssociationFilter(tissue, alike)
+    identity = AssociationFilter(tissue, alike, settings)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, wrong, at_end = [], 0, False
     for k in range(0, len(one.times_s), NAMELESS[kind]):
