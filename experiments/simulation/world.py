@@ -34,7 +34,7 @@ STATED = {"puncture_N": 0.8, "contact_N_m": 400.0, "cutting_N": 0.4, "friction_N
 """The filter's model of the needle, as in soft PVC (`docs/needle.md`): the target gives way by 2 to 3 mm."""
 
 FORCE_ERROR = 0.3
-"""Each true constant of the needle lies between so much less and so much more than what is stated; a parameter of the study."""
+"""Each true constant of the needle lies between so much less and so much more than what is stated; of the study."""
 
 ENTRY_M = (0.015, 0.020)
 """Where the needle enters, from where the target rests [m]: 25 mm of tissue; a parameter of the simulated study."""

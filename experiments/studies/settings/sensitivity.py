@@ -48,7 +48,7 @@ def documented(record: type) -> dict[str, tuple[str, str, str, str]]:
     several names share an entry with commas between them.
     """
     text = inspect.cleandoc(record.__doc__ or "")
-    entries = re.split(r"\n(?=[a-z_0-9]+(?:, [a-z_0-9]+)*: )", "\n" + text)
+    entries = re.split(r"\n(?=[a-z]\w*(?:, [a-z]\w*)*: )", "\n" + text)
     found = {}
     for entry in entries[1:]:
         names, _, rest = entry.split("\n\n")[0].partition(": ")

@@ -13,13 +13,13 @@ from experiments.studies.settings.live_figures import INTERVAL_S, live_figures, 
 
 @pytest.mark.slow
 def test_who_asks_for_more_proof_has_wrong_names_for_longer() -> None:
-    """With infinite odds asked for nothing is ever mended; with the usual ones they are right within a second."""
+    """With infinite odds asked for nothing is ever mended; with the usual ones names are right for most of the 4 s."""
     usual, never = (
         identity_figures(settings, seeds=(906,), motions=("poked",))
-        for settings in (IdentitySettings(), replace(IdentitySettings(), decisive=1e9))
+        for settings in (IdentitySettings(), replace(IdentitySettings(), decisive=1e9, max_hypotheses=1))
     )
     assert usual["mended"] == 1.0
-    assert 0.0 < usual["wrong_s"] < 1.0
+    assert 0.0 < usual["wrong_s"] < 2.0
     assert never["mended"] == 0.0
     assert never["wrong_s"] == pytest.approx(4.0)
     assert never["false_swaps"] == 0.0

@@ -69,3 +69,21 @@ def test_the_cost_is_the_figure_that_changes_most() -> None:
     assert cost({"error_mm": 2.0, "covered": 0.95}, {"error_mm": 2.2, "covered": 0.94}) == "error_mm +10 %"
     assert cost({"error_mm": 2.0}, {"error_mm": 2.0001}) == "-"
     assert cost({"error_mm": 2.0}, "not allowed: go") == "not allowed: go"
+
+
+@dataclass(frozen=True, slots=True)
+class Needle:
+    """Of a needle.
+
+    radius_m: of the shaft [m]; source: 16 gauge
+    cutting_N: force at the tip [N]; choice
+    """
+
+    radius_m: float = 8e-4
+    cutting_N: float = 1.0  # noqa: N815
+
+
+def test_names_with_units_in_capitals_are_read() -> None:
+    radius, cutting = settings_of(Needle())
+    assert (radius.origin, radius.reason) == ("source", "16 gauge")
+    assert cutting == Setting("cutting_N", "force at the tip [N]", "N", "choice", "", 1.0)
