@@ -37,7 +37,7 @@ def test_the_script_has_stalls_and_gaps() -> None:
 
 @pytest.mark.slow
 def test_longer_waits_lose_less_and_show_less() -> None:
-    """Until something new is shown it takes the wait; a filter that stays behind for 1 s loses no picture of a stall."""
+    """Until something new is shown it takes the wait; a filter that stays behind for 1 s loses no picture."""
     quick = live_figures(replace(LIVE_DEFAULTS, behind_s=0.0), seeds=(703,), duration_s=4.0)
     slow = live_figures(replace(LIVE_DEFAULTS, wait_s=0.2, behind_s=1.0), seeds=(703,), duration_s=4.0)
     assert quick["unshown_s"] == pytest.approx(LIVE_DEFAULTS.wait_s)
