@@ -8,7 +8,7 @@ advice.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
@@ -264,9 +264,9 @@ def advise(
     outlook = Outlook(starts, arrivals, p)
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])
-    prospect = Prospect(float(p[0]), bool(np.isfinite(arrivals[0])), float(path.times_s[-1] - now_s), later, p_best)
-    if not prospect.arrives:
-        what, reason = decide(prospect, settings)
+    reach_s = float(path.times_s[-1] - now_s)
+    if not np.isfinite(arrivals[0]):
+        what, reason = decide(Prospect(float(p[0]), False, reach_s, later, p_best), settings)
         return Guidance(what, reason, best_in_s=later, best_probability=p_best, outlook=outlook)
     beside = aims[0] - insertion.entry
     across = beside - (beside @ insertion.axis) * insertion.axis
@@ -275,7 +275,7 @@ def advise(
     cosine, sine = float(turned_axis @ insertion.axis), turned_axis - (turned_axis @ insertion.axis) * insertion.axis
     turn = float(np.arctan2(np.linalg.norm(sine), cosine))
     deeper = float(depths[0] - insertion.depth_m)
-    prospect = replace(prospect, turn_rad=turn, turned_probability=float(turned_p[0]), depth_m=deeper)
+    prospect = Prospect(float(p[0]), True, reach_s, later, p_best, turn, float(turned_p[0]), deeper)
     what, reason = decide(prospect, settings)
     return Guidance(
         what,

@@ -13,8 +13,10 @@ for a speed v out of a few; second moments are carried exactly where the filter 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynamics import SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
@@ -94,14 +96,14 @@ def predict_fast(
     speed = np.sqrt(2.0 * float(mean @ mean + SPREAD * var.sum()) / half)
     level = int(np.abs(np.log(np.maximum(SPEEDS_M_S, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
     dim, k = len(tables.target.constant), tables.n_times
-    low = np.tril_indices(away.shape[1])
+    low = _lower(away.shape[1])
     covs_now, columns = modes.covs, tissue.mixture.columns
     if columns.shape[2]:  # an error of the calibration moves as any error of the state
         covs_now = covs_now + columns @ columns.swapaxes(1, 2)
     S = modes.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :])
     means = (tables.first[level] @ (modes.mu[:, None] * away).ravel()).reshape(k, dim)
     second_moments = tables.second[level] @ S[:, low[0], low[1]].ravel() + tables.noise[level] @ modes.mu
-    a, b = np.tril_indices(dim)
+    a, b = _lower(dim)
     covs = np.empty((k, dim, dim))
     covs[:, a, b] = second_moments.reshape(k, len(a)) - means[:, a] * means[:, b]
     covs[:, b, a] = covs[:, a, b]
@@ -112,6 +114,13 @@ def predict_fast(
         means + tables.target.position(tables.rest),
         covs,
     )
+
+
+@cache
+def _lower(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the lower triangle, (n (n + 1) / 2,) each: made once, since a frame needs them."""
+    rows, columns = np.tril_indices(n)
+    return rows, columns
 
 
 def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:
