@@ -14,6 +14,7 @@ from experiments.studies.estimation.figures import estimation_figures
 PLACES = {
     "longest_step_s": "estimators.tissue.process_model.LONGEST_STEP",
     "narrow": "estimators.filters.mixture.NARROW",
+    "least_frames": "estimators.tissue.health.LEAST_FRAMES",
 }
 """The module's constant of each name."""
 
@@ -29,10 +30,12 @@ class Constants:
 
     longest_step_s: time between two additions of process noise, and longest integration step [s]; choice
     narrow: spread of sigma points that would leave the model's range, by the usual spread [1]; choice
+    least_frames: frames whose innovations are tested together, at least [1]; choice
     """
 
     longest_step_s: float = _now("longest_step_s")
     narrow: float = _now("narrow")
+    least_frames: int = int(_now("least_frames"))
 
 
 def constants_figures(constants: Constants) -> Mapping[str, float]:
