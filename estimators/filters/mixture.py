@@ -36,6 +36,9 @@ ADDED_SHARE = 1.0
 """Share of the variance of z's common errors that gains add as independent; choice, its cost in docs/settings.md.
 Schmidt's gain, 0, is the best of one update, but the next ones have the same error: it relies on them too much."""
 
+KEPT = 64
+"""Transition matrices that are kept, at most: it bounds the memory of a camera whose times are all different."""
+
 FLOOR = 1e-12
 """Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""
 
@@ -113,6 +116,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.rates = np.asarray(rates, dtype=float)
         self.move = Move(self._one_by_one) if move is None else move
         self.trace: list[Transition] | None = None
+        self._transitions: dict[float, Floats] = {}
         first = self.filters[0]
         self._scale = first._scale
         self._weights = (np.tile(first.Wm, (len(filters), 1)), np.tile(first.Wc, (len(filters), 1)))
@@ -133,7 +137,7 @@ class InteractingMixture(filterpy.IMMEstimator):
 
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
-        self.M = small_expm(self.rates * dt)
+        self.M = self._transition(dt)
         self._compute_mixing_probabilities()
         before = self.beliefs()
         xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
@@ -155,6 +159,14 @@ class InteractingMixture(filterpy.IMMEstimator):
         # filterpy moves mu only in update; between two updates the prior is the one that the rates give
         self.mu = self.cbar
         self._compute_state_estimate()
+
+    def _transition(self, dt: float) -> Floats:
+        """exp(rates dt); frames of one camera take some few different times, whose matrices are kept."""
+        if (known := self._transitions.get(dt)) is None:
+            if len(self._transitions) >= KEPT:
+                self._transitions.clear()
+            known = self._transitions[dt] = small_expm(self.rates * dt)
+        return known
 
     def _moved(self, xs: Floats, Ps: Floats, dt: float) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
         """Sigma points of each mode before and after a step, and their weights; narrow where they must be."""

@@ -23,6 +23,7 @@ from dynamics import (
 )
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
+from estimators.tissue.kernels import network_states, with_faded_pokes
 from estimators.tissue.known_force import KnownForce
 
 LONGEST_STEP = 1.0 / 120.0
@@ -110,22 +111,20 @@ class TissueModel:
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
         """Sigma points of each mode, (n_modes, n_points, dim_x), dt seconds later."""
-        return self._moved(points, dt, modes, 0.0)
+        return self._moved(points, dt, modes)
 
-    def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | float) -> Floats:
+    def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | None = None) -> Floats:
         n, half = self.network.n_state, self.network.n_state // 2
         lasting = self._lasting(modes)
         fade = np.exp(-dt / lasting)
-        forces = np.zeros((*points.shape[:2], half))
         # of the poke at the start, the mean share over the step
-        forces[:, :, self.poked_rows] = ((1.0 - fade) * lasting / dt) * points[:, :, self.pokes]
-        forces += outside
+        states, forces = network_states(points, (1.0 - fade) * lasting / dt, self.poked_rows, n)
+        if outside is not None:
+            forces += outside
         if self.push is not None:
             forces += self.push.forces(points[:, :, :n])
-        moved = np.empty_like(points)
-        states = points[:, :, :n].reshape(-1, n)
-        moved[:, :, :n] = self.stepper.advance(states, dt, forces.reshape(-1, half)).reshape(*points.shape[:2], n)
-        moved[:, :, self.pokes] = fade * points[:, :, self.pokes]
+        ahead = self.stepper.advance(states.reshape(-1, n), dt, forces.reshape(-1, half))
+        moved = with_faded_pokes(ahead, points, fade)
         if self.bias is not None:
             moved[:, :, self.bias_rows] = np.exp(-dt / self.bias.lasting_s) * points[:, :, self.bias_rows]
         return moved
@@ -139,7 +138,7 @@ class TissueModel:
         if not self.n_columns:
             return columns
         n = self.network.n_state
-        base = self._moved(means[:, None], dt, modes, 0.0)
+        base = self._moved(means[:, None], dt, modes)
         outside = np.zeros((len(means), columns.shape[2], n // 2))
         if self._forces is not None and self.uncertainty is not None:
             for k, mean in enumerate(means):
