@@ -338,12 +338,12 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
-    settings: outlier_sds, grain_reach_px, edge_gain, edge_reach_px, rough_gain, floor_px2
+    settings: outlier_sds, and the lag up to which noise is correlated [px]
     fit_pixels: pixels that the background is fitted to
     thorough: whether to see how far the noise hangs together; if not, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
-    outlier_sds, grain_reach, local_gain, local_reach, rough_gain, floor_px2 = settings
+    outlier_sds, lag = settings
     one = np.uint8(1)
     near = _grown(component, discs[0])
     core = one - _grown(one - component, discs[1])
@@ -367,13 +367,15 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
         return False, alpha, figures
     # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
     leverage, arms, by_plane = _arms(edge, area, u, v)
-    behind = at_edge = rough_gain / strength
+    # of noise that is alike in squares of so many pixels
+    behind = at_edge = lag**2 / strength
     if thorough:
-        behind = _power(measured, ring.astype(np.float64), int(grain_reach))
-        at_edge = local_gain * _power(_lopsided(measured, leverage, u, v), leverage, int(local_reach))
+        behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
+        # half the difference of two pixels of white noise has half the variance of one
+        at_edge = 2.0 * _power(_lopsided(measured, leverage, u, v), leverage, lag)
     # What is wrong with the background's plane reaches the centre too; it comes from the noise where it was fitted.
     through = np.ascontiguousarray(np.linalg.solve(gram, np.ascontiguousarray(by_plane.T)))
-    cov = max(behind, at_edge) * arms + behind * by_plane @ through + floor_px2 * np.eye(2)
+    cov = max(behind, at_edge) * arms + behind * by_plane @ through
     figures[0], figures[1] = u, v
     figures[2], figures[3], figures[4] = cov[0, 0], cov[0, 1], cov[1, 1]
     figures[5], figures[6], figures[7:] = area, 1.0 / np.sqrt(strength), color

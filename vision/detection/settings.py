@@ -12,37 +12,18 @@ from dataclasses import dataclass, field
 class CoverageSettings:
     """How the share of each pixel that a mark covers is measured.
 
-    grow_px: how far beyond the component the mark's blurred edge may reach [px]; choice
+    grow_px: how far lens, colour mosaic and compression spread a pixel: so far beyond the component the mark's edge
+        may reach, and over lags up to that noise is correlated [px]; choice
     pad_px: rim of pixels around the component whose outer part shows the background [px]; choice
     core_px: pixels this far inside the component are all mark, whatever highlights they show [px]; choice
-    outlier_sds: pixels further from the background's median are no background [standard deviations]; choice
-    grain_reach_px: width of the square of lags over which noise may be correlated [px]; half of it is that of the
-        antisymmetric part of a mark; choice
-    edge_gain: variance of noise by that of half the difference of two pixels, 2 for white noise [1]; choice
-    rough_gain: variance of noise as it moves a centre by that of one pixel, in the fast path [1]; choice
-    floor_sd_px: standard deviation of a centre when nothing else is wrong: rounding, shading [px]; choice
+    outlier_sds: pixels further from the background's median are no background [standard deviations]; source: normal
+        distribution, two-sided 99.99 %
     """
 
     grow_px: int = 3
     pad_px: int = 8
     core_px: int = 2
-    outlier_sds: float = 4.0
-    grain_reach_px: int = 7
-    edge_gain: float = 1.6
-    rough_gain: float = 12.0
-    floor_sd_px: float = 0.0025
-
-    def for_kernel(self) -> tuple[float, ...]:
-        """As `kernels.covered` takes them."""
-        floor_px2 = self.floor_sd_px**2
-        return (
-            self.outlier_sds,
-            self.grain_reach_px,
-            self.edge_gain,
-            self.grain_reach_px // 2,
-            self.rough_gain,
-            floor_px2,
-        )
+    outlier_sds: float = 3.890591886413
 
 
 @dataclass(frozen=True, slots=True)

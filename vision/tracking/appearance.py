@@ -249,9 +249,7 @@ def _pixels(shape_px: bytes, half: int, settings: AppearanceSettings) -> tuple[N
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
     """Squared distance of colours, in units of what pixels alike may differ by: (n, 3) or (3,) each."""
-    return ((pixels - colors) ** 2 / (settings.level_sd**2 + (settings.shade * colors) ** 2)).mean(
-        axis=-1
-    ) / settings.match
+    return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 
 def _peak(line: Floats, k: int) -> float:
@@ -265,20 +263,20 @@ def _peak(line: Floats, k: int) -> float:
 @njit(cache=True, nogil=True)
 def _squared_distance(frame, y, x, color, level):  # type: ignore[no-untyped-def]
     """As `_squared`, of one pixel."""
-    match, shade, sd = level
+    shade, noise = level
     squared = 0.0
     for c in range(3):
         error = frame[y, x, c] - color[c]
-        squared += error * error / (sd * sd + (shade * color[c]) ** 2)
-    return squared / (3.0 * match)
+        squared += error * error / (noise * noise + (shade * color[c]) ** 2)
+    return squared / 3.0
 
 
 @njit(cache=True, nogil=True)
 def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, another):  # type: ignore[no-untyped-def]
     """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
-    match, shade, sd, ring_contrast, hidden = settings
+    shade, noise, ring_contrast, hidden = settings
     contrast = ring_contrast if another else 1.0
-    level = match, shade, sd
+    level = shade, noise
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
     evidence = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))

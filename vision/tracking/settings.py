@@ -47,9 +47,8 @@ class AppearanceSettings:
     margin: pixels so near to the outline, within or beyond, are neither mark nor background [sizes]; choice
     ring_px: width of the ring around a mark [px]; choice
     blur_px: standard deviation of the smoothing before [px]; choice
-    match: mean square over the colours up to which two pixels are alike [variances]; choice
-    shade: error of a colour by shadow and lamps, by its level [1]; choice
-    level_sd: standard deviation of a pixel's level [grey levels]; choice
+    shade: how far a colour of pixels that are alike may differ by shadow and lamps, by its level [1]; choice
+    level: the same by noise; root mean square over the colours, as that of `shade` [grey levels]; choice
     ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be like it [1]; choice
     occluded_cost: cost of a pixel that is neither like the mark nor like its background [1]; choice
     ring_weight: weight of the ring by that of the inside [1]; choice
@@ -62,9 +61,8 @@ class AppearanceSettings:
     margin: float = 0.14
     ring_px: float = 2.5
     blur_px: float = 0.8
-    match: float = 9.0
-    shade: float = 0.08
-    level_sd: float = 5.0
+    shade: float = 0.24
+    level: float = 15.0
     ring_contrast: float = 2.0
     occluded_cost: float = 0.2
     ring_weight: float = 0.5
@@ -74,7 +72,7 @@ class AppearanceSettings:
 
     def for_kernel(self) -> tuple[float, ...]:
         """As the kernels of `appearance` take them."""
-        return self.match, self.shade, self.level_sd, self.ring_contrast, self.occluded_cost
+        return self.shade, self.level, self.ring_contrast, self.occluded_cost
 
 
 @dataclass(frozen=True, slots=True)
