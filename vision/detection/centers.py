@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-import cv2
 import numpy as np
 
 from vision.arrays import Floats, Picture
@@ -59,7 +58,7 @@ def centers_of(
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
     center = _agreed(
-        seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings.centers
+        seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings
     )
     if center is None:
         return None
@@ -74,12 +73,13 @@ def _trust(seen: Coverage, outline: Outline, settings: CenterSettings) -> float:
     return 1.0 + outline.even * settings.grain_gain * grain / (1.0 + grain)
 
 
-def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline, settings: CenterSettings) -> Center | None:
-    if fitted is None or not settings.min_area <= seen.area_px / outline.area_px <= settings.max_area:
+def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline, settings: DetectionSettings) -> Center | None:
+    limits = settings.centers
+    if fitted is None or not limits.min_area <= seen.area_px / outline.area_px <= limits.max_area:
         return None
     apart = fitted.center_px - seen.center_px
-    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + settings.agree_sd_px**2 * np.eye(2))
-    if squared > settings.gate:
+    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + settings.outline.edge_sd_px**2 * np.eye(2))
+    if squared > limits.gate:
         return None
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
 
@@ -92,12 +92,13 @@ def _by_outline(
     fitted = fit_outline(seen.alpha, seen.center_px, outline, settings.outline)
     share = seen.area_px / outline.area_px
     if outline.even:
-        if share > limits.merged_area and (fitted is None or fitted.beyond > 1.0 - settings.outline.whole_share):
+        most = settings.outline.whole_share
+        if share * most > 1.0 and (fitted is None or fitted.beyond > 1.0 - most):
             starts = _starts(piece, expected_px, outline)
             several = [fit_outline(seen.alpha, start, outline, settings.outline) for start in starts]
             if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
                 return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
-        agreed = _agreed(seen, fitted, outline, limits)
+        agreed = _agreed(seen, fitted, outline, settings)
         if agreed is not None:
             return [agreed]
     circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in expected_px)]
@@ -120,7 +121,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):
         return None
-    cov = rim.cov_px2 + limits.smear_gain * _smear(piece.component, outline, settings.centers)
+    cov = rim.cov_px2
     if not outline.even:
         cov = cov + limits.shading**2 / rim.share * outline.shape_px @ outline.shape_px.T
     return Center(rim.center_px, cov, piece.clipped or rim.share < limits.min_share, rim.size)
@@ -144,15 +145,6 @@ def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
-
-
-def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
-    m = cv2.moments(component, binaryImage=True)
-    spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
-    # of a disc: a quarter of its radius squared; a blurred edge adds some
-    values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 
 def _squared(error: Floats, cov: Floats) -> float:

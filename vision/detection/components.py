@@ -183,7 +183,7 @@ class _Search:
     def _piece(self, contour: Picture, number: int) -> Component | None:
         """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
-        least = self.settings.components.min_class_share * self.min_area_px
+        least = self.settings.centers.min_area * self.min_area_px
         if width * height < least:
             return None
         frame_height, frame_width = self.part.shape[:2]

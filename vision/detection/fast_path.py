@@ -35,7 +35,7 @@ def detect_isolated(
         frame_bgr,
         (left, top, left + width, top + height),
         (number, (palette.table, palette.least_value, palette.least_saturation)),
-        max(1, int(settings.components.min_class_share * outline.area_px)),
+        max(1, int(settings.centers.min_area * outline.area_px)),
         settings.coverage,
     )
     if measured is None:

@@ -30,7 +30,7 @@ def fit_rim(
     rim, edge = settings.rim, settings.outline
     limits = rim.wide, rim.narrow_px, edge.correlation_px, edge.edge_sd_px
     smooth = cv2.GaussianBlur(patch_bgr, (0, 0), rim.blur_px).astype(np.float64)
-    steps = _steps(smooth, starts[0, :2].copy(), outline.shape_px, (rim.inner, rim.outer, rim.min_step))
+    steps = _steps(smooth, starts[0, :2].copy(), outline.shape_px, (1.0 - rim.around, 1.0 + rim.around, rim.min_step))
     inverse = np.linalg.inv(outline.shape_px)
     best: tuple[float, Fitted] | None = None
     for start in starts:

@@ -13,19 +13,20 @@ from vision.detection.settings import DETECTION, DetectionSettings
 
 
 def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
-    """The mark whose rim is seen about where it is expected; None where there is none, or where it may be anywhere.
+    """The mark whose rim is seen about where it is expected; None where there is none.
 
+    None, too, where the standard deviation of that place exceeds the mark's radius: it may be anywhere.
     Whether its colour is right is for the caller to check.
     """
     outline = expected.outline
     if outline is None:
         return None
-    limits = settings.rim
     radius = (outline.area_px / np.pi) ** 0.5
     sd = float(np.sqrt(np.trace(expected.cov_px2) / 2.0))
-    if sd > limits.max_sd * radius:
+    if sd > radius:
         return None
-    reach = int(np.ceil(2.0 * radius + limits.search_sds * sd + 3.0))
+    away = settings.centers.gate**0.5 * sd
+    reach = int(np.ceil(2.0 * radius + away + 3.0))
     height, width = frame_bgr.shape[:2]
     u, v = (round(float(x)) for x in expected.center_px)
     u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
@@ -33,11 +34,11 @@ def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSetti
         return None
     patch = np.ascontiguousarray(frame_bgr[v0:v1, u0:u1])
     corner = np.array([u0, v0], dtype=float)
-    steps = limits.search_sds * sd * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    steps = away * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
     starts = np.array([(*(expected.center_px - corner + (du, dv)), 1.0) for du in steps for dv in steps])
     middle = starts[len(starts) // 2].copy()
     rim = fit_rim(patch, np.vstack([middle, starts]), outline, settings)
-    if rim is None or rim.share < limits.min_share_alone:
+    if rim is None or rim.share < settings.rim.min_share_alone:
         return None
     mask = np.zeros(patch.shape[:2], dtype=np.uint8)
     center = rim.center_px

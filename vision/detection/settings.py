@@ -34,9 +34,10 @@ class OutlineSettings:
     near_px: edges so near to the circle lie on it [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
     highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
-    edge_sd_px: least standard deviation of an edge [px]; choice
-    min_share: share of all directions that must show the mark's own edge [1]; choice
-    whole_share: share of directions with an edge, or of the area, up to which part of the mark is occluded [1]; choice
+    edge_sd_px: least standard deviation of an edge, and of the difference of two centres of one mark [px]; choice
+    min_share: share of all directions that must show the mark's own edge, and of its area that must be seen [1]; choice
+    whole_share: share of directions with an edge, or of the area, up to which part of the mark is occluded; a piece of
+        more than its inverse may be several marks that touch [1]; choice
     """
 
     reach: float = 2.0
@@ -63,29 +64,22 @@ class OutlineSettings:
 class RimSettings:
     """How the rim of a mark is fitted to steps of colour.
 
-    inner, outer: where along a ray steps are looked for [sizes]; choice
+    around: how far inside and outside the outline steps are searched for along a ray [sizes]; choice
     blur_px: standard deviation of the smoothing before [px]; choice
     min_step: least step over two pixels, summed over the colours [grey levels]; choice
     wide, narrow_px: how far from the circle a step may lie, at first [sizes] and at last [px]; choice
     min_share: share of all directions, weighed by contrast, below which part of the mark is occluded [1]; choice
     min_share_alone: the same where nothing but the rim shows the mark [1]; choice
-    search_sds: how far about the expected place the search for a rim begins [standard deviations]; choice
-    max_sd: marks expected less exactly are not searched for by their rim [sizes]; choice
-    smear_gain: variance of the rim's centre by the spread that motion adds to the mark [1]; choice
     shading: how far shading moves the rim of a ball that shows all of it [sizes]; choice
     """
 
-    inner: float = 0.55
-    outer: float = 1.5
+    around: float = 0.45
     blur_px: float = 1.5
     min_step: float = 5.0
     wide: float = 0.3
     narrow_px: float = 1.0
     min_share: float = 0.3
     min_share_alone: float = 0.45
-    search_sds: float = 2.0
-    max_sd: float = 1.5
-    smear_gain: float = 0.12
     shading: float = 0.01
 
 
@@ -95,13 +89,11 @@ class ComponentSettings:
 
     max_picture_share: share of the picture from which on a hue shows the scene, not marks [1]; choice
     max_elongation: longest by shortest axis [1]; choice
-    min_class_share: share of its area that a mark shows before its edge is counted [1]; choice
     coarse_area_px: marks of at least this area are searched for at half the resolution [px]; choice
     """
 
     max_picture_share: float = 0.3
     max_elongation: float = 4.0
-    min_class_share: float = 0.4
     coarse_area_px: float = 60.0
 
 
@@ -109,22 +101,18 @@ class ComponentSettings:
 class CenterSettings:
     """Which of several centres of a mark is taken.
 
-    gate: squared Mahalanobis distance beyond which two centres differ [1]; source: chi-square, 2 dof, 99.9 %
-    agree_sd_px: by what two centres of one mark may differ beside their covariances [px]; choice
-    min_area: share of a mark's area that something without an outline must show; its inverse is the most [1]; choice
-    merged_area: share from which on it may be several marks that touch [1]; choice
+    gate: squared Mahalanobis distance beyond which two centres differ, and a rim is not searched for [1];
+        source: chi-square, 2 dof, 99.9 %
+    min_area: share of a mark's area that something without an outline must show, and of the least area that its colour
+        class must show before its edge is measured; its inverse is the most [1]; choice
     grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
         their variance at most [1]; choice
-    blurred: spread of a mark at rest by that of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
-    agree_sd_px: float = 0.08
     min_area: float = 0.5
-    merged_area: float = 1.25
     grain_noise: float = 0.02
     grain_gain: float = 3.2
-    blurred: float = 1.2
 
     @property
     def max_area(self) -> float:

@@ -156,12 +156,10 @@ class HueTrackingSettings:
 class FinderSettings:
     """Settings of `MarkFinder`, a record for each part of it.
 
-    min_seen: share of its area that a mark with an outline shows at least [1]; choice
     min_radius_px: radius from which on a mark has an outline and an appearance [px]; choice
     stages: the stages that run, in their order; source: the list in `vision.tracking.stages`
     """
 
-    min_seen: float = 0.15
     min_radius_px: float = 3.5
     stages: tuple[str, ...] = STAGE_NAMES
     detection: DetectionSettings = field(default_factory=DetectionSettings)

@@ -313,7 +313,7 @@ def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Ou
         return [], limits.min_area * min(areas), limits.max_area * max(areas)
     # as many as touch where outlines can part them
     even = all(one.even for one in outlines)
-    return outlines, settings.min_seen * min(areas), len(marks) * limits.max_area * max(areas) if even else None
+    return outlines, settings.detection.outline.min_share * min(areas), len(marks) * limits.max_area * max(areas) if even else None
 
 
 def _inside(place_px: Floats, region: Box) -> bool:
