@@ -57,9 +57,7 @@ def centers_of(
 
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
-    center = _agreed(
-        seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings
-    )
+    center = _agreed(seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings)
     if center is None:
         return None
     return Center(

@@ -43,6 +43,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
     angles, saturation, value = np.deg2rad(hsv[:, 0]), hsv[:, 1], hsv[:, 2]
     middle = np.arctan2(np.sin(angles).mean(), np.cos(angles).mean())
     errors = np.angle(np.exp(1j * (angles - middle)))
+    most = settings.sds * settings.min_width_deg
     weakest = np.percentile(saturation, 5.0), np.percentile(value, 5.0)
     if weakest[0] < 0.1:
         raise HueError(
@@ -50,9 +51,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
         )
     return MarkHue(
         hue_deg=on_circle(float(np.degrees(middle))),
-        half_width_deg=float(
-            np.clip(settings.sds * np.degrees(errors.std()), settings.min_width_deg, settings.max_width_deg)
-        ),
+        half_width_deg=float(np.clip(settings.sds * np.degrees(errors.std()), settings.min_width_deg, most)),
         min_saturation=float(settings.paler * weakest[0]),
         min_value=float(settings.darker * weakest[1]),
         saturation=float(saturation.mean()),

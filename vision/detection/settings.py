@@ -137,14 +137,14 @@ class HueLearningSettings:
 
     max_distance: how far colours of one mark differ at most, by how far grey does [1]; choice
     sds: standard deviations of its pixels' hues that a kind of mark reaches [1]; choice
-    min_width_deg, max_width_deg: half widths of a learned range [degrees]; choice
+    min_width_deg: least half width of a learned range, and most standard deviation of its hues that counts [degrees];
+        choice
     paler, darker: how much less saturation and value others may show [1]; choice
     """
 
     max_distance: float = 0.6
     sds: float = 3.0
     min_width_deg: float = 8.0
-    max_width_deg: float = 25.0
     paler: float = 0.6
     darker: float = 0.3
 

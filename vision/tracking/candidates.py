@@ -24,10 +24,9 @@ def is_mark(match: AppearanceMatch, settings: CandidateSettings = FINDER.candida
 
 def is_mark_in_other_light(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
     """Whether a match by a fitted colour is a mark: like it all over and unlike the ring, or alone in a free ring."""
-    if is_free(match, settings) and match.share >= settings.other_share and match.score >= settings.other_score:
-        return True
-    alike = match.share >= settings.even_share and match.around <= settings.even_around
-    return alike and match.weighed >= settings.even_score
+    if is_free(match, settings):
+        return is_mark(match, settings)
+    return match.share >= settings.share and match.around <= 0.0 and match.weighed >= settings.score
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:

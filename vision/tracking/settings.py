@@ -29,14 +29,13 @@ STAGE_NAMES = (
 class AssociationSettings:
     """Which detection is which mark.
 
-    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds [1]; source: chi-square, 2 dof, 99.99 %
+    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds; by as much that of touching marks must
+        grow if their names are exchanged [1]; source: chi-square, 2 dof, 99.99 %
     impulse_gate: the same for one of many candidates after an impulse [1]; source: chi-square, 2 dof, 99 %
-    ambiguity: touching marks need this much more squared distance if their names are exchanged [1]; choice
     """
 
     gate: float = GATE
     impulse_gate: float = 9.21
-    ambiguity: float = 16.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +51,7 @@ class AppearanceSettings:
     ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be like it [1]; choice
     occluded_cost: cost of a pixel that is neither like the mark nor like its background [1]; choice
     ring_weight: weight of the ring by that of the inside [1]; choice
-    prior, other_prior: loss of score by squared Mahalanobis distance from the expected place, and where the colour is
-        fitted [1]; choice
+    prior: loss of score by squared Mahalanobis distance from the expected place [1]; choice
     max_reach_px: marks that may be further away are not searched for by their appearance [px]; choice
     """
 
@@ -66,8 +64,7 @@ class AppearanceSettings:
     ring_contrast: float = 2.0
     occluded_cost: float = 0.2
     ring_weight: float = 0.5
-    prior: float = 0.02
-    other_prior: float = 0.05
+    prior: float = 0.05
     max_reach_px: float = 25.0
 
     def for_kernel(self) -> tuple[float, ...]:
@@ -81,24 +78,16 @@ class CandidateSettings:
 
     score, share: least score, and least share of its pixels that are like the mark [1]; choice
     free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
-    even_share, even_around, even_score: least share, most likeness of the ring and least score where the colour was
-        fitted; with this score a match of its own appearance is the mark whatever its colour [1]; choice
-    other_share, other_score: least share and least score where it was fitted and the ring is free [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice
     shared: variance of the mean of outline and match by that of independent ones [1]; choice
     """
 
-    score: float = 0.55
-    share: float = 0.7
+    score: float = 0.65
+    share: float = 0.8
     free: float = -0.9
-    free_share: float = 0.3
-    even_share: float = 0.8
-    even_around: float = -0.2
-    even_score: float = 0.75
-    other_share: float = 0.4
-    other_score: float = 0.65
+    free_share: float = 0.4
     min_sd_px: float = 0.27
     max_sd_px: float = 1.2
     best_score: float = 1.35
@@ -112,21 +101,15 @@ class TemplateSettings:
     """When what was found is compared with appearance models, and when it is remembered.
 
     clear_sd_px: standard deviation up to which a whole mark is one beyond doubt [px]; choice
-    whole_sd_px: the same up to which it is remembered [px]; choice
-    unknown_sd_px: the same up to which it is kept where nothing can be compared [px]; choice
-    refresh: frames after which a view is taken again [1]; choice
+    whole_sd_px: the same up to which it is remembered, and kept where nothing can be compared [px]; choice
     forget: frames after which a mark that was not seen clearly may look different [1]; choice
     near_px: distance up to which a centre and the best match agree [px]; choice
-    plain_score: score from which on nothing further away is searched [1]; choice
     """
 
     clear_sd_px: float = 0.15
     whole_sd_px: float = 0.5
-    unknown_sd_px: float = 0.77
-    refresh: int = 2
     forget: int = 150
     near_px: float = 3.0
-    plain_score: float = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +118,7 @@ class HueTrackingSettings:
 
     gain: share of the newest frame in the mean colour [1]; choice
     max_drift: how far the hue may drift [half widths]; choice
-    hue_sd_deg, saturation_sd: least scatter of colours of one kind: hue [degrees] and saturation; choice
-    max_scatter: largest scatter by the least [1]; choice
+    hue_sd_deg, saturation_sd: standard deviation of colours of one kind: hue [degrees] and saturation; choice
     n_learned: frames after which a colour rejects others [1]; choice
     gate: squared distance in these deviations [1]; source: chi-square, 2 dof, 99.9 %
     learning: of the first range of colours; saturation and value that count follow the mean by its shares
@@ -146,7 +128,6 @@ class HueTrackingSettings:
     max_drift: float = 1.5
     hue_sd_deg: float = 6.0
     saturation_sd: float = 0.07
-    max_scatter: float = 2.0
     n_learned: int = 3
     gate: float = 13.815510557964274
     learning: HueLearningSettings = field(default_factory=HueLearningSettings)

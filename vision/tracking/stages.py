@@ -227,11 +227,9 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is no other mark, and is surely like the mark, or like it and of its colour."""
-    match, limits = candidate.match, search.settings.candidates
-    if match is None or not is_mark(match, limits) or not search.is_apart(seen):
-        return False
-    return match.score >= limits.even_score or search.color_distance(seen) <= 1.0
+    """Whether a match is no other mark, and is like the mark."""
+    match = candidate.match
+    return match is not None and is_mark(match, search.settings.candidates) and search.is_apart(seen)
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
@@ -277,7 +275,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
     """Whether the names of touching marks could not as well be exchanged: better missing than swapped."""
-    return candidate.margin >= search.settings.association.ambiguity
+    return candidate.margin >= search.settings.association.gate
 
 
 STAGES = (
@@ -312,8 +310,8 @@ def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Ou
     if min(areas) < np.pi * settings.min_radius_px**2:
         return [], limits.min_area * min(areas), limits.max_area * max(areas)
     # as many as touch where outlines can part them
-    even = all(one.even for one in outlines)
-    return outlines, settings.detection.outline.min_share * min(areas), len(marks) * limits.max_area * max(areas) if even else None
+    most = len(marks) * limits.max_area * max(areas) if all(one.even for one in outlines) else None
+    return outlines, settings.detection.outline.min_share * min(areas), most
 
 
 def _inside(place_px: Floats, region: Box) -> bool:

@@ -159,14 +159,14 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
         ]
     )
     median = np.median(cut, axis=0)
-    sd = SETTINGS.level_sd
+    sd = SETTINGS.level
     off = np.hypot(u, v) / RADIUS
     begin = 1.0 + SETTINGS.margin + 0.5 / RADIUS
     inside, ring = off <= 1.0 - SETTINGS.margin, (off > begin) & (off <= begin + SETTINGS.ring_px / RADIUS)
     smooth = cv2.GaussianBlur(picture, (0, 0), SETTINGS.blur_px).astype(float)
 
     def apart(levels: np.ndarray, colors: np.ndarray) -> np.ndarray:
-        return ((levels - colors) ** 2 / (sd**2 + (SETTINGS.shade * colors) ** 2)).mean(axis=-1) / SETTINGS.match
+        return ((levels - colors) ** 2 / (sd**2 + (SETTINGS.shade * colors) ** 2)).mean(axis=-1)
 
     core, behind = np.median(median[inside], axis=0), np.median(median[ring], axis=0)
 

@@ -43,10 +43,10 @@ def test_a_place_is_the_less_sure_the_less_it_looks_like_the_mark() -> None:
     [
         ({}, True),
         ({"score": SETTINGS.score - 0.01}, False),
-        ({"share": 0.69}, False),
-        ({"share": 0.69, "around": -0.89}, False),
-        ({"share": 0.31, "around": -0.91}, True),
-        ({"share": 0.29, "around": -0.91}, False),
+        ({"share": 0.79}, False),
+        ({"share": 0.79, "around": -0.89}, False),
+        ({"share": 0.41, "around": -0.91}, True),
+        ({"share": 0.39, "around": -0.91}, False),
         ({"score": SETTINGS.score - 0.01, "around": -0.91}, False),
     ],
 )
@@ -58,10 +58,10 @@ def test_a_missed_mark_must_look_like_it(change: dict[str, float], accepted: boo
     ("change", "accepted"),
     [
         ({}, True),
-        ({"weighed": SETTINGS.even_score + 0.01}, True),
-        ({"weighed": SETTINGS.even_score - 0.01}, False),
+        ({"weighed": SETTINGS.score + 0.01}, True),
+        ({"weighed": SETTINGS.score - 0.01}, False),
         ({"share": 0.79}, False),
-        ({"around": -0.19}, False),
+        ({"around": 0.01}, False),
     ],
 )
 def test_in_other_light_a_mark_must_be_even_and_apart(change: dict[str, float], accepted: bool) -> None:
