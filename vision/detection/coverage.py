@@ -53,7 +53,7 @@ def measure_coverage(
     """
     discs = _half_widths(settings.grow_px + max(component.shape) // 16), _half_widths(settings.core_px)
     valid, alpha, figures = kernels.covered(
-        patch, component, others, discs, (settings.outlier_sds, settings.grow_px), FIT_PIXELS, thorough
+        patch, component, others, discs, settings.for_kernel(), FIT_PIXELS, thorough
     )
     return _cover(alpha, figures) if valid else None
 
@@ -75,14 +75,7 @@ def measure_isolated(
         _half_widths(settings.core_px),
     )
     valid, left, top, alpha, figures = kernels.alone(
-        frame,
-        box,
-        *classes,
-        fewest,
-        (settings.pad_px, 8),
-        discs,
-        (settings.outlier_sds, settings.grow_px),
-        FIT_PIXELS // 2,
+        frame, box, *classes, fewest, (settings.pad_px, 8), discs, settings.for_kernel(), FIT_PIXELS // 2
     )
     return ((left, top), _cover(alpha, figures)) if valid else None
 

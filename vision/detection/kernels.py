@@ -338,12 +338,12 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
-    settings: outlier_sds, and the lag up to which noise is correlated [px]
+    settings: outlier_sds, the lag up to which noise is correlated [px], edge_gain, floor_px2
     fit_pixels: pixels that the background is fitted to
     thorough: whether to see how far the noise hangs together; if not, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
-    outlier_sds, lag = settings
+    outlier_sds, lag, edge_gain, floor_px2 = settings
     one = np.uint8(1)
     near = _grown(component, discs[0])
     core = one - _grown(one - component, discs[1])
@@ -371,11 +371,10 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
     behind = at_edge = lag**2 / strength
     if thorough:
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
-        # half the difference of two pixels of white noise has half the variance of one
-        at_edge = 2.0 * _power(_lopsided(measured, leverage, u, v), leverage, lag)
+        at_edge = edge_gain * _power(_lopsided(measured, leverage, u, v), leverage, lag)
     # What is wrong with the background's plane reaches the centre too; it comes from the noise where it was fitted.
     through = np.ascontiguousarray(np.linalg.solve(gram, np.ascontiguousarray(by_plane.T)))
-    cov = max(behind, at_edge) * arms + behind * by_plane @ through
+    cov = max(behind, at_edge) * arms + behind * by_plane @ through + floor_px2 * np.eye(2)
     figures[0], figures[1] = u, v
     figures[2], figures[3], figures[4] = cov[0, 0], cov[0, 1], cov[1, 1]
     figures[5], figures[6], figures[7:] = area, 1.0 / np.sqrt(strength), color

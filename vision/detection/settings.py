@@ -18,12 +18,20 @@ class CoverageSettings:
     core_px: pixels this far inside the component are all mark, whatever highlights they show [px]; choice
     outlier_sds: pixels further from the background's median are no background [standard deviations]; source: normal
         distribution, two-sided 99.99 %
+    edge_gain: variance of noise by that of half the difference of two pixels, 2 for white noise [1]; choice
+    floor_sd_px: standard deviation of a centre when nothing else is wrong: rounding, shading [px]; choice
     """
 
     grow_px: int = 3
     pad_px: int = 8
     core_px: int = 2
     outlier_sds: float = 3.890591886413
+    edge_gain: float = 1.6
+    floor_sd_px: float = 0.0025
+
+    def for_kernel(self) -> tuple[float, ...]:
+        """As `kernels.covered` takes them."""
+        return self.outlier_sds, self.grow_px, self.edge_gain, self.floor_sd_px**2
 
 
 @dataclass(frozen=True, slots=True)
