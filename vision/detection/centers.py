@@ -57,7 +57,9 @@ def centers_of(
 
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
-    center = _agreed(seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings)
+    center = _agreed(
+        seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings.centers
+    )
     if center is None:
         return None
     return Center(
@@ -71,13 +73,12 @@ def _trust(seen: Coverage, outline: Outline, settings: CenterSettings) -> float:
     return 1.0 + outline.even * settings.grain_gain * grain / (1.0 + grain)
 
 
-def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline, settings: DetectionSettings) -> Center | None:
-    limits = settings.centers
-    if fitted is None or not limits.min_area <= seen.area_px / outline.area_px <= limits.max_area:
+def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline, settings: CenterSettings) -> Center | None:
+    if fitted is None or not settings.min_area <= seen.area_px / outline.area_px <= settings.max_area:
         return None
     apart = fitted.center_px - seen.center_px
-    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + settings.outline.edge_sd_px**2 * np.eye(2))
-    if squared > limits.gate:
+    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + settings.agree_sd_px**2 * np.eye(2))
+    if squared > settings.gate:
         return None
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
 
@@ -96,7 +97,7 @@ def _by_outline(
             several = [fit_outline(seen.alpha, start, outline, settings.outline) for start in starts]
             if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
                 return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
-        agreed = _agreed(seen, fitted, outline, settings)
+        agreed = _agreed(seen, fitted, outline, limits)
         if agreed is not None:
             return [agreed]
     circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in expected_px)]

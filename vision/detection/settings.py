@@ -42,7 +42,7 @@ class OutlineSettings:
     near_px: edges so near to the circle lie on it [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
     highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
-    edge_sd_px: least standard deviation of an edge, and of the difference of two centres of one mark [px]; choice
+    edge_sd_px: least standard deviation of an edge [px]; choice
     min_share: share of all directions that must show the mark's own edge, and of its area that must be seen [1]; choice
     whole_share: share of directions with an edge, or of the area, up to which part of the mark is occluded; a piece of
         more than its inverse may be several marks that touch [1]; choice
@@ -111,6 +111,7 @@ class CenterSettings:
 
     gate: squared Mahalanobis distance beyond which two centres differ, and a rim is not searched for [1];
         source: chi-square, 2 dof, 99.9 %
+    agree_sd_px: by what two centres of one mark may differ beside their covariances [px]; choice
     min_area: share of a mark's area that something without an outline must show, and of the least area that its colour
         class must show before its edge is measured; its inverse is the most [1]; choice
     grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
@@ -118,6 +119,7 @@ class CenterSettings:
     """
 
     gate: float = 13.815510557964274
+    agree_sd_px: float = 0.08
     min_area: float = 0.5
     grain_noise: float = 0.02
     grain_gain: float = 3.2
