@@ -104,12 +104,14 @@ class TemplateSettings:
     whole_sd_px: the same up to which it is remembered, and kept where nothing can be compared [px]; choice
     forget: frames after which a mark that was not seen clearly may look different [1]; choice
     near_px: distance up to which a centre and the best match agree [px]; choice
+    plain_score: score from which on nothing further away is searched [1]; choice
     """
 
     clear_sd_px: float = 0.15
     whole_sd_px: float = 0.5
     forget: int = 150
     near_px: float = 3.0
+    plain_score: float = 1.1
 
 
 @dataclass(frozen=True, slots=True)

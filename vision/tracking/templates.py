@@ -118,7 +118,7 @@ class AppearanceTemplates:
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None
         match = self.match(frame_bgr, one, seen.center_px, settings.near_px + 1.0)
-        if match is None or match.score < self._settings.candidates.score or not self._is_near(match, seen):
+        if match is None or match.score < settings.plain_score or not self._is_near(match, seen):
             return None
         return fused(seen, match, self._settings.candidates)
 
