@@ -367,7 +367,7 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
         return False, alpha, figures
     # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
     leverage, arms, by_plane = _arms(edge, area, u, v)
-    # Noise averaged over squares of lag + 1 pixels: its autocovariance ends at this lag, its sum is (lag + 1)² variances.
+    # Noise averaged over squares of lag + 1 pixels: its autocovariance, up to this lag, sums to (lag + 1)² variances.
     behind = at_edge = (lag + 1) ** 2 / strength
     if thorough:
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)

@@ -78,6 +78,11 @@ class AppearanceModel:
         self.unseen = 0
         self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=settings.n_views)
 
+    @property
+    def is_full(self) -> bool:
+        """Whether it is known from as many frames as are kept."""
+        return len(self._kept) == self._settings.n_views
+
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
         """Keep a frame's view of the mark; nothing where the border is near."""
         half = _half(outline, self._settings) + 2
@@ -194,8 +199,9 @@ def _weighed(
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
+    prior = template.settings.other_prior if another else template.settings.prior
     squared = uu * du * du + 2.0 * uv * du * dv + vv * dv * dv
-    return evidence, _score(evidence, template.settings.ring_weight) - template.settings.prior * squared
+    return evidence, _score(evidence, template.settings.ring_weight) - prior * squared
 
 
 def _score(evidence: Floats, ring_weight: float) -> Any:

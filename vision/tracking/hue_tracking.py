@@ -36,11 +36,11 @@ class AdaptiveHue:
 
     def distance(self, detection: Detection) -> float:
         """How far a detection's colour is from such a mark's, squared [gates]; 0 until some were seen."""
-        if self._n_frames < self._settings.n_learned:
+        settings = self._settings
+        if self._n_frames < settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
         mean_hue, mean_saturation, _ = self._color
-        settings = self._settings
         squared = ((hue - mean_hue) / settings.hue_sd_deg) ** 2
         squared += ((saturation - mean_saturation) / settings.saturation_sd) ** 2
         return squared / settings.gate

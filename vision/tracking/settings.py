@@ -51,7 +51,8 @@ class AppearanceSettings:
     ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be like it [1]; choice
     occluded_cost: cost of a pixel that is neither like the mark nor like its background [1]; choice
     ring_weight: weight of the ring by that of the inside [1]; choice
-    prior: loss of score by squared Mahalanobis distance from the expected place [1]; choice
+    prior, other_prior: loss of score by squared Mahalanobis distance from the expected place, and where the colour is
+        fitted [1]; choice
     max_reach_px: marks that may be further away are not searched for by their appearance [px]; choice
     """
 
@@ -64,7 +65,8 @@ class AppearanceSettings:
     ring_contrast: float = 2.0
     occluded_cost: float = 0.2
     ring_weight: float = 0.5
-    prior: float = 0.05
+    prior: float = 0.02
+    other_prior: float = 0.05
     max_reach_px: float = 25.0
 
     def for_kernel(self) -> tuple[float, ...]:
@@ -101,7 +103,9 @@ class TemplateSettings:
     """When what was found is compared with appearance models, and when it is remembered.
 
     clear_sd_px: standard deviation up to which a whole mark is one beyond doubt [px]; choice
-    whole_sd_px: the same up to which it is remembered, and kept where nothing can be compared [px]; choice
+    whole_sd_px: the same up to which it is remembered [px]; choice
+    unknown_sd_px: the same up to which it is kept where nothing can be compared [px]; choice
+    refresh: frames after which a view is taken again [1]; choice
     forget: frames after which a mark that was not seen clearly may look different [1]; choice
     near_px: distance up to which a centre and the best match agree [px]; choice
     plain_score: score from which on nothing further away is searched [1]; choice
@@ -109,6 +113,8 @@ class TemplateSettings:
 
     clear_sd_px: float = 0.15
     whole_sd_px: float = 0.5
+    unknown_sd_px: float = 0.77
+    refresh: int = 2
     forget: int = 150
     near_px: float = 3.0
     plain_score: float = 1.1

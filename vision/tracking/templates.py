@@ -45,9 +45,11 @@ class AppearanceTemplates:
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Add a view of a mark that was seen whole."""
-        most, model = self._settings.templates.whole_sd_px, self._known.get(expected.name)
-        if seen.occluded or seen.clipped or _sd_px(seen) > most or not self.can_compare(expected):
+        """Add a view of a mark that was seen whole, where its model is due for one."""
+        settings, model = self._settings.templates, self._known.get(expected.name)
+        if model is not None and model.unseen < settings.refresh and model.is_full:
+            return
+        if seen.occluded or seen.clipped or _sd_px(seen) > settings.whole_sd_px or not self.can_compare(expected):
             return
         if model is None:
             model = self._known[expected.name] = AppearanceModel(expected.hue_deg, self._settings.appearance)
@@ -92,7 +94,7 @@ class AppearanceTemplates:
     ) -> Detection | None:
         limits = self._settings.candidates
         match = self.match_in_other_light(frame_bgr, one)
-        if _sd_px(seen) <= self._settings.templates.whole_sd_px and (match is None or self._is_near(match, seen)):
+        if _sd_px(seen) <= self._settings.templates.unknown_sd_px and (match is None or self._is_near(match, seen)):
             return seen
         if match is None or not is_mark_in_other_light(match, limits):
             return None
