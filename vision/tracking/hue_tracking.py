@@ -21,29 +21,30 @@ class AdaptiveHue:
 
     now: what counts as this kind now
     State: that, and how many frames it was learned from; the mean colour as hue [degrees from where it began],
-    saturation and log of value.
+    saturation and log of value, and the variance of hue and saturation about it.
     """
 
     def __init__(self, hue: MarkHue, settings: HueTrackingSettings = FINDER.hue) -> None:
         self._settings = settings
+        most = settings.max_scatter
+        self._max_scatter = (most * settings.hue_sd_deg) ** 2, (most * settings.saturation_sd) ** 2
         self.now = hue
         self._first = hue
         self._n_frames = 0
-        self._color = [0.0, 0.0, 0.0]
+        self._color, self._scatter = [0.0, 0.0, 0.0], [0.0, 0.0]
         if hue.saturation is not None and hue.value is not None:
             self._n_frames = settings.n_learned
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
         """How far a detection's colour is from such a mark's, squared [gates]; 0 until some were seen."""
-        settings = self._settings
-        if self._n_frames < settings.n_learned:
+        if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
-        mean_hue, mean_saturation, _ = self._color
-        squared = ((hue - mean_hue) / settings.hue_sd_deg) ** 2
-        squared += ((saturation - mean_saturation) / settings.saturation_sd) ** 2
-        return squared / settings.gate
+        (mean_hue, mean_saturation, _), (scatter_hue, scatter_saturation) = self._color, self._scatter
+        squared = (hue - mean_hue) ** 2 / max(scatter_hue, self._settings.hue_sd_deg**2)
+        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, self._settings.saturation_sd**2)
+        return squared / self._settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly occluded or clipped do not count."""
@@ -54,7 +55,11 @@ class AdaptiveHue:
         self._n_frames += 1
         share = max(settings.gain, 1.0 / self._n_frames)
         for k, levels in enumerate(zip(*colors, strict=True)):
-            self._color[k] += share * (sum(levels) / len(levels) - self._color[k])
+            away = [level - self._color[k] for level in levels]
+            self._color[k] += share * sum(away) / len(away)
+            if self._n_frames > 1 and k < len(self._scatter):
+                spread = sum(each * each for each in away) / len(away)
+                self._scatter[k] = min(self._scatter[k] + share * (spread - self._scatter[k]), self._max_scatter[k])
         furthest = settings.max_drift * first.half_width_deg
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
         # in steps, so that the table of classes is the same from frame to frame

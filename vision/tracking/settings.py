@@ -126,7 +126,8 @@ class HueTrackingSettings:
 
     gain: share of the newest frame in the mean colour [1]; choice
     max_drift: how far the hue may drift [half widths]; choice
-    hue_sd_deg, saturation_sd: standard deviation of colours of one kind: hue [degrees] and saturation; choice
+    hue_sd_deg, saturation_sd: least scatter of colours of one kind: hue [degrees] and saturation; choice
+    max_scatter: largest scatter by the least [1]; choice
     n_learned: frames after which a colour rejects others [1]; choice
     gate: squared distance in these deviations [1]; source: chi-square, 2 dof, 99.9 %
     learning: of the first range of colours; saturation and value that count follow the mean by its shares
@@ -136,6 +137,7 @@ class HueTrackingSettings:
     max_drift: float = 1.5
     hue_sd_deg: float = 6.0
     saturation_sd: float = 0.07
+    max_scatter: float = 2.0
     n_learned: int = 3
     gate: float = 13.815510557964274
     learning: HueLearningSettings = field(default_factory=HueLearningSettings)
