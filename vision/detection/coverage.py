@@ -14,7 +14,7 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Pixels that the background is fitted to, at most: more cost time and gain nothing."""
+"""Pixels that the background is fitted to, at most: it only saves time, a plane of three numbers needs no more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,12 +11,6 @@ from vision.detection.hue import MarkHue, on_circle
 from vision.detection.records import HueError
 from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettings
 
-FURTHEST = 1.5
-"""Range of the 8-bit scale of distances between colours, by the distance to grey: further ones count as this far."""
-SMALLEST_PX = 8
-"""Reach of the first window around the place."""
-FEWEST_PIXELS = 12
-
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
     """The kind of mark that covers this place, of the pixels around it that are coloured alike, bright or dark.
@@ -31,10 +25,10 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
     if not (0 <= u < width and 0 <= v < height):
         raise ValueError(f"place: expected one inside {width} x {height} px, found {u}, {v}")
     smooth = cv2.GaussianBlur(frame_bgr, (0, 0), 1.5)
-    inside = cv2.erode(_around(smooth, u, v, settings.max_distance), np.ones((3, 3), np.uint8)).astype(bool)
-    if inside.sum() < FEWEST_PIXELS:
+    inside = cv2.erode(_around(smooth, u, v, settings), np.ones((3, 3), np.uint8)).astype(bool)
+    if inside.sum() < settings.min_pixels:
         raise HueError(
-            f"place {u}, {v}: expected a mark of {FEWEST_PIXELS} or more pixels alike, found {inside.sum()};"
+            f"place {u}, {v}: expected a mark of {settings.min_pixels} or more pixels alike, found {inside.sum()};"
             " point at the middle of a mark"
         )
     if inside.mean() > DETECTION.components.max_picture_share:
@@ -59,7 +53,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
     )
 
 
-def _around(smooth: Picture, u: int, v: int, max_distance: float) -> Picture:
+def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
     """1 on the pixels that hang together with this one and are coloured as it is, else 0, (h, w).
 
     In a window around it, Otsu's threshold parts the pixels by how far their colours are from its own, whatever their
@@ -68,15 +62,15 @@ def _around(smooth: Picture, u: int, v: int, max_distance: float) -> Picture:
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
     shares = smooth / brightness[:, :, None]
-    # by the distance of the place's colour from grey: colours much further away than that are of no account
+    # by the distance of the place's colour from grey: colours further away than that count as so far
     grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
-    distances = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / (FURTHEST * grey))
+    distances = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / grey)
     inside: Picture = np.zeros((height, width), dtype=np.uint8)
-    for reach in (SMALLEST_PX * 2**k for k in range(12)):
+    for reach in (settings.window_px * 2**k for k in range(12)):
         u0, v0, u1, v1 = max(u - reach, 0), max(v - reach, 0), min(u + reach + 1, width), min(v + reach + 1, height)
         window = distances[v0:v1, u0:u1]
         parting, _ = cv2.threshold(window, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-        alike = np.asarray(window <= min(parting, 255.0 * max_distance / FURTHEST), dtype=np.uint8)
+        alike = np.asarray(window <= min(parting, 255.0 * settings.max_distance), dtype=np.uint8)
         _, parts = cv2.connectedComponents(alike)
         part = (parts == parts[v - v0, u - u0]) & (alike > 0)
         inside[:] = 0

@@ -15,7 +15,7 @@ from vision.arrays import Floats
 from vision.detection.settings import DETECTION, OutlineSettings
 
 N_RAYS = 64
-"""Directions in which the edge is searched."""
+"""Directions in which the edge is searched, a discretisation: spread over them, errors count by `correlation_px`."""
 RAYS = np.column_stack(
     [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
 )

@@ -145,6 +145,8 @@ class DetectionSettings:
 class HueLearningSettings:
     """How a kind of mark is learned from one place in a picture.
 
+    window_px: reach of the first window around the place [px]; choice
+    min_pixels: least number of pixels alike [1]; choice
     max_distance: how far colours of one mark differ at most, by how far grey does [1]; choice
     sds: standard deviations of its pixels' hues that a kind of mark reaches [1]; choice
     min_width_deg: least half width of a learned range, and most standard deviation of its hues that counts [degrees];
@@ -152,6 +154,8 @@ class HueLearningSettings:
     paler, darker: how much less saturation and value others may show [1]; choice
     """
 
+    window_px: int = 8
+    min_pixels: int = 12
     max_distance: float = 0.6
     sds: float = 3.0
     min_width_deg: float = 8.0
