@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import cv2
 import numpy as np
 
 from vision.arrays import Floats, Picture
@@ -120,7 +121,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):
         return None
-    cov = rim.cov_px2
+    cov = rim.cov_px2 + limits.smear_gain * _smear(piece.component, outline, settings.centers)
     if not outline.even:
         cov = cov + limits.shading**2 / rim.share * outline.shape_px @ outline.shape_px.T
     return Center(rim.center_px, cov, piece.clipped or rim.share < limits.min_share, rim.size)
@@ -144,6 +145,15 @@ def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
+
+
+def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
+    """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
+    m = cv2.moments(component, binaryImage=True)
+    spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
+    # of a disc: a quarter of its radius squared; a blurred edge adds some
+    values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 
 def _squared(error: Floats, cov: Floats) -> float:

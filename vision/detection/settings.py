@@ -78,6 +78,7 @@ class RimSettings:
     wide, narrow_px: how far from the circle a step may lie, at first [sizes] and at last [px]; choice
     min_share: share of all directions, weighed by contrast, below which part of the mark is occluded [1]; choice
     min_share_alone: the same where nothing but the rim shows the mark [1]; choice
+    smear_gain: variance of the rim's centre by the spread that motion adds to the mark [1]; choice
     shading: how far shading moves the rim of a ball that shows all of it [sizes]; choice
     """
 
@@ -88,6 +89,7 @@ class RimSettings:
     narrow_px: float = 1.0
     min_share: float = 0.3
     min_share_alone: float = 0.45
+    smear_gain: float = 0.12
     shading: float = 0.01
 
 
@@ -116,6 +118,7 @@ class CenterSettings:
         class must show before its edge is measured; its inverse is the most [1]; choice
     grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
         their variance at most [1]; choice
+    blurred: spread of a mark at rest by that of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -123,6 +126,7 @@ class CenterSettings:
     min_area: float = 0.5
     grain_noise: float = 0.02
     grain_gain: float = 3.2
+    blurred: float = 1.2
 
     @property
     def max_area(self) -> float:
