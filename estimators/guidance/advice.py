@@ -73,9 +73,10 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
-    """The advice at one time; where there is none, or the needle never arrives, numbers are None.
+    """The advice at one time; numbers that there are none of are None.
 
-    advice, reason: what to do, and why in words
+    advice, reason: what to do, and why in words; where the needle inserted now never arrives, numbers down to
+        turned_probability are None, and the best time, too, where it does not arrive from any start that was tried
     arrival_s: time at which the notch, or the tip if that is to hit, is beside the target, inserted now [s]
     probability: of a hit, inserted now along the present direction
     aim: where the target will be then [m], (dim,): what to bring the notch's middle to
@@ -268,6 +269,8 @@ def advise(
     reach_s = float(path.times_s[-1] - now_s)
     if not np.isfinite(arrivals[0]):
         what, reason = decide(Prospect(float(p[0]), False, reach_s, later, p_best), settings)
+        if not np.isfinite(arrivals).any():
+            return Guidance(what, reason, outlook=outlook)
         return Guidance(what, reason, best_in_s=later, best_probability=p_best, outlook=outlook)
     beside = aims[0] - insertion.entry
     across = beside - (beside @ insertion.axis) * insertion.axis

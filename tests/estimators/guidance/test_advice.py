@@ -148,7 +148,7 @@ def test_wait_where_the_target_is_out_of_reach():
     said = advise(path_of(lambda t: np.c_[0 * t, 0.04 - 0.2 * t]), DOWN, DISC, needle=TIP)
     assert said.advice is Advice.WAIT
     assert said.reason == "the needle does not reach the target within 4.0 s"
-    assert (said.probability, said.best_in_s, said.best_probability) == (None, 0.0, 0.0)
+    assert (said.probability, said.best_in_s, said.best_probability) == (None, None, None)
     assert np.isinf(said.outlook.arrivals_s).all()
 
 
