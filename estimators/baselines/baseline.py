@@ -98,10 +98,10 @@ class Baseline(ABC):
 
     def _begin(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         estimate = self._starter.update(marks)
-        if marks:
+        if estimate.marks_used:
             self._start(self._starter.mixture.x.copy(), self._starter.mixture.P.copy())
             self.seen_s = self.time_s
-        return replace(estimate, poked=self._poked() if marks else None)
+        return replace(estimate, poked=self._poked() if estimate.marks_used else None)
 
     def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, NDArray[np.int64], Floats]:
         network = self.model.network

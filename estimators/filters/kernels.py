@@ -32,6 +32,20 @@ def chol_lower(P):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def is_covariance(P, rounding):  # type: ignore[no-untyped-def]
+    """Whether P (n, n) is finite, positive definite and symmetric up to this share of its largest entry."""
+    n = P.shape[0]
+    largest, skew = 0.0, 0.0
+    for i in range(n):
+        for j in range(n):
+            if not np.isfinite(P[i, j]):
+                return False
+            largest = max(largest, abs(P[i, j]))
+            skew = max(skew, abs(P[i, j] - P[j, i]))
+    return skew <= rounding * largest and chol_lower(P)[1]
+
+
+@njit(cache=True, nogil=True)
 def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
     """x, then x plus and x minus the columns of chol(scale P), (2n + 1, n), and whether P was positive definite."""
     n = x.shape[0]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import filterpy.kalman as filterpy
 import numpy as np
@@ -193,25 +194,32 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.omega = (self.M * np.asarray(self.mu)[:, None]) / self.cbar
 
     def update_linear(self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None) -> None:
-        """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
+        """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m).
 
+        Raises CovarianceError where the innovation of any mode has no finite likelihood; then no mode has changed.
         shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
         """
-        columns = np.empty_like(self.columns)
-        self.innovation_columns = H @ self.columns if shared is None else H @ self.columns + shared
+        innovation_columns = H @ self.columns if shared is None else H @ self.columns + shared
+        updates = []
         for k, f in enumerate(self.filters):
             if shared is not None and self.considered:
                 found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.added_share)
             else:
                 total = with_columns(f.P, self.columns[k]) if self.considered else f.P
                 found = joseph_update(f.x, f.P, z, H, R, total)
-            x, P, y, S, K, nis, log_det, definite = found
+            *_, nis, log_det, definite = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+            if not (isfinite(nis) and isfinite(log_det)):
+                raise CovarianceError(f"innovation: expected a finite likelihood, found {nis} and {log_det}")
+            updates.append(found)
+        # nothing changes before the update of every mode is known to succeed
+        columns = np.empty_like(self.columns)
+        for k, (f, (x, P, y, S, K, nis, log_det, _)) in enumerate(zip(self.filters, updates, strict=True)):
             f._accept(x, P, (y, S, K))
             f._judge(nis, log_det)
-            columns[k] = self.columns[k] - K @ self.innovation_columns[k]
-        self.columns = columns
+            columns[k] = self.columns[k] - K @ innovation_columns[k]
+        self.columns, self.innovation_columns = columns, innovation_columns
         logs = np.array([f.log_likelihood for f in self.filters])
         self.likelihood = np.exp(logs - logs.max())
         posterior = self.mu * self.likelihood
@@ -232,7 +240,10 @@ class InteractingMixture(filterpy.IMMEstimator):
     def _compute_state_estimate(self) -> None:
         now = self.beliefs()
         xs, Ps, columns = mixed_each(now.mu[:, None], now.means, now.covs, self.columns)
-        self.x, self.P = xs[0], with_columns(Ps[0], columns[0])
+        x, P = xs[0], with_columns(Ps[0], columns[0])
+        if not (isfinite(x.sum()) and isfinite(P.sum())):
+            raise CovarianceError("mean and covariance of the mixture: expected finite, found otherwise")
+        self.x, self.P = x, P
 
 
 def nearest_definite(P: Floats) -> Floats:

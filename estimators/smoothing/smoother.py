@@ -62,7 +62,7 @@ class ForwardPass:
         finally:
             mixture.trace = None
         estimate = self.tissue.update(marks)
-        restarts = self.tissue.repairs["restarted"] + self.tissue.repairs["inflated"]
+        restarts = sum(self.tissue.repairs[kind] for kind in ("restarted", "inflated", "forgotten"))
         restarted = first or restarts != self._restarts
         self._restarts = restarts
         columns = self.tissue.target.linear(mixture.mean_columns)

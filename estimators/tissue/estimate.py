@@ -7,8 +7,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from estimators.arrays import Floats
+from estimators.filters.kernels import is_covariance
+
+ROUNDING = 1e-9
+"""By how much a stated covariance may be asymmetric, by its largest entry: rounding of a product J C J'."""
 
 
 class Status(StrEnum):
@@ -30,9 +35,10 @@ class Status(StrEnum):
 class MarkMeasurement:
     """One mark seen.
 
-    node: that it sits on; position [m], (dim,); cov: of its own errors [m²], (dim, dim)
+    node: that it sits on; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
     shared: what errors that all marks of a frame share, those of the camera's calibration, move it by: by one standard
         deviation of each independent one [m], (dim, n_shared)
+    Arrays are copied and cannot be written, so that what was checked stays so.
     """
 
     node: str
@@ -46,13 +52,39 @@ class MarkMeasurement:
         return self.cov if self.shared is None else self.cov + self.shared @ self.shared.T
 
     def __post_init__(self) -> None:
-        dim = len(self.position)
-        if self.shared is not None and self.shared.shape[:1] != (dim,):
-            raise ValueError(f"mark {self.node} shared: expected {dim} rows, found {self.shared.shape}")
-        if self.cov.shape != (dim, dim):
-            raise ValueError(f"mark {self.node} cov: expected shape {(dim, dim)}, found {self.cov.shape}")
-        if not (np.isfinite(self.position).all() and np.isfinite(self.cov).all()):
-            raise ValueError(f"mark {self.node}: expected finite numbers, found {self.position} and {self.cov}")
+        position, cov = checked_measurement(f"mark {self.node}", self.position, self.cov)
+        self._own("position", position)
+        self._own("cov", cov)
+        if self.shared is None:
+            return
+        shared = np.array(self.shared, dtype=float)
+        if shared.ndim != 2 or len(shared) != len(position):
+            raise ValueError(f"mark {self.node} shared: expected {len(position)} rows, found {shared.shape}")
+        if not np.isfinite(shared).all():
+            raise ValueError(f"mark {self.node} shared: expected finite numbers, found {shared}")
+        self._own("shared", shared)
+
+    def _own(self, name: str, array: Floats) -> None:
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+
+
+def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple[Floats, Floats]:
+    """Copies of a measured position (dim,) and its covariance (dim, dim); ValueError where they cannot be that.
+
+    what: the name of the measurement in messages
+    """
+    place, spread = np.array(position, dtype=float), np.array(cov, dtype=float, order="C")
+    if place.ndim != 1:
+        raise ValueError(f"{what} position: expected one dimension, found shape {place.shape}")
+    dim = len(place)
+    if spread.shape != (dim, dim):
+        raise ValueError(f"{what} cov: expected shape {(dim, dim)}, found {spread.shape}")
+    if not (np.isfinite(place).all() and np.isfinite(spread).all()):
+        raise ValueError(f"{what}: expected finite numbers, found {place} and {spread}")
+    if not is_covariance(spread, ROUNDING):
+        raise ValueError(f"{what} cov: expected a symmetric positive definite matrix, found {spread.tolist()}")
+    return place, spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,10 +11,9 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
-from estimators.filters.mixture import InteractingMixture, Move
-from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.gate import gate_marks
+from estimators.tissue.fix import fix_measurement
+from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
 from estimators.tissue.health import Health, after_frame
 from estimators.tissue.known_force import ForceHistory
 from estimators.tissue.open_loop_cov import OpenLoopCovariance
@@ -23,14 +22,14 @@ from estimators.tissue.prediction import (
     expected_place,
     known_force,
     later_times,
-    propagate_points,
+    mixture_of_modes,
     target_by_modes,
     target_path,
 )
 from estimators.tissue.process_model import TissueModel
-from estimators.tissue.settings import FilterSettings, stationary
-from estimators.tissue.snapshot import Snapshot, mixture_state, restore_mixture, unchanged
-from estimators.tissue.start import inflate, restart_from_marks, restart_from_shape
+from estimators.tissue.settings import FilterSettings
+from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
+from estimators.tissue.start import forget, inflate, restart_from_marks, restart_from_shape
 from estimators.tissue.target import TargetPoint, target_map
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
 
@@ -43,10 +42,11 @@ class TissueFilter:
     n_calibration: how many directions the `shared` of marks has, if these, the errors of the camera's calibration, are
         the same in every frame and considered; at 0 they are taken to be drawn again in each
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
-    last taken in and since when it has been beyond the gate; rejected, counts by node or `fix`; repairs, counts of
-    sigma points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after
-    another or a loss; open_loop, the covariance that the paper's method would have; marks_scale, factor on the marks'
-    variances; log_likelihood, of the marks of the last update, a rejected one as if at the gate; 0 at a start.
+    last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
+    points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a
+    loss, `forgotten` in a gap; open_loop, the covariance that the paper's method would have; marks_scale, factor on the
+    marks' variances; log_likelihood, of the marks of the last update, a rejected one as if at the gate; 0 of those of a
+    start. A call of predict, update or fix that raises leaves all of it as it was.
     """
 
     def __init__(
@@ -73,15 +73,17 @@ class TissueFilter:
         self.log_likelihood = 0.0
         self._updated_s: float | None = None
         self._refuted_s: float | None = None
-        self._outlying_s: dict[str, float] = {}
+        self._before_s = -np.inf
+        self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
         self._marked = tuple(marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
         self._modes = self.settings.modes
-        self.mixture = self._mixture()
+        self._forget_s = max(self.settings.forget_s, self.settings.lost_s)
+        self.mixture = mixture_of_modes(self.model, self._modes, self.settings.rates)
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
-        self._start_cov = self.mixture.filters[0].P.copy()
+        self._start_cov, self._start_columns = self.mixture.filters[0].P.copy(), self.mixture.columns[0].copy()
         self._model_only_m2 = self.settings.model_only_share * float(np.trace(self.target.cov(self.mixture.P)))
         nodes = self.target.point.nodes
         self._driven = frozenset(node for node in marked if (node,) != nodes)
@@ -89,16 +91,6 @@ class TissueFilter:
             network, self.target.point, [node for node in marked if node in self._driven], self.settings.quiet.white
         )
         self.marks_scale = VarianceScale(self.settings.marks_bounds)
-
-    def _mixture(self) -> InteractingMixture:
-        model, modes, rates = self.model, self._modes, self.settings.rates
-        filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
-        move = Move(
-            points=lambda points, dt: propagate_points(model, points, dt, modes),
-            columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, modes),
-            turned=model.turned,
-        )
-        return InteractingMixture(filters, stationary(rates), rates, move)
 
     @property
     def repairs(self) -> Counter[str]:
@@ -117,9 +109,10 @@ class TissueFilter:
             mixture_state(self.mixture),
             self.health,
             self._seen_s.copy(),
-            self._outlying_s.copy(),
+            self._outlying.copy(),
             self.rejected.copy(),
             self._updated_s,
+            self._before_s,
             self._refuted_s,
             self.open_loop.cov,
             (self.marks_scale.scale, self.marks_scale.information),
@@ -130,15 +123,17 @@ class TissueFilter:
         """Set the state back to a snapshot."""
         restore_mixture(self.mixture, then.mixture)
         self.time_s, self.health = then.time_s, then.health
-        self._seen_s, self._outlying_s = then.seen_s.copy(), then.outlying_s.copy()
-        self.rejected = then.rejected.copy()
+        self._seen_s, self._outlying = then.seen_s.copy(), then.outlying.copy()
+        self.rejected, self._before_s = then.rejected.copy(), then.before_s
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop_cov
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
         self.log_likelihood = then.log_likelihood
 
+    @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
 
+        Over more than forget_s the state is forgotten, and the target LOST.
         push: a known force that acts meanwhile, such as a needle's; see `ForceHistory`
         """
         if not np.isfinite(time_s):
@@ -149,11 +144,16 @@ class TissueFilter:
                 raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
             if dt > 0:
                 self._advance(dt, push)
+            if dt > self._forget_s and self.health.since_s is not None:
+                self.health = replace(self.health, status=Status.LOST)
         self.time_s = time_s
 
     def _advance(self, dt: float, push: ForceHistory | None = None) -> None:
-        force = known_force(push, self.model, self.time_s)
-        advance(self.mixture, self.model, self._modes, dt, mix_s=self.settings.mix_s, push=force)
+        moved = min(dt, self._forget_s)
+        if moved < dt:
+            forget(self.mixture, self.model, self.settings, self._rest, seconds=dt - moved)
+        force = None if self.time_s is None else known_force(push, self.model, self.time_s + dt - moved)
+        advance(self.mixture, self.model, self._modes, moved, mix_s=self.settings.mix_s, push=force)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """The target at a later time [s] given the marks until now, such as when the needle arrives; the state stays.
@@ -218,22 +218,34 @@ class TissueFilter:
         mean = self._rest[self.model.network.index(node)].copy()
         return mean, self.settings.inflation * self._start_cov[place, place]
 
+    def _expected_at_start(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
+        place = self._places[node]
+        columns = self._start_columns[place]
+        if shared is not None:
+            columns = columns + self.model.among_columns(shared)
+        return self._rest[self.model.network.index(node)], self._start_cov[place, place] + columns @ columns.T
+
+    @all_or_nothing
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks that were seen at the state's time, any number of them, and estimate the target.
 
-        Raises ValueError for a mark that is not on a free node or has another dimension.
+        Raises ValueError for a mark that is not on a free node or has another dimension, CovarianceError where the
+        marks leave no finite state.
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         check_marks(marks, self._places, self.model)
         dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
+        if self._updated_s is not None and dt > 0.0:
+            self._before_s = self._updated_s
         self._updated_s = self.time_s
         if self.marks_scale.scale != 1.0:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         starting = self.health.since_s is None or self.health.status is Status.LOST
-        self.log_likelihood = 0.0
-        accepted = list(marks) if starting else self._gated(self.time_s, marks)
-        self.open_loop.take(dt, {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven})
+        gated = self._gated(self.time_s, marks, starting=starting)
+        accepted, self.log_likelihood = gated.accepted, gated.log_likelihood
+        seen = {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven}
+        self.open_loop.take(min(dt, self._forget_s), seen)
         if not accepted:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
             return self._estimate(self.time_s, 0, None)
@@ -254,48 +266,36 @@ class TissueFilter:
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
         return self._estimate(self.time_s, len(accepted), found.nis, shares)
 
+    @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
 
         The error that fixes have in common is estimated beside it where the settings have a fix_bias. A fix beyond the
-        gate is rejected, but the next one is taken in. Raises ValueError for another dimension.
+        gate is rejected, but the next one there is taken in. Raises ValueError for another dimension, for numbers that
+        are not finite, and for a covariance that is none.
         """
-        dim = self.model.network.dim
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) before, found no time")
-        if np.shape(position) != (dim,) or np.shape(cov) != (dim, dim):
-            raise ValueError(
-                f"fix: expected shapes {(dim,)} and {(dim, dim)}, found {np.shape(position)}, {np.shape(cov)}"
-            )
-        H = np.zeros((dim, self.model.dim_x))
-        H[:, : self.target.matrix.shape[1]] = self.target.matrix
-        if self.settings.fix_bias is not None:
-            H[range(dim), range(self.model.bias_rows.start, self.model.bias_rows.stop)] = 1.0
-        z = np.asarray(position, dtype=float) - self.target.constant
-        y = z - H @ self.mixture.x
-        nis = float(y @ np.linalg.solve(H @ self.mixture.P @ H.T + cov, y))
-        if nis > self.settings.gate and "fix" not in self._outlying_s:
-            self._outlying_s["fix"] = self.time_s
-            self.rejected["fix"] += 1
+        measured = fix_measurement(self.model, self.target, position, cov)
+        seen = Outlying(self.time_s, self.time_s, measured.z, measured.R)
+        nis, before = measured.nis(self.mixture), self._outlying.pop("fix", None)
+        if nis <= self.settings.gate or (before is not None and confirmed(before, seen, self.settings)):
+            self.mixture.update_linear(measured.z, measured.H, measured.R)
         else:
-            self._outlying_s.pop("fix", None)
-            self.mixture.update_linear(z, H, np.asarray(cov, dtype=float))
+            self._outlying["fix"] = seen
+            self.rejected["fix"] += 1
         return self._estimate(self.time_s, 0, nis)
 
-    def _gated(self, time_s: float, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
-        considered = self.n_calibration > 0
-        gated = gate_marks(
-            marks,
-            self.expected_after_impulse,
-            self._outlying_s,
-            time_s=time_s,
-            settings=self.settings,
-            considered=considered,
-        )
-        self._outlying_s = gated.outlying_s
+    def _gated(self, time_s: float, marks: Sequence[MarkMeasurement], *, starting: bool) -> Gated:
+        frame = Frame(time_s, self._before_s, self.settings, self.n_calibration > 0)
+        if starting:
+            n_marked = len(self._marked)
+            gated = gate_start(marks, self._expected_at_start, self._outlying, frame=frame, n_marked=n_marked)
+        else:
+            gated = gate_marks(marks, self.expected, self.expected_after_impulse, self._outlying, frame=frame)
+        self._outlying = gated.outlying
         self.rejected.update(gated.rejected)
-        self.log_likelihood += gated.log_likelihood
-        return gated.accepted
+        return gated
 
     def _start(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
         """Start from the first marks, or again from those after a loss."""

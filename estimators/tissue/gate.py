@@ -1,4 +1,8 @@
-"""The gate: marks too far from where they may be are rejected, until they stay there for too long to be outliers."""
+"""The gate: marks too far from where they may be are rejected, until later ones confirm them.
+
+An outlier seldom comes twice to one place. What is seen beyond the gate again, about where it was seen before, is the
+tissue: after an impulse with the next frame, from further away after confirm_s.
+"""
 
 from __future__ import annotations
 
@@ -16,45 +20,106 @@ Expected = Callable[[str, Floats | None], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Outlying:
+    """What was last seen beyond the gate: a mark or a fix.
+
+    since_s, last_s: since when it has been seen there without a break, and when last [s]
+    position, cov: of the last one [m], (dim,), [m²], (dim, dim)
+    """
+
+    since_s: float
+    last_s: float
+    position: Floats
+    cov: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """What the gate is to know of a frame: its time, that of the frame before, -inf for none [s], and settings.
+
+    considered: whether `shared` of the marks is an error that the filter's columns hold, and not noise of each
+    """
+
+    time_s: float
+    before_s: float
+    settings: FilterSettings
+    considered: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Gated:
     """Marks on either side of the gate.
 
     accepted: marks to take in; rejected: nodes of the others
-    outlying_s: by node, since when its mark has been beyond the gate [s]
-    log_likelihood: of the rejected marks, each as if it lay at the gate
+    outlying: by node, what was seen of it beyond the gate
+    log_likelihood: of the rejected marks, each as if it lay as far away as an impulse could have brought it
     """
 
     accepted: list[MarkMeasurement]
     rejected: tuple[str, ...]
-    outlying_s: dict[str, float]
+    outlying: dict[str, Outlying]
     log_likelihood: float
 
 
 def gate_marks(
     marks: Sequence[MarkMeasurement],
     expected: Expected,
-    outlying_s: Mapping[str, float],
+    after_impulse: Expected,
+    outlying: Mapping[str, Outlying],
     *,
-    time_s: float,
-    settings: FilterSettings,
-    considered: bool,
+    frame: Frame,
 ) -> Gated:
-    """Marks within the gate of where an impulse could have brought them, or beyond it for longer than confirm_s.
+    """Marks within the gate, and those beyond it that earlier ones confirm.
 
-    Outliers pass; what stays away is the tissue.
-    considered: whether `shared` of the marks is an error that the filter's columns hold, and not noise of each
+    expected, after_impulse: where marks may be, and where an impulse since they were last used could have brought them
     """
-    accepted, rejected, since, log_likelihood = [], [], dict(outlying_s), 0.0
+    settings, time_s = frame.settings, frame.time_s
+    accepted, rejected, seen, log_likelihood = [], [], dict(outlying), 0.0
     for mark in marks:
-        if squared_distance(mark, expected, considered=considered) <= settings.gate:
-            since.pop(mark.node, None)
-        elif time_s - since.setdefault(mark.node, time_s) <= settings.confirm_s:
-            rejected.append(mark.node)
-            S = expected(mark.node, None)[1] + mark.total_cov
-            log_likelihood -= 0.5 * (settings.gate + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
+        if squared_distance(mark, expected, considered=frame.considered) <= settings.gate:
+            seen.pop(mark.node, None)
+            accepted.append(mark)
             continue
-        accepted.append(mark)
-    return Gated(accepted, tuple(rejected), since, log_likelihood)
+        since_s = _seen_since(mark, seen, frame)
+        if time_s - since_s > settings.confirm_s or (
+            time_s > since_s and squared_distance(mark, after_impulse, considered=frame.considered) <= settings.gate
+        ):
+            accepted.append(mark)
+        else:
+            rejected.append(mark.node)
+            log_likelihood += _log_density_at_gate(mark, after_impulse, settings.gate)
+    return Gated(accepted, tuple(rejected), seen, log_likelihood)
+
+
+def gate_start(
+    marks: Sequence[MarkMeasurement],
+    expected: Expected,
+    outlying: Mapping[str, Outlying],
+    *,
+    frame: Frame,
+    n_marked: int,
+) -> Gated:
+    """Marks to start from: those within the gate of where a start expects them, and several beyond it together.
+
+    Marks of several nodes beyond it show that the tissue is elsewhere. One of a single node does not: nothing speaks
+    for it but itself. Where the tissue has no other mark, n_marked 1, it is confirmed by being there for confirm_s.
+    """
+    settings = frame.settings
+    squared = [squared_distance(mark, expected, considered=frame.considered) for mark in marks]
+    beyond = {mark.node for mark, distance in zip(marks, squared, strict=True) if distance > settings.gate}
+    accepted, rejected, seen, log_likelihood = [], [], dict(outlying), 0.0
+    for mark in marks:
+        if mark.node not in beyond:
+            seen.pop(mark.node, None)
+            accepted.append(mark)
+            continue
+        since_s = _seen_since(mark, seen, frame)
+        if len(beyond) > 1 or (n_marked == 1 and frame.time_s - since_s > settings.confirm_s):
+            accepted.append(mark)
+        else:
+            rejected.append(mark.node)
+            log_likelihood += _log_density_at_gate(mark, expected, settings.gate)
+    return Gated(accepted, tuple(rejected), seen, log_likelihood)
 
 
 def squared_distance(mark: MarkMeasurement, expected: Expected, *, considered: bool) -> float:
@@ -63,3 +128,32 @@ def squared_distance(mark: MarkMeasurement, expected: Expected, *, considered: b
     mean, cov = expected(mark.node, shared)
     y = mark.position - mean
     return float(y @ np.linalg.solve(cov + (mark.total_cov if shared is None else mark.cov), y))
+
+
+def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
+    """Whether what was seen now lies within the gate of what was seen then, moved by an impulse meanwhile."""
+    reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
+    y = now.position - known.position
+    S = known.cov + now.cov + reach**2 * np.eye(len(y))
+    return float(y @ np.linalg.solve(S, y)) <= settings.gate
+
+
+def _seen_since(mark: MarkMeasurement, seen: dict[str, Outlying], frame: Frame) -> float:
+    """Since when a mark beyond the gate has been seen about there [s]; noted in `seen`.
+
+    A frame without it is a break, unless the last one with it is no longer ago than confirm_s.
+    """
+    now, known = Outlying(frame.time_s, frame.time_s, mark.position, mark.total_cov), seen.get(mark.node)
+    if (
+        known is not None
+        and (known.last_s >= frame.before_s or now.last_s - known.last_s <= frame.settings.confirm_s)
+        and confirmed(known, now, frame.settings)
+    ):
+        now = Outlying(known.since_s, now.last_s, now.position, now.cov)
+    seen[mark.node] = now
+    return now.since_s
+
+
+def _log_density_at_gate(mark: MarkMeasurement, expected: Expected, gate: float) -> float:
+    S = expected(mark.node, None)[1] + mark.total_cov
+    return -0.5 * (gate + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))

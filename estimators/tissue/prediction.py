@@ -8,11 +8,12 @@ import numpy as np
 
 from dynamics import SAME_STEP
 from estimators.arrays import Floats
-from estimators.filters.mixture import InteractingMixture
+from estimators.filters.mixture import InteractingMixture, Move
+from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.tissue.estimate import GaussianMixture
 from estimators.tissue.known_force import ForceHistory, KnownForce
 from estimators.tissue.process_model import ForceMode, TissueModel
-from estimators.tissue.settings import N_QUIET
+from estimators.tissue.settings import N_QUIET, stationary
 from estimators.tissue.snapshot import unchanged
 from estimators.tissue.target import TargetMap
 
@@ -22,6 +23,17 @@ def propagate_points(model: TissueModel, points: Floats, dt: float, modes: Seque
     if model.push is not None:
         model.push.step(dt)
     return model.propagate_each(points, dt, modes)
+
+
+def mixture_of_modes(model: TissueModel, modes: Sequence[ForceMode], rates: Floats) -> InteractingMixture:
+    """A filter for each of these modes, which turn into each other at these rates [1/s], at their long-run odds."""
+    filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
+    move = Move(
+        points=lambda points, dt: propagate_points(model, points, dt, modes),
+        columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, modes),
+        turned=model.turned,
+    )
+    return InteractingMixture(filters, stationary(rates), rates, move)
 
 
 def advance(

@@ -29,6 +29,8 @@ class FilterSettings:
     confirm_s: marks that began, or that lie beyond the gate, are believed after so long [s]; choice
     lost_s: without marks for longer the target is LOST; a start is as uncertain as after unseen pokes for so long [s];
         choice
+    forget_s: a prediction over more than this, or than lost_s, goes on from a start that much earlier [s]; measured:
+        tests/estimators/tissue/test_gaps.py
     test_s: innovations of this time are tested together for divergence [s]; choice
     test_sigmas: standard deviations of a normal variable at which they have diverged [1]; choice
     inflation: factor on a start's covariance that is added to the state after a divergence [1]; choice
@@ -52,6 +54,7 @@ class FilterSettings:
     gate: float = 23.03
     confirm_s: float = 0.1
     lost_s: float = 1.0
+    forget_s: float = 5.0
     test_s: float = 0.25
     test_sigmas: float = 10.0
     inflation: float = 10.0

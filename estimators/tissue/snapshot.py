@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import wraps
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture
+from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 
 
@@ -33,7 +36,8 @@ class Snapshot:
     """The whole state of a `TissueFilter` at one time.
 
     time_s, updated_s, refuted_s: of the state, of the last update, of the last divergence [s], None before the first
-    seen_s, outlying_s: by node, when its mark was last taken in, and since when it has been beyond the gate [s]
+    before_s: of the frame before that of the last update [s], -inf where there is none
+    seen_s, outlying: by node, when its mark was last taken in [s], and what was seen of it beyond the gate
     rejected: counts by node or `fix`; open_loop_cov: state of the open loop's covariance
     marks_scale: factor on the marks' variances and the information behind it; log_likelihood: of the last marks
     """
@@ -42,9 +46,10 @@ class Snapshot:
     mixture: MixtureState
     health: Health
     seen_s: dict[str, float]
-    outlying_s: dict[str, float]
+    outlying: dict[str, Outlying]
     rejected: Counter[str]
     updated_s: float | None
+    before_s: float
     refuted_s: float | None
     open_loop_cov: Floats
     marks_scale: tuple[float, float]
@@ -63,6 +68,38 @@ def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
         f.x, f.P = x, P
     mixture.columns, mixture.mu, mixture.x, mixture.P = state.columns, state.mu, state.mean, state.cov
     mixture.repairs = state.repairs.copy()
+
+
+class Restorable(Protocol):
+    """What can be set back to a state that it had."""
+
+    def snapshot(self) -> Snapshot:
+        """The whole state now."""
+
+    def restore(self, then: Snapshot) -> None:
+        """Set the state back to a snapshot."""
+
+
+Owner = TypeVar("Owner", bound=Restorable)
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def all_or_nothing(
+    method: Callable[Concatenate[Owner, Arguments], Result],
+) -> Callable[Concatenate[Owner, Arguments], Result]:
+    """The method, but a call of it that raises leaves the state as it was."""
+
+    @wraps(method)
+    def kept(self: Owner, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        before = self.snapshot()
+        try:
+            return method(self, *args, **kwargs)
+        except BaseException:
+            self.restore(before)
+            raise
+
+    return kept
 
 
 @contextmanager

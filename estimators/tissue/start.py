@@ -8,11 +8,15 @@ import numpy as np
 
 from dynamics import NetworkError, equilibrium_with_fixed, pack, rest_shape, stiffness_matrix
 from estimators.arrays import Floats
+from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.process_model import TissueModel, accumulated_noise
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.update import StackedMarks
+
+LONG_RUN = 50.0
+"""Longest stays in a mode after which the odds are those of the long run: exp(-50) is rounding."""
 
 
 def restart_from_shape(
@@ -27,6 +31,30 @@ def restart_from_shape(
     if settings.fix_bias is not None:
         cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
     mixture.restart(mean, cov, model.resting_columns(shape))
+
+
+def forget(
+    mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, rest: Floats, *, seconds: float
+) -> None:
+    """Set all modes to a start at rest, (n_nodes, dim), so many seconds later; odds and the bias of fixes go on.
+
+    Of these alone something is left after a gap that the tissue has no memory of. They follow their chain of modes and
+    their first-order process in closed form, however long the gap.
+    """
+    slowest_s = 1.0 / np.abs(np.diag(settings.rates)).min()
+    odds = mixture.mu @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
+    own = model.bias_rows
+    mean, cov = mixture.x[own], mixture.P[own, own]
+    restart_from_shape(mixture, model, settings, rest)
+    if settings.fix_bias is not None:
+        fade = np.exp(-seconds / settings.fix_bias.lasting_s)
+        start = mixture.filters[0]
+        x, P = start.x.copy(), start.P.copy()
+        x[own] = fade * mean
+        P[own, own] = fade**2 * cov + (1.0 - fade**2) * P[own, own]
+        mixture.restart(x, P, mixture.columns[0])
+    mixture.mu = odds / odds.sum()
+    mixture.repairs["forgotten"] += 1
 
 
 def restart_from_marks(

@@ -49,17 +49,19 @@ class Innovation:
 
 
 def check_marks(marks: Sequence[MarkMeasurement], coordinates: Mapping[str, slice], model: TissueModel) -> None:
-    """Raise ValueError for a mark that is not on a free node, or that has another dimension than the tissue."""
+    """Raise ValueError for a mark that is not on a free node, or that has another dimension than the tissue.
+
+    And for marks whose `shared` have different numbers of directions, or not those of a considered calibration.
+    """
     dim, n_calibration = model.network.dim, model.n_calibration
+    n_shared = n_calibration or next((mark.shared.shape[1] for mark in marks if mark.shared is not None), 0)
     for mark in marks:
         if mark.node not in coordinates:
             raise ValueError(f"mark {mark.node}: expected one on a free node of the network, found none of that name")
         if len(mark.position) != dim:
             raise ValueError(f"mark {mark.node} position: expected shape {(dim,)}, found {mark.position.shape}")
-        if n_calibration and mark.shared is not None and mark.shared.shape[1] != n_calibration:
-            raise ValueError(
-                f"mark {mark.node} shared: expected {n_calibration} directions, found {mark.shared.shape[1]}"
-            )
+        if mark.shared is not None and mark.shared.shape[1] != n_shared:
+            raise ValueError(f"mark {mark.node} shared: expected {n_shared} directions, found {mark.shared.shape[1]}")
 
 
 def stack_marks(marks: Sequence[MarkMeasurement], coordinates: Mapping[str, slice], model: TissueModel) -> StackedMarks:
@@ -70,14 +72,14 @@ def stack_marks(marks: Sequence[MarkMeasurement], coordinates: Mapping[str, slic
     for k, mark in enumerate(marks):
         own = slice(k * dim, (k + 1) * dim)
         R[own, own] = mark.cov
+    n_shared = model.n_calibration or next((mark.shared.shape[1] for mark in marks if mark.shared is not None), 0)
+    if not n_shared:
+        return StackedMarks(z, rows, R, None)
+    none = np.zeros((dim, n_shared))
+    shared = np.concatenate([none if mark.shared is None else mark.shared for mark in marks])
     if model.n_calibration:
-        none = np.zeros((dim, model.n_calibration))
-        shared = np.concatenate([none if mark.shared is None else mark.shared for mark in marks])
         return StackedMarks(z, rows, R, model.among_columns(shared))
-    if all(mark.shared is not None for mark in marks):
-        shared = np.concatenate([mark.shared for mark in marks if mark.shared is not None])
-        R += shared @ shared.T
-    return StackedMarks(z, rows, R, None)
+    return StackedMarks(z, rows, R + shared @ shared.T, None)
 
 
 def innovation(mixture: InteractingMixture, stacked: StackedMarks, target: TargetMap) -> Innovation:

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, MarkMeasurement, Status, TissueFilter
-from estimators.tissue.gate import gate_marks, squared_distance
+from estimators.tissue.gate import Frame, gate_marks, squared_distance
 
 FRAME_S = 4 / 120.0
 SD = 1e-3
@@ -87,6 +87,11 @@ def where(node, shared):
     return MEANS[node], OWN[node] + total @ total.T
 
 
+def frame(settings, *, considered=False):
+    """A frame at 1 s, the first."""
+    return Frame(1.0, -np.inf, settings, considered)
+
+
 def at_distance(node, squared, S, shared=None):
     """A mark of that squared Mahalanobis distance by S from where the node is expected."""
     off = cholesky(S, lower=True) @ np.array([0.6, -0.8]) * np.sqrt(squared)
@@ -117,14 +122,14 @@ def test_rejected_marks_are_as_likely_as_marks_at_the_gate():
     }
     far = [at_distance(node, 100.0, S[node], F) for node, F in shared.items()]
     near = at_distance("A", 0.5, S["A"])
-    gated = gate_marks([*far, near], where, {"A": 1.0, "B": 1.0}, time_s=1.0, settings=settings, considered=False)
+    gated = gate_marks([*far, near], where, where, {}, frame=frame(settings))
     expected = sum(
         multivariate_normal(MEANS[node], S[node]).logpdf(at_distance(node, 9.0, S[node]).position) for node in shared
     )
     assert gated.rejected == ("A", "B")
     assert gated.accepted == [near]
     assert gated.log_likelihood == pytest.approx(expected, rel=1e-10)
-    assert gate_marks([near], where, {}, time_s=1.0, settings=settings, considered=False).log_likelihood == 0.0
+    assert gate_marks([near], where, where, {}, frame=frame(settings)).log_likelihood == 0.0
 
 
 def test_the_gate_considers_what_columns_hold():
@@ -133,20 +138,17 @@ def test_the_gate_considers_what_columns_hold():
     mark = at_distance("A", 20.0, OWN["A"] + NOISE, undone)
     settings = FilterSettings(gate=9.0)
     for considered, rejected in ((True, ("A",)), (False, ())):
-        gated = gate_marks([mark], where, {}, time_s=1.0, settings=settings, considered=considered)
+        gated = gate_marks([mark], where, where, {}, frame=frame(settings, considered=considered))
         assert gated.rejected == rejected
 
 
 def test_a_mark_on_the_gate_is_within_it():
     """3, 4 and 5, in numbers without rounding."""
+
+    def there(_node, _shared):
+        return np.zeros(2), 0.75 * np.eye(2)
+
     mark = MarkMeasurement("A", np.array([3.0, 4.0]), 0.25 * np.eye(2))
     for gate, rejected in ((25.0, ()), (np.nextafter(25.0, 0.0), ("A",))):
-        gated = gate_marks(
-            [mark],
-            lambda _node, _shared: (np.zeros(2), 0.75 * np.eye(2)),
-            {},
-            time_s=0.0,
-            settings=FilterSettings(gate=gate),
-            considered=False,
-        )
+        gated = gate_marks([mark], there, there, {}, frame=frame(FilterSettings(gate=gate)))
         assert gated.rejected == rejected

@@ -1,0 +1,169 @@
+"""Marks that are where the tissue is not: alone at a start, twice with a pause, or for one frame."""
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, four_mass_phantom
+from estimators import FilterSettings, FixBias, MarkMeasurement, Status, TissueFilter
+
+FRAME_S = 1.0 / 30.0
+SD = 1e-3
+PHANTOM = four_mass_phantom()
+AT = dict(zip(PHANTOM.names, PHANTOM.positions, strict=True))
+ASIDE = [np.array([0.12, 0.0]), np.array([-0.12, 0.0]), np.array([0.0, 0.12]), np.array([0.0, -0.12])]
+
+
+class Run:
+    """A filter of the phantom at rest, frame by frame, with marks of 1 mm."""
+
+    def __init__(self, sd=SD, settings=None, marked=OUTER):
+        self.tissue = TissueFilter(PHANTOM, HIDDEN, marked, settings)
+        self.rng, self.sd, self.k = np.random.default_rng(0), sd, 0
+
+    def frame(self, nodes=OUTER, off=None):
+        """The estimate of a frame with the marks of these nodes, some of them off [m]."""
+        self.tissue.predict(self.k * FRAME_S)
+        self.k += 1
+        off = {} if off is None else off
+        return self.tissue.update(
+            [
+                MarkMeasurement(n, AT[n] + self.sd * self.rng.normal(size=2) + off.get(n, 0.0), self.sd**2 * np.eye(2))
+                for n in nodes
+            ]
+        )
+
+    def frames(self, n, nodes=OUTER, off=None):
+        """The estimates of n such frames."""
+        return [self.frame(nodes, off) for _ in range(n)]
+
+
+def sigmas(estimate):
+    """By how many standard deviations the target is off, by the largest of the estimate's."""
+    error = np.linalg.norm(estimate.mean - AT[HIDDEN])
+    return error / np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])
+
+
+@pytest.mark.parametrize("node", OUTER)
+@pytest.mark.parametrize("off", ASIDE, ids=str)
+def test_a_mark_alone_and_far_off_starts_nothing(node, off):
+    """120 mm off for a second: no TRACKING, and the estimate is the one of no marks; right marks start it."""
+    run = Run()
+    for estimate in run.frames(30, (node,), {node: off}):
+        assert (estimate.status, estimate.marks_used) == (Status.INITIALISING, 0)
+        assert sigmas(estimate) < 1.0
+    assert run.tissue.rejected == {node: 30}
+    assert [e.status for e in run.frames(5)][-1] is Status.TRACKING
+
+
+@pytest.mark.parametrize("off", ASIDE, ids=str)
+def test_a_mark_alone_and_far_off_finds_nothing_that_was_lost(off):
+    """The same after LOST, which it stays."""
+    run = Run()
+    run.frames(15)
+    assert run.frames(45, ())[-1].status is Status.LOST
+    for estimate in run.frames(30, ("M3",), {"M3": off}):
+        assert (estimate.status, estimate.marks_used) == (Status.LOST, 0)
+        assert sigmas(estimate) < 1.0
+    assert [e.status for e in run.frames(5)][-1] is Status.TRACKING
+
+
+@pytest.mark.parametrize("others", [("M1",), ("M1", "M4")])
+def test_others_at_their_places_start_without_it(others):
+    """M3 120 mm off beside right marks in the first frame: the start is theirs, and M3 comes in with the second."""
+    run = Run()
+    estimates = [run.frame((*others, "M3"), {"M3": ASIDE[0]}), *run.frames(5, (*others, "M3"))]
+    assert [e.marks_used for e in estimates] == [len(others)] + 5 * [len(others) + 1]
+    assert max(sigmas(e) for e in estimates) < 3.0
+    assert [e.status for e in estimates] == [Status.INITIALISING] * 3 + [Status.TRACKING] * 3
+    assert run.tissue.rejected == {"M3": 1}
+
+
+def test_several_marks_far_off_are_the_tissue():
+    """Two of them 120 mm aside together: the tissue is there, as it may be turned or displaced."""
+    run = Run()
+    estimate = run.frame(("M1", "M4"), dict.fromkeys(("M1", "M4"), ASIDE[0]))
+    assert estimate.marks_used == 2
+    assert estimate.mean[0] - AT[HIDDEN][0] > 0.05
+
+
+def test_the_only_mark_of_a_tissue_is_believed_where_it_stays():
+    """With one marked node nothing else can confirm it: after confirm_s = 0.1 s, the fifth frame."""
+    run = Run(marked=("M3",))
+    used = [e.marks_used for e in run.frames(6, ("M3",), {"M3": ASIDE[0]})]
+    assert used == [0, 0, 0, 0, 1, 1]
+
+
+@pytest.mark.parametrize("sd", [1e-3, 4.14e-3])
+@pytest.mark.parametrize("off_m", [0.03, 0.05, 0.08, 0.1, 0.15, 0.25])
+def test_an_outlier_of_one_frame_does_no_harm(sd, off_m):
+    """30 to 250 mm off: never DIVERGED, and no error beyond that of a run without it by more than a mark's noise."""
+    run, right = Run(sd), Run(sd)
+    estimates = [run.frame(off={"M3": np.array([off_m, 0.0])} if k == 30 else None) for k in range(60)]
+    expected = [right.frame() for _ in range(60)]
+    assert {e.status for e in estimates[5:]} == {Status.TRACKING}
+    assert run.tissue.rejected == {"M3": 1}
+    assert max(np.linalg.norm(e.mean - f.mean) for e, f in zip(estimates, expected, strict=True)) < sd
+
+
+@pytest.mark.parametrize("pause", [4, 27, 150])
+def test_what_was_seen_beyond_the_gate_is_forgotten_when_it_is_not_seen_there(pause):
+    """The same outlier 0.25 m off again after so many frames without the mark: rejected again, as the first."""
+    run = Run()
+    run.frames(30)
+    outlier = {"M3": np.array([0.25, 0.0])}
+    assert run.frame(off=outlier).marks_used == 2
+    run.frames(pause, ("M1", "M4"))
+    estimate = run.frame(off=outlier)
+    assert (estimate.marks_used, estimate.status) == (2, Status.TRACKING)
+    assert run.tissue.rejected == {"M3": 2}
+    assert np.linalg.norm(estimate.mean - AT[HIDDEN]) < SD
+
+
+def test_outliers_at_different_places_do_not_confirm_each_other():
+    """M3 0.25 m off for eight frames, each in another direction: none is taken in, though all are beyond the gate."""
+    run = Run()
+    run.frames(30)
+    for k in range(8):
+        angle = 2.4 * k
+        estimate = run.frame(off={"M3": 0.25 * np.array([np.cos(angle), np.sin(angle)])})
+        assert (estimate.marks_used, estimate.status) == (2, Status.TRACKING)
+
+
+def test_an_impulse_is_believed_in_its_second_frame():
+    """M3 at once at 1.2 m/s: 40 mm off, then 80. One frame is an outlier, two on a way are a motion."""
+    run = Run()
+    run.frames(30)
+    used = [run.frame(off={"M3": np.array([off_m, 0.0])}).marks_used for off_m in (0.04, 0.08, 0.08)]
+    assert used == [2, 3, 3]
+
+
+def test_a_slow_camera_confirms_with_its_next_frame():
+    """A frame each 1.09 s, longer than lost_s: what stays 0.25 m off is believed in its second frame, as ever."""
+    tissue, used = TissueFilter(PHANTOM, HIDDEN, OUTER), []
+    for k in range(8):
+        tissue.predict(1.09 * k)
+        off = {"M3": np.array([0.0, 0.3])} if k >= 5 else {}
+        marks = [MarkMeasurement(n, AT[n] + off.get(n, 0.0), SD**2 * np.eye(2)) for n in OUTER]
+        used.append(tissue.update(marks).marks_used)
+    assert used[4:7] == [3, 2, 3]
+
+
+def test_marks_of_a_frame_in_two_calls_confirm_as_in_one():
+    """M1 and M4 first, then M3, 0.3 m off from the 5th of slow frames on: believed in the second, as in one call."""
+    tissue, used = TissueFilter(PHANTOM, HIDDEN, OUTER), []
+    for k in range(8):
+        tissue.predict(1.09 * k)
+        off = {"M3": np.array([0.0, 0.3])} if k >= 5 else {}
+        marks = {n: MarkMeasurement(n, AT[n] + off.get(n, 0.0), SD**2 * np.eye(2)) for n in OUTER}
+        first = tissue.update([marks["M1"], marks["M4"]]).marks_used
+        used.append(first + tissue.update([marks["M3"]]).marks_used)
+    assert used[4:7] == [3, 2, 3]
+
+
+def test_fixes_at_different_places_do_not_confirm_each_other():
+    """200 mm to one side, then to the other: both rejected; the next beside the second is taken in."""
+    run = Run(settings=FilterSettings(fix_bias=FixBias(1e-3)))
+    run.frames(30)
+    for off_m, rejected in ((0.2, 1), (-0.2, 2), (-0.2, 2)):
+        run.tissue.fix(AT[HIDDEN] + [off_m, 0.0], SD**2 * np.eye(2))
+        assert run.tissue.rejected["fix"] == rejected

@@ -1,0 +1,178 @@
+"""Any calls in any order, hostile ones among them: the state stays a belief, and a call that raises changes nothing."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
+
+from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
+from estimators import FilterSettings, FixBias, MarkMeasurement, TissueFilter
+from tests.estimators.states import digest
+
+PHANTOM = four_mass_phantom()
+AT = dict(zip(PHANTOM.names, PHANTOM.positions, strict=True))
+NAN = float("nan")
+SDS = st.sampled_from([1e-6, 1e-4, 1e-3, 4e-3, 0.1, 10.0])
+GAPS_S = st.sampled_from([0.0, 1e-9, 1 / 120, 1 / 30, 1 / 30, 0.1, 0.35, 1.09, 60.0, 86_400.0, 1e9])
+OFFSETS_M = st.sampled_from([0.0, 0.0, 1e-3, 0.03, 0.15, 1.0, 1e6])
+ANGLES = st.floats(0.0, 6.28)
+COVS = st.sampled_from(
+    [
+        -np.eye(2),
+        np.zeros((2, 2)),
+        np.diag([1.0, NAN]),
+        np.diag([np.inf, 1.0]),
+        np.eye(3),
+        np.ones((2, 2)),
+        np.eye(2)[0],
+    ]
+)
+PLACES = st.sampled_from([np.array([NAN, 0.0]), np.array([np.inf, 0.0]), np.zeros(3), np.zeros((2, 2)), np.array(0.0)])
+FINE = np.eye(2)
+
+
+@st.composite
+def marks(draw, nodes=OUTER):
+    """A mark of one of these nodes, at its place at rest or off by up to 1,000 km."""
+    node, sd, off, angle = draw(st.sampled_from(nodes)), draw(SDS), draw(OFFSETS_M), draw(ANGLES)
+    shared = draw(st.sampled_from([None, 1e-3 * np.array([[1.0, 0.0], [0.5, 1.0]])]))
+    position = AT[node] + off * np.array([np.cos(angle), np.sin(angle)])
+    return MarkMeasurement(node, position, sd**2 * np.array([[1.0, 0.3], [0.3, 0.5]]), shared)
+
+
+class Calls(RuleBasedStateMachine):
+    """A filter of the phantom under any calls; short memory, so that long gaps are met often and cost little."""
+
+    states = Bundle("states")
+
+    @initialize(considered=st.booleans(), one_of=st.sampled_from([0, 3]))
+    def start(self, considered: bool, one_of: int) -> None:
+        """With a bias of fixes, noise of marks that adapts, perhaps an uncertain calibration and constants."""
+        usual = FilterSettings(fix_bias=FixBias(1e-3), marks_bounds=(0.5, 2.0), forget_s=0.3, lost_s=0.2, one_of=one_of)
+        constants = independent_uncertainty(parameters(PHANTOM, ("stiffness",))[:2], 0.1) if considered else None
+        self.tissue = TissueFilter(
+            PHANTOM, HIDDEN, OUTER, usual, uncertainty=constants, n_calibration=2 if considered else 0
+        )
+
+    def refuses(self, call: Callable[[], object]) -> None:
+        """The call raises ValueError, and all is as before."""
+        before = digest(self.tissue.snapshot())
+        with pytest.raises(ValueError, match=r"expected"):
+            call()
+        assert digest(self.tissue.snapshot()) == before
+
+    @rule(gap_s=GAPS_S)
+    def predict(self, gap_s: float) -> None:
+        self.tissue.predict((self.tissue.time_s or 0.0) + gap_s)
+
+    @rule(seen=st.lists(marks(), max_size=4))
+    def update(self, seen: list[MarkMeasurement]) -> None:
+        if self.tissue.time_s is None:
+            self.refuses(lambda: self.tissue.update(seen))
+            return
+        estimate = self.tissue.update(seen)
+        assert estimate.marks_used <= len(seen)
+        check_belief(estimate.mean, estimate.cov)
+
+    @rule(off=OFFSETS_M, angle=ANGLES, sd=SDS)
+    def fix(self, off: float, angle: float, sd: float) -> None:
+        place = AT[HIDDEN] + off * np.array([np.cos(angle), np.sin(angle)])
+        if self.tissue.time_s is None:
+            self.refuses(lambda: self.tissue.fix(place, sd**2 * FINE))
+            return
+        estimate = self.tissue.fix(place, sd**2 * FINE)
+        check_belief(estimate.mean, estimate.cov)
+
+    @rule(target=states)
+    def snapshot(self) -> object:
+        now = self.tissue.snapshot()
+        return now, digest(now)
+
+    @rule(state=states)
+    def restore(self, state: tuple) -> None:
+        then, bits = state
+        self.tissue.restore(then)
+        assert digest(self.tissue.snapshot()) == digest(then) == bits
+
+    @rule(gap_s=GAPS_S)
+    def look_ahead(self, gap_s: float) -> None:
+        """Predictions of the target leave the state."""
+        if self.tissue.time_s is None:
+            self.refuses(lambda: self.tissue.predict_at(1.0))
+            return
+        before = digest(self.tissue.snapshot())
+        ahead = self.tissue.predict_at(self.tissue.time_s + gap_s)
+        check_belief(ahead.mean, ahead.cov)
+        assert digest(self.tissue.snapshot()) == before
+
+    @rule(time_s=st.sampled_from([NAN, np.inf, -np.inf, "back"]))
+    def predict_to_no_time(self, time_s: float | str) -> None:
+        if time_s == "back":
+            if self.tissue.time_s is None:
+                return
+            time_s = np.nextafter(self.tissue.time_s, -np.inf)
+        self.refuses(lambda: self.tissue.predict(time_s))
+
+    @rule(push=st.sampled_from([np.full((4, 2), NAN), np.zeros((3, 2)), lambda _t, _x: np.full((4, 2), np.inf)]))
+    def predict_under_no_force(self, push: object) -> None:
+        if self.tissue.time_s is not None and self.tissue.time_s < 1e6:
+            self.refuses(lambda: self.tissue.predict(self.tissue.time_s + 0.1, push))
+
+    @rule(seen=marks(), cov=COVS)
+    def mark_of_no_covariance(self, seen: MarkMeasurement, cov: np.ndarray) -> None:
+        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement("M1", AT["M1"], cov)]))
+
+    @rule(seen=marks(), place=PLACES)
+    def mark_of_no_place(self, seen: MarkMeasurement, place: np.ndarray) -> None:
+        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement("M1", place, FINE)]))
+
+    @rule(seen=marks(), node=st.sampled_from(["In1", "M9", ""]))
+    def mark_of_no_node(self, seen: MarkMeasurement, node: str) -> None:
+        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement(node, np.zeros(2), FINE)]))
+
+    @rule(seen=marks())
+    def mark_of_another_space(self, seen: MarkMeasurement) -> None:
+        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement("M1", np.zeros(3), np.eye(3))]))
+
+    @rule(seen=marks(), shared=st.sampled_from([np.ones((2, 5)), np.full((2, 2), NAN), np.ones(2)]))
+    def mark_of_another_calibration(self, seen: MarkMeasurement, shared: np.ndarray) -> None:
+        other = MarkMeasurement("M1", AT["M1"], FINE, np.ones((2, 2)))
+        self.refuses(lambda: self.tissue.update([seen, other, MarkMeasurement("M4", AT["M4"], FINE, shared)]))
+
+    @rule(cov=COVS)
+    def fix_of_no_covariance(self, cov: np.ndarray) -> None:
+        self.refuses(lambda: self.tissue.fix(AT[HIDDEN], cov))
+
+    @rule(place=PLACES)
+    def fix_of_no_place(self, place: np.ndarray) -> None:
+        self.refuses(lambda: self.tissue.fix(place, FINE))
+
+    @invariant()
+    def the_state_is_a_belief(self) -> None:
+        """The mixture and each of its modes: finite, symmetric to the last bit, positive definite."""
+        mixture = self.tissue.mixture
+        assert mixture.mu.min() > 0.0
+        assert mixture.mu.sum() == pytest.approx(1.0, abs=1e-9)
+        check_belief(mixture.x, mixture.P)
+        for one in mixture.filters:
+            check_belief(one.x, one.P)
+        assert np.isfinite(mixture.columns).all()
+
+
+def check_belief(mean: np.ndarray, cov: np.ndarray) -> None:
+    """Finite, symmetric, and with positive eigenvalues; of the correlations, so that units do not matter."""
+    assert np.isfinite(mean).all()
+    assert np.isfinite(cov).all()
+    np.testing.assert_array_equal(cov, cov.T)
+    assert np.diag(cov).min() > 0.0
+    root = np.sqrt(np.diag(cov))
+    assert np.linalg.eigvalsh(cov / np.outer(root, root))[0] > 0.0
+
+
+Calls.TestCase.settings = settings(
+    max_examples=40, stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+TestCalls = Calls.TestCase
