@@ -32,9 +32,18 @@ def chol_lower(P):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def is_covariance(P, rounding):  # type: ignore[no-untyped-def]
-    """Whether P (n, n) is finite, positive definite and symmetric up to this share of its largest entry."""
+def is_finite(x, P):  # type: ignore[no-untyped-def]
+    """Whether all numbers of a mean (n,) and a covariance (n, n) are finite."""
+    return np.isfinite(x).all() and np.isfinite(P).all()
+
+
+@njit(cache=True, nogil=True)
+def is_gaussian(x, P, rounding):  # type: ignore[no-untyped-def]
+    """Whether x (n,) is finite and P (n, n) finite, definite and symmetric up to this share of its largest entry."""
     n = P.shape[0]
+    for i in range(n):
+        if not np.isfinite(x[i]):
+            return False
     largest, skew = 0.0, 0.0
     for i in range(n):
         for j in range(n):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import (
+    is_finite,
     joseph_update,
     mixed_each,
     moments_each,
@@ -241,7 +242,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         now = self.beliefs()
         xs, Ps, columns = mixed_each(now.mu[:, None], now.means, now.covs, self.columns)
         x, P = xs[0], with_columns(Ps[0], columns[0])
-        if not (isfinite(x.sum()) and isfinite(P.sum())):
+        if not is_finite(x, P):
             raise CovarianceError("mean and covariance of the mixture: expected finite, found otherwise")
         self.x, self.P = x, P
 

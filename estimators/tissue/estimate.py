@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimators.arrays import Floats
-from estimators.filters.kernels import is_covariance
+from estimators.filters.kernels import is_gaussian
 
 ROUNDING = 1e-9
 """By how much a stated covariance may be asymmetric, by its largest entry: rounding of a product J C J'."""
@@ -80,11 +80,11 @@ def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple
     dim = len(place)
     if spread.shape != (dim, dim):
         raise ValueError(f"{what} cov: expected shape {(dim, dim)}, found {spread.shape}")
+    if is_gaussian(place, spread, ROUNDING):
+        return place, spread
     if not (np.isfinite(place).all() and np.isfinite(spread).all()):
         raise ValueError(f"{what}: expected finite numbers, found {place} and {spread}")
-    if not is_covariance(spread, ROUNDING):
-        raise ValueError(f"{what} cov: expected a symmetric positive definite matrix, found {spread.tolist()}")
-    return place, spread
+    raise ValueError(f"{what} cov: expected a symmetric positive definite matrix, found {spread.tolist()}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,8 +28,9 @@ class OpenLoopCovariance:
     ) -> None:
         half = network.n_state // 2
         A = state_matrix(network, rest_shape(network))
-        self._rows = {node: range(network.n_state)[network.coordinates(node)] for node in marked}
-        driven = [row for rows in self._rows.values() for row in rows]
+        driven = [row for node in marked for row in range(network.n_state)[network.coordinates(node)]]
+        dim = network.dim
+        self._places = {node: slice(k * dim, (k + 1) * dim) for k, node in enumerate(marked)}
         hidden = [row for row in range(half) if row not in set(driven)]
         follow = [*hidden, *(half + row for row in hidden)]
         self._n, self._m = len(follow), len(driven)
@@ -37,11 +38,10 @@ class OpenLoopCovariance:
         self._by_place = A[np.ix_(follow, driven)]
         self._by_velocity = A[np.ix_(follow, [half + row for row in driven])]
         self._density = np.diag([0.0] * len(hidden) + [white**2] * len(hidden))
-        self._columns = {row: self._n + k for k, row in enumerate(driven)}
         self.cov = np.zeros((self._n + self._m, self._n + self._m))
         matrix = target_map(network, target).matrix
         self._target = np.zeros((network.dim, len(self.cov)))
-        self._target[:, [*range(len(hidden)), *(self._columns[row] for row in driven)]] = matrix[:, [*hidden, *driven]]
+        self._target[:, [*range(len(hidden)), *range(self._n, self._n + self._m)]] = matrix[:, [*hidden, *driven]]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
 
     @property
@@ -62,12 +62,13 @@ class OpenLoopCovariance:
         F[:n, n:] = start + end
         R = np.zeros((self._m, self._m))
         for node, cov in noise.items():
-            rows = [self._columns[row] - n for row in self._rows[node]]
-            R[np.ix_(rows, rows)] = cov
-            F[:n, [n + row for row in rows]] = start[:, rows]
-            F[[n + row for row in rows], [n + row for row in rows]] = 0.0
-            G[:n, rows] = end[:, rows]
-            G[[n + row for row in rows], rows] = 1.0
+            place = self._places[node]
+            among = slice(n + place.start, n + place.stop)
+            R[place, place] = cov
+            F[:n, among] = start[:, place]
+            F[among, among] = 0.0
+            G[:n, place] = end[:, place]
+            G[among, place] = np.eye(len(cov))
         Q[:n, :n] = noise_added
         self.cov = F @ self.cov @ F.T + G @ R @ G.T + Q
 
