@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynamics import SAME_STEP
 from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
@@ -71,18 +72,25 @@ def gate_marks(
 ) -> Gated:
     """Marks within the gate, and those beyond it that earlier ones confirm.
 
+    Where frames are further apart than an impulse lasts, the next one comes too late to confirm it: then it is believed
+    at once, but for a mark of a single node that others within the gate contradict.
     expected, after_impulse: where marks may be, and where an impulse since they were last used could have brought them
     """
     settings, time_s = frame.settings, frame.time_s
     accepted, rejected, seen, log_likelihood = [], [], dict(outlying), 0.0
-    for mark in marks:
-        if squared_distance(mark, expected, considered=frame.considered) <= settings.gate:
+    squared = [squared_distance(mark, expected, considered=frame.considered) for mark in marks]
+    beyond = {mark.node for mark, distance in zip(marks, squared, strict=True) if distance > settings.gate}
+    slow = time_s - frame.before_s > settings.impulse_s * (1.0 + SAME_STEP)
+    at_once = slow and (len(beyond) > 1 or min(squared, default=0.0) > settings.gate)
+    for mark, distance in zip(marks, squared, strict=True):
+        if distance <= settings.gate:
             seen.pop(mark.node, None)
             accepted.append(mark)
             continue
         since_s = _seen_since(mark, seen, frame)
         if time_s - since_s > settings.confirm_s or (
-            time_s > since_s and squared_distance(mark, after_impulse, considered=frame.considered) <= settings.gate
+            (at_once or time_s > since_s)
+            and squared_distance(mark, after_impulse, considered=frame.considered) <= settings.gate
         ):
             accepted.append(mark)
         else:

@@ -137,6 +137,30 @@ def test_an_impulse_is_believed_in_its_second_frame():
     assert used == [2, 3, 3]
 
 
+@pytest.mark.parametrize(("nodes", "used"), [(OUTER, 3), (("M1", "M3"), 2), (("M3",), 1)])
+def test_a_slow_camera_believes_an_impulse_at_once(nodes, used):
+    """Ten frames a second, longer apart than impulse_s = 0.05 s: these marks 100 mm aside together are taken in."""
+    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
+    for k in range(11):
+        tissue.predict(0.1 * k)
+        off = np.array([0.1, 0.0]) if k == 10 else np.zeros(2)
+        seen = nodes if k == 10 else OUTER
+        estimate = tissue.update([MarkMeasurement(n, AT[n] + off, SD**2 * np.eye(2)) for n in seen])
+    assert estimate.marks_used == used
+    assert not tissue.rejected
+
+
+@pytest.mark.parametrize("off_m", [0.1, 0.15])
+def test_a_slow_camera_rejects_what_the_others_contradict(off_m):
+    """M3 alone beside two marks at their places, for one frame of ten a second."""
+    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
+    for k in range(15):
+        tissue.predict(0.1 * k)
+        off = {"M3": np.array([0.0, off_m])} if k == 10 else {}
+        marks = [MarkMeasurement(n, AT[n] + off.get(n, 0.0), SD**2 * np.eye(2)) for n in OUTER]
+        assert tissue.update(marks).marks_used == (2 if k == 10 else 3)
+
+
 def test_a_slow_camera_confirms_with_its_next_frame():
     """A frame each 1.09 s, longer than lost_s: what stays 0.25 m off is believed in its second frame, as ever."""
     tissue, used = TissueFilter(PHANTOM, HIDDEN, OUTER), []
