@@ -3,12 +3,13 @@
 What may enter: what does not depend on time.
 """
 
-from dynamics.equilibrium.rest import equilibrium_with_fixed, fit_rest_lengths, rest_shape
+from dynamics.equilibrium.rest import equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape
 from dynamics.equilibrium.reversal import inverted_springs
 
 __all__ = [
     "equilibrium_with_fixed",
     "fit_rest_lengths",
     "inverted_springs",
+    "reaches",
     "rest_shape",
 ]

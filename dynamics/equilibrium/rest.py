@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from dynamics.arrays import Floats
 from dynamics.forces.energy import node_forces, potential_energy
@@ -80,6 +82,20 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
     if fixed.all():
         return positions
     return rest_shape(replace(network, positions=positions, fixed=fixed))
+
+
+def reaches(network: MassSpringNetwork) -> Floats:
+    """How far each node can be from the anchor that is nearest along springs at rest [m], (n_nodes,); 0 of an anchor.
+
+    Without anchors: how far from the node that is nearest to all.
+    """
+    n, by_length = network.n_nodes, np.argsort(network.rest_lengths)
+    pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
+    lengths = network.rest_lengths[by_length][first]
+    paths = dijkstra(csr_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(n, n)), directed=False)
+    if network.fixed.any():
+        return np.asarray(paths[network.fixed].min(axis=0))
+    return np.asarray(paths[paths.max(axis=1).argmin()])
 
 
 def fit_rest_lengths(

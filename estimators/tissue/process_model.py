@@ -217,11 +217,16 @@ class TissueModel:
         """What a calibration moves marks by, (m, n_calibration), after the columns of constants, which move none."""
         return np.hstack([np.zeros((len(shared), self.n_constants)), shared])
 
-    def linearised(self, rest: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density of the augmented motion about a rest shape, each (dim_x, dim_x)."""
+    def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
+        """Matrix A and noise density of the augmented motion about a shape, each (dim_x, dim_x).
+
+        Motions in which the shape is no stable rest, as where a link is compressed, go on at their speed instead of
+        growing: a body leaves such a shape for the next rest, where a linear motion would go on to infinity.
+        """
         n, half = self.network.n_state, self.network.n_state // 2
         A = np.zeros((self.dim_x, self.dim_x))
-        A[:n, :n] = state_matrix(self.network, rest)
+        A[:n, :n] = state_matrix(self.network, shape)
+        A[half:n, :half] = _without_growth(A[half:n, :half], self.mass)
         density = np.zeros_like(A)
         density[range(half, n), range(half, n)] = mode.white**2
         for k, (row, sd, lasting) in enumerate(zip(self.poked_rows, *self._pokes(mode), strict=True)):
@@ -233,6 +238,15 @@ class TissueModel:
                 A[row, row] = -1.0 / self.bias.lasting_s
                 density[row, row] = 2.0 * self.bias.sd_m**2 / self.bias.lasting_s
         return A, density
+
+
+def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
+    """-K / mass, (n, n), without the motions of negative stiffness; itself where there are none."""
+    root = np.sqrt(mass)
+    values, vectors = np.linalg.eigh(0.5 * (both := root[:, None] * by_mass / root) + 0.5 * both.T)
+    if values[-1] <= 0.0:
+        return by_mass
+    return np.asarray((vectors * np.minimum(values, 0.0)) @ vectors.T * root / root[:, None])
 
 
 def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import NetworkError, equilibrium_with_fixed, pack, rest_shape, stiffness_matrix
+from dynamics import MassSpringNetwork, NetworkError, equilibrium_with_fixed, pack, reaches, rest_shape, stiffness_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture
@@ -30,7 +30,7 @@ def restart_from_shape(
     cov = accumulated_noise(A, density, settings.lost_s)
     if settings.fix_bias is not None:
         cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
-    mixture.restart(mean, cov, model.resting_columns(shape))
+    mixture.restart(mean, within_reach(cov, network), model.resting_columns(shape))
 
 
 def forget(
@@ -89,7 +89,7 @@ def restart_from_marks(
     G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
     keep = np.eye(model.dim_x)
     keep[:, rows] -= G
-    P = inflation * keep @ mixture.filters[0].P @ keep.T + G @ stacked.R @ G.T
+    P = within_reach(inflation * keep @ mixture.filters[0].P @ keep.T + G @ stacked.R @ G.T, network)
     columns = model.resting_columns(shape, rows)
     if stacked.shared is not None:
         columns -= G @ stacked.shared
@@ -100,3 +100,16 @@ def inflate(mixture: InteractingMixture, added_cov: Floats, stacked: StackedMark
     """Add this covariance (dim_x, dim_x) to the state of all modes, then update by the marks that refuted it."""
     mixture.restart(mixture.x, mixture.P + added_cov, mixture.mean_columns)
     mixture.update_linear(stacked.z, stacked.H(len(mixture.x)), stacked.R, stacked.shared)
+
+
+def within_reach(cov: Floats, network: MassSpringNetwork) -> Floats:
+    """The covariance (dim_x, dim_x) of a state that is besides known to lie within the network's reach.
+
+    As after a measurement of each position at its mean, with the variance of a point anywhere in its `reach`.
+    """
+    half = network.n_state // 2
+    reach = np.repeat(reaches(network)[network.free], network.dim)
+    anywhere = np.diag(reach**2 / (network.dim + 2))
+    gain = np.linalg.solve(cov[:half, :half] + anywhere, cov[:half])
+    bounded = cov - cov[:, :half] @ gain
+    return 0.5 * (bounded + bounded.T)
