@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, NetworkError, equilibrium_with_fixed, pack, reaches, rest_shape, stiffness_matrix
+from dynamics import (
+    MassSpringNetwork,
+    NetworkError,
+    equilibrium_with_fixed,
+    pack,
+    reaches,
+    rest_shape,
+    stiffness_matrix,
+)
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture

@@ -1,5 +1,7 @@
 """The rest shape is where forces balance and the tissue stays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from dynamics import (
     equilibrium_with_fixed,
     node_forces,
     pack,
+    reaches,
     rest_shape,
     state_matrix,
     stiffness_matrix,
@@ -106,3 +109,26 @@ def test_holding_nothing_is_the_rest_shape_and_holding_all_is_what_is_held(phant
 def test_holding_a_node_that_is_not_there_is_an_error(phantom):
     with pytest.raises(NetworkError, match='no node named "M9"'):
         equilibrium_with_fixed(phantom, {"M9": [0.0, 0.0]})
+
+
+def test_the_reach_of_a_node_is_the_shortest_way_to_an_anchor(build):
+    """Springs of 3, 4 and 5 dm in a triangle, one more of 3 dm beyond: by hand. 1e-15 m: rounding of sums."""
+    corners = [[0.0, 0.0], [0.3, 0.0], [0.0, 0.4], [0.6, 0.0]]
+    springs = [(0, 1), (1, 2), (2, 0), (1, 3)]
+    np.testing.assert_allclose(reaches(build(corners, springs, [0])), [0.0, 0.3, 0.4, 0.6], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(reaches(build(corners, springs, [0, 3])), [0.0, 0.3, 0.4, 0.0], rtol=0, atol=1e-15)
+
+
+def test_without_an_anchor_a_reach_is_the_way_from_the_middle(build):
+    """A chain of three links of 1 dm and one of 2 dm: the third of five nodes has the shortest longest way, 3 dm."""
+    chain = [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.5, 0.0]]
+    loose = build(chain, [(0, 1), (1, 2), (2, 3), (3, 4)], [])
+    found = reaches(loose)
+    assert found.max() == pytest.approx(0.3, abs=1e-15)
+    assert found[np.argmin(found)] == 0.0
+
+
+def test_of_two_springs_side_by_side_the_shorter_is_the_reach(build):
+    """Two springs between the same nodes, of 1 and 2 dm at rest: the node is 1 dm away at most. Exact."""
+    twice = replace(build([[0.0, 0.0], [0.1, 0.0]], [(0, 1), (1, 0)], [0]), rest_lengths=np.array([0.2, 0.1]))
+    assert reaches(twice)[1] == 0.1

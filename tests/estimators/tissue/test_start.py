@@ -1,8 +1,11 @@
 """The first state of the filter and its restart from the marks of one frame."""
 
-import numpy as np
+from dataclasses import replace
 
-from dynamics import HIDDEN, OUTER, NetworkError, node_forces, rest_shape
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, NetworkError, node_forces, reaches, rest_shape, state_matrix
 from estimators import FilterSettings, MarkMeasurement, Status, TissueFilter, accumulated_noise, mean_bounds
 
 MARK_SD = 4.14e-3
@@ -10,7 +13,7 @@ MARK_SD = 4.14e-3
 
 
 def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
-    """There it is believed at rest, as unsure as lost_s of unseen pokes leave it: `accumulated_noise`. Rounding."""
+    """At rest, as uncertain as lost_s of unseen pokes leave it, and within its reach: precisions add. Rounding."""
     ours = TissueFilter(phantom, HIDDEN, OUTER)
     ours.predict(7.0)
     estimate = ours.update([])
@@ -18,8 +21,10 @@ def test_before_any_mark_it_is_initialising(phantom, rest_state, hidden):
     A, density = ours.model.linearised(rest_shape(phantom), settings.poked)
     assert (estimate.time_s, estimate.status) == (7.0, Status.INITIALISING)
     np.testing.assert_allclose(estimate.mean, rest_state[hidden], rtol=0, atol=1e-12)
-    expected = accumulated_noise(A, density, settings.lost_s)[2:4, 2:4]
-    np.testing.assert_allclose(estimate.cov, expected, rtol=1e-9, atol=1e-15)
+    anywhere = np.repeat(reaches(phantom)[phantom.free] ** 2 / 4.0, 2)  # of a disc, r² / 4 an axis
+    precision = np.linalg.inv(accumulated_noise(A, density, settings.lost_s))
+    precision[:8, :8] += np.diag(1.0 / anywhere)
+    np.testing.assert_allclose(estimate.cov, np.linalg.inv(precision)[2:4, 2:4], rtol=1e-7, atol=1e-15)
 
 
 def test_it_starts_from_the_shape_in_which_the_first_marks_hold_the_tissue(phantom, rest_state, marks_of, hidden):
@@ -52,6 +57,81 @@ def test_the_first_estimates_can_be_believed_as_the_later_ones(phantom, rest_sta
             some.append(error @ np.linalg.solve(estimate.cov, error))
         squared.append(some)
     assert np.mean(squared, axis=0).max() < mean_bounds(2, 100, 0.999)[1]
+
+
+@pytest.fixture(scope="module")
+def two_links() -> MassSpringNetwork:
+    """A joint and an end of 30 g and 2 g that hang from an anchor on links of 92 and 69 mm, 4,000 and 400 N/m."""
+    return MassSpringNetwork(
+        names=("anchor", "joint", "end"),
+        positions=np.array([[0.0, 0.0], [0.0, -0.0917], [0.0, -0.161]]),
+        masses=np.array([1.0, 0.03, 0.002]),
+        fixed=np.array([True, False, False]),
+        drag=np.zeros(3),
+        friction=np.zeros(3),
+        springs=np.array([[0, 1], [1, 2]]),
+        stiffness=np.array([4000.0, 400.0]),
+        rest_lengths=np.array([0.0917, 0.0693]),
+        damping=np.array([1.0, 0.2]),
+        gravity=np.array([0.0, -9.81]),
+    )
+
+
+@pytest.mark.parametrize("up_mm", [-5.0, 0.0, 0.16, 0.5, 5.0, 40.0])
+@pytest.mark.parametrize("sd_mm", [0.05, 0.5, 4.0])
+def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
+    """The end seen above its rest compresses the links: a linear motion would leave that shape exponentially.
+
+    A joint anywhere on its link has 92 mm / sqrt(2) an axis. With growth the standard deviation was 16 km at 0.16 mm.
+    """
+    end = rest_shape(two_links)[2] + [0.0, 1e-3 * up_mm]
+    tissue = TissueFilter(two_links, "joint", ["end"])
+    tissue.predict(0.0)
+    cov = tissue.update([MarkMeasurement("end", end, (1e-3 * sd_mm) ** 2 * np.eye(2))]).cov
+    assert cov is not None
+    variances = np.linalg.eigvalsh(cov)
+    assert 0.0 < variances[0]
+    assert variances[1] <= 0.0917**2 / 2.0
+
+
+def test_two_links_seen_compressed_are_followed_to_their_rest(two_links):
+    """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 2 mm of the joint.
+
+    What is left of a mark's noise at the joint is below that of the mark; 1,400 mm with the growth.
+    """
+    rest, rng = rest_shape(two_links), np.random.default_rng(0)
+    tissue = TissueFilter(two_links, "joint", ["end"])
+    for k in range(60):
+        tissue.predict(k / 100.0)
+        noise = np.array([0.0, 0.5e-3]) if k == 0 else rng.normal(0.0, 0.5e-3, 2)
+        estimate = tissue.update([MarkMeasurement("end", rest[2] + noise, 0.5e-3**2 * np.eye(2))])
+        assert np.linalg.norm(estimate.mean - rest[1]) < 0.02
+    assert np.linalg.norm(estimate.mean - rest[1]) < 2e-3
+    assert estimate.status is Status.TRACKING
+
+
+def test_a_mark_far_off_at_the_start_moves_the_target_no_further(phantom, rest_state, marks_of, hidden):
+    """M1 is seen 120 mm too low in all of a second: the hidden mass is never further off; it was 1.5 m by the sixth."""
+    rng, tissue = np.random.default_rng(0), TissueFilter(phantom, HIDDEN, OUTER)
+    for k in range(30):
+        tissue.predict(k / 30.0)
+        first, *others = marks_of(phantom, rest_state, MARK_SD, rng)
+        estimate = tissue.update([replace(first, position=first.position - [0.0, 0.12]), *others])
+        assert np.linalg.norm(estimate.mean - rest_state[hidden]) < 0.12
+        assert np.trace(estimate.cov) < 0.12**2
+
+
+def test_a_linear_motion_about_no_rest_does_not_grow(two_links, phantom):
+    """Eigenvalues of the compressed links' motion: real parts of 0 at most, to rounding. About a rest it is as it is."""
+    tissue = TissueFilter(two_links, "joint", ["end"])
+    mode = FilterSettings().poked
+    compressed = two_links.positions * [[1.0, 1.0], [1.0, 0.99], [1.0, 0.99]]
+    assert np.linalg.eigvals(state_matrix(two_links, compressed)).real.max() > 1.0
+    A, _ = tissue.model.linearised(compressed, mode)
+    assert np.linalg.eigvals(A).real.max() < 1e-6
+    rest = rest_shape(phantom)
+    A, _ = TissueFilter(phantom, HIDDEN, OUTER).model.linearised(rest, mode)
+    np.testing.assert_array_equal(A[:16, :16], state_matrix(phantom, rest))
 
 
 def test_it_starts_with_the_long_run_odds(phantom):
