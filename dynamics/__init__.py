@@ -15,7 +15,14 @@ Names to start with:
     pack, unpack          state vectors to and from positions and velocities
 """
 
-from dynamics.equilibrium import equilibrium_with_fixed, fit_rest_lengths, inverted_springs, reaches, rest_shape
+from dynamics.equilibrium import (
+    equilibrium_with_fixed,
+    fit_rest_lengths,
+    inverted_springs,
+    mirrored_shapes,
+    reaches,
+    rest_shape,
+)
 from dynamics.forces import (
     KINDS,
     LAWS,
@@ -119,6 +126,7 @@ __all__ = [
     "plain_derivative",
     "plain_step",
     "potential_energy",
+    "mirrored_shapes",
     "reaches",
     "rest_shape",
     "scale_parameters",

@@ -3,6 +3,7 @@
 What may enter: what does not depend on time.
 """
 
+from dynamics.equilibrium.mirrored import mirrored_shapes
 from dynamics.equilibrium.rest import equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape
 from dynamics.equilibrium.reversal import inverted_springs
 
@@ -10,6 +11,7 @@ __all__ = [
     "equilibrium_with_fixed",
     "fit_rest_lengths",
     "inverted_springs",
+    "mirrored_shapes",
     "reaches",
     "rest_shape",
 ]
