@@ -32,7 +32,7 @@ def mirrored_shapes(
     fixed[[network.index(node) for node in places]] = True
     energy, size = potential_energy(network, shape), float(np.ptp(shape, axis=0).max())
     found: list[tuple[float, Floats]] = []
-    for part, ends in _parts(network, fixed):
+    for part, ends in hidden_parts(network, fixed):
         middle = shape[ends].mean(axis=0)
         normal = np.linalg.svd(shape[ends] - middle)[2][-1]
         mirrored = shape.copy()
@@ -46,8 +46,13 @@ def mirrored_shapes(
     return found
 
 
-def _parts(network: MassSpringNetwork, fixed: NDArray[np.bool_]) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Nodes of each part between fixed nodes, and the fixed nodes that its springs end at."""
+def hidden_parts(
+    network: MassSpringNetwork, fixed: NDArray[np.bool_]
+) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Nodes of each part between fixed nodes, and the fixed nodes that its springs end at; parts without are left out.
+
+    fixed: (n_nodes,)
+    """
     a, b = network.springs.T
     inside = ~fixed[a] & ~fixed[b]
     n = network.n_nodes

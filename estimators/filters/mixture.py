@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from math import isfinite
 
@@ -98,6 +99,8 @@ class InteractingMixture(filterpy.IMMEstimator):
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
     repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`
+    n_branches: beliefs that are followed side by side, each by all modes; those of a branch stay in it, so that its
+        odds are those of its measurements alone. Filters, mu and columns have one branch after the other.
 
     Differs from filterpy: the transition matrix is exp(rates dt), so that the odds do not depend on the frame rate;
     likelihoods are compared as logarithms, so that two hopeless modes are still told apart; modes move together.
@@ -109,6 +112,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
         self.considered = True
         self.added_share = ADDED_SHARE
+        self.filters: list[UnscentedKalmanFilter]
+        self.mu: Floats
         self.omega: Floats
         self.cbar: Floats
         self.innovation_columns = self.columns
@@ -118,19 +123,74 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.rates = np.asarray(rates, dtype=float)
         self.move = Move(self._one_by_one) if move is None else move
         self.trace: list[Transition] | None = None
-        self._transitions: dict[float, Floats] = {}
-        first = self.filters[0]
-        self._scale = first._scale
-        self._weights = (np.tile(first.Wm, (len(filters), 1)), np.tile(first.Wc, (len(filters), 1)))
+        self._mode_rates = self.rates
+        self._scale = self.filters[0]._scale
+        self.set_branches(1)
 
     def _one_by_one(self, points: Floats, dt: float) -> Floats:
         return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
 
-    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
-        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r); odds stay.
+    @property
+    def n_branches(self) -> int:
+        """How many beliefs are followed side by side."""
+        return len(self.filters) // len(self._mode_rates)
 
-        Without columns, those of the first mode.
+    @property
+    def branch_odds(self) -> Floats:
+        """Probability of each branch, (n_branches,)."""
+        return np.asarray(self.mu.reshape(self.n_branches, -1).sum(axis=1))
+
+    @property
+    def mode_odds(self) -> Floats:
+        """Probability of each mode in whatever branch, (n_modes,)."""
+        return np.asarray(self.mu.reshape(self.n_branches, -1).sum(axis=0))
+
+    def set_branches(self, n: int) -> None:
+        """Make room for so many branches; beliefs, odds and columns are then to be set."""
+        k = len(self._mode_rates)
+        self.filters = [copy(self.filters[i % len(self.filters)]) for i in range(n * k)]
+        self.rates = np.kron(np.eye(n), self._mode_rates)
+        self.N, first = n * k, self.filters[0]
+        self._transitions: dict[float, Floats] = {}
+        self._weights = (np.tile(first.Wm, (n * k, 1)), np.tile(first.Wc, (n * k, 1)))
+
+    def branch(self, beliefs: Sequence[tuple[Floats, Floats, Floats]], odds: Floats) -> None:
+        """Follow these beliefs side by side: mean (n,), cov (n, n) and columns (n, r) of each; odds (n_branches,).
+
+        The odds of the modes are those of now, the same in every branch.
         """
+        k = len(self._mode_rates)
+        modes = self.mode_odds
+        self.set_branches(len(beliefs))
+        for i, f in enumerate(self.filters):
+            f.x, f.P = beliefs[i // k][0].copy(), beliefs[i // k][1].copy()
+        self.columns = np.repeat([columns for _, _, columns in beliefs], k, axis=0)
+        self.mu = np.asarray(np.kron(odds / np.sum(odds), modes), dtype=np.float64)
+        self._compute_state_estimate()
+
+    def prune(self, least: float) -> int:
+        """Give up branches that are less probable than this; how many went."""
+        if self.n_branches == 1:
+            return 0
+        kept = self.branch_odds >= min(least, float(self.branch_odds.max()))
+        gone = int((~kept).sum())
+        if gone:
+            own = np.repeat(kept, len(self._mode_rates))
+            self.filters = [f for f, one in zip(self.filters, own, strict=True) if one]
+            self.columns, self.mu = self.columns[own], np.asarray(self.mu)[own]
+            self.set_branches(self.n_branches)
+            self.mu /= self.mu.sum()
+            self._compute_state_estimate()
+        return gone
+
+    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
+        """Give every mode the same belief, in one branch: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
+
+        The odds of the modes stay. Without columns, those of the first mode.
+        """
+        if self.n_branches > 1:
+            self.mu = self.mode_odds
+            self.set_branches(1)
         for f in self.filters:
             f.x, f.P = mean.copy(), cov.copy()
         own = self.columns[0] if columns is None else columns

@@ -19,6 +19,9 @@ from estimators.filters.mixture import ModeBeliefs, Transition, moment_matched
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
+RESTARTS = ("restarted", "inflated", "forgotten", "branched", "pruned")
+"""Repairs of a filter across which nothing is known backwards."""
+
 CERTAIN = 1.0 - 1e-12
 """Part of a variance that later marks may take away at most: the rest is rounding."""
 
@@ -62,7 +65,7 @@ class ForwardPass:
         finally:
             mixture.trace = None
         estimate = self.tissue.update(marks)
-        restarts = sum(self.tissue.repairs[kind] for kind in ("restarted", "inflated", "forgotten"))
+        restarts = sum(self.tissue.repairs[kind] for kind in RESTARTS)
         restarted = first or restarts != self._restarts
         self._restarts = restarts
         columns = self.tissue.target.linear(mixture.mean_columns)

@@ -100,9 +100,13 @@ def predict_fast(
     covs_now, columns = modes.covs, tissue.mixture.columns
     if columns.shape[2]:  # an error of the calibration moves as any error of the state
         covs_now = covs_now + columns @ columns.swapaxes(1, 2)
-    S = modes.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :])
-    means = (tables.first[level] @ (modes.mu[:, None] * away).ravel()).reshape(k, dim)
-    second_moments = tables.second[level] @ S[:, low[0], low[1]].ravel() + tables.noise[level] @ modes.mu
+    S = (modes.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :]))[:, low[0], low[1]]
+    first, odds = modes.mu[:, None] * away, modes.mu
+    if (n_branches := tissue.mixture.n_branches) > 1:  # moments of a mode are the sums of those in its branches
+        odds = tissue.mixture.mode_odds
+        first, S = (each.reshape(n_branches, len(odds), -1).sum(axis=0) for each in (first, S))
+    means = (tables.first[level] @ first.ravel()).reshape(k, dim)
+    second_moments = tables.second[level] @ S.ravel() + tables.noise[level] @ odds
     a, b = _lower(dim)
     covs = np.empty((k, dim, dim))
     covs[:, a, b] = second_moments.reshape(k, len(a)) - means[:, a] * means[:, b]

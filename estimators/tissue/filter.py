@@ -11,6 +11,7 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
+from estimators.tissue.elbows import branch_at_elbows, find_elbows
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
@@ -44,7 +45,8 @@ class TissueFilter:
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
     points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a
-    loss, `forgotten` in a gap; open_loop, the covariance that the paper's method would have; marks_scale, factor on the
+    loss, `forgotten` in a gap, shapes that are `branched` into at a start where marks leave several, and `pruned` as
+    they decide; open_loop, the covariance that the paper's method would have; marks_scale, factor on the
     marks' variances; log_likelihood, of the marks of the last update, a rejected one as if at the gate; 0 of those of a
     start. A call of predict, update or fix that raises leaves all of it as it was.
     """
@@ -77,6 +79,7 @@ class TissueFilter:
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
         self._marked = tuple(marked)
+        self._elbows = find_elbows(network, marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
         self._modes = self.settings.modes
@@ -256,6 +259,9 @@ class TissueFilter:
             return self._estimate(self.time_s, len(accepted), found.nis)
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared)
         self.log_likelihood += self.mixture.log_likelihood
+        if gone := self.mixture.prune(self.settings.least_odds):
+            self.repairs["pruned"] += gone
+        branch_at_elbows(self.mixture, self.model.network, self._elbows, self.settings.gate)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)
         least = min(f.nis for f in self.mixture.filters)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 
 from dynamics import SAME_STEP
 from estimators.arrays import Floats
-from estimators.filters.mixture import InteractingMixture, Move
+from estimators.filters.mixture import InteractingMixture, Move, moment_matched
 from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.tissue.estimate import GaussianMixture
 from estimators.tissue.known_force import ForceHistory, KnownForce
@@ -25,12 +26,22 @@ def propagate_points(model: TissueModel, points: Floats, dt: float, modes: Seque
     return model.propagate_each(points, dt, modes)
 
 
+def in_branches(modes: Sequence[ForceMode], n_filters: int) -> Sequence[ForceMode]:
+    """The force of each of so many filters of a mixture: these modes, again for each of its branches."""
+    return modes if n_filters == len(modes) else _repeated(tuple(modes), n_filters // len(modes))
+
+
+@cache
+def _repeated(modes: tuple[ForceMode, ...], times: int) -> tuple[ForceMode, ...]:
+    return modes * times
+
+
 def mixture_of_modes(model: TissueModel, modes: Sequence[ForceMode], rates: Floats) -> InteractingMixture:
     """A filter for each of these modes, which turn into each other at these rates [1/s], at their long-run odds."""
     filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
     move = Move(
-        points=lambda points, dt: propagate_points(model, points, dt, modes),
-        columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, modes),
+        points=lambda points, dt: propagate_points(model, points, dt, in_branches(modes, len(points))),
+        columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, in_branches(modes, len(means))),
         turned=model.turned,
     )
     return InteractingMixture(filters, stationary(rates), rates, move)
@@ -48,7 +59,8 @@ def advance(
     """Move every mode ahead by dt [s], more than 0, mixed at least every mix_s [s], under a known force if given."""
     n = max(1, int(np.ceil(dt / mix_s * (1.0 - SAME_STEP))))
     step = dt / n / model.stepper.n_steps(dt / n)
-    for f, Q in zip(mixture.filters, model.noise_of_modes(step, modes), strict=True):
+    own = in_branches(modes, len(mixture.filters))
+    for f, Q in zip(mixture.filters, model.noise_of_modes(step, own), strict=True):
         f.Q = Q
     model.push = push
     try:
@@ -82,8 +94,8 @@ def target_by_modes(mixture: InteractingMixture, target: TargetMap, move: Callab
     parts = []
     with unchanged(mixture) as now:
         for k, (mean, cov) in enumerate(now.moments):
-            mixture.mu = np.eye(len(now.mu))[k]
             mixture.restart(mean, cov, now.columns[k])
+            mixture.mu = np.eye(len(mixture.mu))[k % len(mixture.mu)]
             move()
             modes, columns = mixture.beliefs(), target.linear(mixture.columns)
             covs = target.cov(modes.covs) + columns @ columns.swapaxes(1, 2)
@@ -111,11 +123,16 @@ def expected_place(mixture: InteractingMixture, place: slice, shared: Floats | N
 
     shared: what each column moves the mark there by, (dim, n_columns); None for the node itself. Not of the mixture: a
     poke that begins is improbable before it is seen, and a gate drawn by the mixture would reject the very marks that
-    show it.
+    show it. Of several branches, what is so expected in each is merged.
     """
-    filters = mixture.filters
-    poked = max(range(N_QUIET, len(filters)), key=lambda mode: float(np.trace(filters[mode].P[place, place])))
-    columns = mixture.columns[poked][place]
-    if shared is not None:
-        columns = columns + shared
-    return filters[poked].x[place].copy(), filters[poked].P[place, place] + columns @ columns.T
+    own = np.zeros((len(mixture.filters[0].x[place]), mixture.columns.shape[2])) if shared is None else shared
+    found = []
+    for branch in np.arange(len(mixture.filters)).reshape(mixture.n_branches, -1):
+        poked = max(branch[N_QUIET:], key=lambda mode: float(np.trace(mixture.filters[mode].P[place, place])))
+        columns = mixture.columns[poked][place] + own
+        f = mixture.filters[poked]
+        found.append((f.x[place].copy(), f.P[place, place] + columns @ columns.T))
+    if len(found) == 1:
+        return found[0]
+    means, covs = zip(*found, strict=True)
+    return moment_matched(mixture.branch_odds, np.array(means), np.array(covs))

@@ -83,9 +83,14 @@ class FilterSettings:
         rates[N_QUIET:, 1] = (1.0 - self.calm_share) / self.poked_s
         return rates - np.diag(rates.sum(axis=1))
 
+    @property
+    def least_odds(self) -> float:
+        """Odds below which a shape of the tissue is given up: the likelihood of a mark at the gate, by the most."""
+        return float(np.exp(-0.5 * self.gate))
+
     def poked_share(self, odds: Floats) -> float:
-        """Probability that somebody pokes, of the odds of the modes, (n_modes,)."""
-        return float(np.sum(odds[N_QUIET:]))
+        """Probability that somebody pokes, of the odds of the modes, (n_branches n_modes,)."""
+        return float(np.reshape(odds, (-1, N_QUIET + max(1, self.one_of)))[:, N_QUIET:].sum())
 
 
 def stationary(rates: Floats) -> Floats:

@@ -64,6 +64,8 @@ def mixture_state(mixture: InteractingMixture) -> MixtureState:
 
 def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
     """Set a mixture back to a state that it had."""
+    if len(state.moments) != len(mixture.filters):
+        mixture.set_branches(len(state.moments) * mixture.n_branches // len(mixture.filters))
     for f, (x, P) in zip(mixture.filters, state.moments, strict=True):
         f.x, f.P = x, P
     mixture.columns, mixture.mu, mixture.x, mixture.P = state.columns, state.mu, state.mean, state.cov

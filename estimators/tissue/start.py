@@ -10,6 +10,7 @@ from dynamics import (
     MassSpringNetwork,
     NetworkError,
     equilibrium_with_fixed,
+    mirrored_shapes,
     pack,
     reaches,
     rest_shape,
@@ -27,10 +28,19 @@ LONG_RUN = 50.0
 """Longest stays in a mode after which the odds are those of the long run: exp(-50) is rounding."""
 
 
+SAME = 1e-3
+"""Nodes that move by less than this share of the most are in the same place in two shapes."""
+
+
 def restart_from_shape(
     mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, shape: Floats
 ) -> None:
     """Set all modes to rest in a shape of all nodes [m], (n_nodes, dim), as uncertain as pokes for lost_s make it."""
+    mixture.restart(*_at_rest(model, settings, shape), model.resting_columns(shape))
+
+
+def _at_rest(model: TissueModel, settings: FilterSettings, shape: Floats) -> tuple[Floats, Floats]:
+    """Mean (dim_x,) and covariance (dim_x, dim_x) of a start at rest in this shape."""
     network = model.network
     mean = np.zeros(model.dim_x)
     mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
@@ -38,7 +48,7 @@ def restart_from_shape(
     cov = accumulated_noise(A, density, settings.lost_s)
     if settings.fix_bias is not None:
         cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
-    mixture.restart(mean, within_reach(cov, network), model.resting_columns(shape))
+    return mean, within_reach(cov, network)
 
 
 def forget(
@@ -79,17 +89,43 @@ def restart_from_marks(
     Where it has no such rest: at rest without them, then updated by them. Far from its rest shape a Kalman update would
     go along straight lines where the tissue turns. The shape in which it rests with the marked nodes fixed at z is a
     nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
-    of the marks, and so are its covariance (Joseph's form) and columns.
+    of the marks, and so are its covariance (Joseph's form) and columns. Where the marks leave several such shapes, an
+    elbow to the left or to the right, a branch follows each, at odds by its energy: exp(-E / E0), E0 that of the nodes
+    which differ at a velocity of impulse_m_s.
     inflation: factor on the covariance of the start
     """
-    network, rows = model.network, stacked.rows
+    network, places = model.network, {mark.node: mark.position for mark in marks}
     try:
-        shape = equilibrium_with_fixed(network, {mark.node: mark.position for mark in marks})
+        shape = equilibrium_with_fixed(network, places)
     except NetworkError:
         restart_from_shape(mixture, model, settings, rest_shape(network))
         mixture.update_linear(stacked.z, stacked.H(model.dim_x), stacked.R, stacked.shared)
         return
-    restart_from_shape(mixture, model, settings, shape)
+    likely = [(1.0, shape)]
+    for energy, other in mirrored_shapes(network, places, shape):
+        differ = np.abs(other - shape).max(axis=1) > SAME * float(np.abs(other - shape).max())
+        unseen = 0.5 * float(network.masses[differ & ~network.fixed].sum()) * settings.impulse_m_s**2
+        likely.append((float(np.exp(min(-energy / unseen, settings.gate))), other))
+    odds = np.array([each for each, _ in likely])
+    kept = odds >= settings.least_odds * odds.max()
+    beliefs = [
+        _held(model, settings, each, stacked=stacked, inflation=inflation)
+        for (_, each), one in zip(likely, kept, strict=True)
+        if one
+    ]
+    if len(beliefs) == 1:
+        mixture.restart(*beliefs[0])
+        return
+    mixture.branch(beliefs, odds[kept])
+    mixture.repairs["branched"] += len(beliefs) - 1
+
+
+def _held(
+    model: TissueModel, settings: FilterSettings, shape: Floats, *, stacked: StackedMarks, inflation: float
+) -> tuple[Floats, Floats, Floats]:
+    """Mean, covariance and columns of the tissue at rest in a shape in which marks hold it."""
+    network, rows = model.network, stacked.rows
+    mean, cov = _at_rest(model, settings, shape)
     K = stiffness_matrix(network, shape)
     others = [i for i in range(len(K)) if i not in set(rows)]
     G = np.zeros((model.dim_x, len(rows)))
@@ -97,11 +133,11 @@ def restart_from_marks(
     G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
     keep = np.eye(model.dim_x)
     keep[:, rows] -= G
-    P = within_reach(inflation * keep @ mixture.filters[0].P @ keep.T + G @ stacked.R @ G.T, network)
+    P = within_reach(inflation * keep @ cov @ keep.T + G @ stacked.R @ G.T, network)
     columns = model.resting_columns(shape, rows)
     if stacked.shared is not None:
         columns -= G @ stacked.shared
-    mixture.restart(mixture.x, 0.5 * (P + P.T), columns)
+    return mean, 0.5 * (P + P.T), columns
 
 
 def inflate(mixture: InteractingMixture, added_cov: Floats, stacked: StackedMarks) -> None:

@@ -90,7 +90,7 @@ def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
     cov = tissue.update([MarkMeasurement("end", end, (1e-3 * sd_mm) ** 2 * np.eye(2))]).cov
     assert cov is not None
     variances = np.linalg.eigvalsh(cov)
-    assert 0.0 < variances[0]
+    assert variances[0] > 0.0
     assert variances[1] <= 0.0917**2 / 2.0
 
 
@@ -122,7 +122,7 @@ def test_a_mark_far_off_at_the_start_moves_the_target_no_further(phantom, rest_s
 
 
 def test_a_linear_motion_about_no_rest_does_not_grow(two_links, phantom):
-    """Eigenvalues of the compressed links' motion: real parts of 0 at most, to rounding. About a rest it is as it is."""
+    """Eigenvalues of the compressed links' motion: real parts of 0 at most. About a rest it is as it is; rounding."""
     tissue = TissueFilter(two_links, "joint", ["end"])
     mode = FilterSettings().poked
     compressed = two_links.positions * [[1.0, 1.0], [1.0, 0.99], [1.0, 0.99]]

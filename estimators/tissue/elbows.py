@@ -1,0 +1,105 @@
+"""Parts of the tissue that marks leave on either side of the line between them: elbows to the left or to the right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork, all_positions, hidden_parts
+from estimators.arrays import Floats
+from estimators.filters.mixture import InteractingMixture
+
+BIMODAL = 4.0
+"""Squared distance between two equal normal distributions, by their variance, up to which their sum has one maximum."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Elbow:
+    """Free nodes without marks whose springs end at as many other nodes as the tissue has dimensions.
+
+    The mirror through these ends changes no length: only weight and motion tell the two sides apart.
+    part, ends: places among all nodes, (n_part,), (dim,); rows: of the part's positions in the state, (n_part, dim)
+    """
+
+    part: NDArray[np.intp]
+    ends: NDArray[np.intp]
+    rows: NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mirror:
+    """A belief with an elbow on the other side: mean (n,), covariance (n, n), columns (n, r).
+
+    squared_distance: between the two places of the node that goes furthest, by the variance of its way
+    """
+
+    mean: Floats
+    cov: Floats
+    columns: Floats
+    squared_distance: float
+
+
+def find_elbows(network: MassSpringNetwork, marked: Sequence[str]) -> tuple[Elbow, ...]:
+    """The elbows that the marks of these nodes leave."""
+    fixed = network.fixed.copy()
+    fixed[[network.index(node) for node in marked]] = True
+    dim = network.dim
+    found = []
+    for part, ends in hidden_parts(network, fixed):
+        if len(ends) == dim:
+            free = np.searchsorted(network.free, part)
+            found.append(Elbow(part, ends, free[:, None] * dim + np.arange(dim)))
+    return tuple(found)
+
+
+def mirrored(
+    network: MassSpringNetwork, elbow: Elbow, belief: tuple[Floats, Floats, Floats], considered: Floats
+) -> Mirror:
+    """A belief, mean (n,), cov (n, n) and columns (n, r), with the elbow on the other side.
+
+    considered: the covariance with what the columns add, by which distances count, (n, n)
+    Positions are mirrored at the line, in space at the plane, through the ends' means; velocities in its direction.
+    """
+    mean, cov, columns = belief
+    half, dim = network.n_state // 2, network.dim
+    positions = all_positions(network, mean[:half].reshape(-1, dim))
+    middle = positions[elbow.ends].mean(axis=0)
+    normal = np.linalg.svd(positions[elbow.ends] - middle)[2][-1]
+    offsets = (positions[elbow.part] - middle) @ normal
+    furthest = int(np.abs(offsets).argmax())
+    own = elbow.rows[furthest]
+    variance = float(normal @ considered[np.ix_(own, own)] @ normal)
+    turn, shift = np.eye(len(mean)), np.zeros(len(mean))
+    for rows in elbow.rows:
+        for place in (rows, half + rows):
+            turn[np.ix_(place, place)] -= 2.0 * np.outer(normal, normal)
+        shift[rows] = 2.0 * (middle @ normal) * normal
+    return Mirror(
+        turn @ mean + shift, turn @ cov @ turn.T, turn @ columns, 4.0 * float(offsets[furthest]) ** 2 / variance
+    )
+
+
+def branch_at_elbows(
+    mixture: InteractingMixture, network: MassSpringNetwork, elbows: Sequence[Elbow], gate: float
+) -> bool:
+    """Follow an elbow on both sides from now on, where the other side is possible too; whether there is one.
+
+    As where links pass each other stretched: there one belief covers both sides, beyond it would have to choose. The
+    odds of the other side are its density by that belief; it is possible up to this squared distance. Two sides are
+    followed at most.
+    """
+    if mixture.n_branches > 1:
+        return False
+    for elbow in elbows:
+        columns = mixture.mean_columns
+        own = (mixture.x, mixture.P - columns @ columns.T, columns)
+        other = mirrored(network, elbow, own, mixture.P)
+        if BIMODAL < other.squared_distance < gate:
+            odds = np.array([1.0, np.exp(-0.5 * other.squared_distance)])
+            mixture.branch([own, (other.mean, other.cov, other.columns)], odds)
+            mixture.repairs["branched"] += 1
+            return True
+    return False
