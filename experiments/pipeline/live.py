@@ -25,7 +25,7 @@ from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.outputs import output_folder
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_source_events, report_swap
+from experiments.pipeline.events import report_rest, report_source_events, report_swap
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.live_advice import LiveAdvice, words
@@ -222,6 +222,7 @@ def live(
     with frames:
         if scene is None:
             raise InputError.at(name, "--scene scene.toml beside it", "none")
+        report_rest(scene)
         plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
         with output_folder(folder_path, force=force) as folder, status_line() as show:
             session = Session(scene, folder / "estimates.csv", show, needle=plan)

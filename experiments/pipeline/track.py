@@ -15,6 +15,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.recording import MarkRow, Recording
+from experiments.pipeline.events import rest_offsets
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step
 
 Advance = Callable[[float], None]
@@ -64,6 +65,7 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
         "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != "fix"),
         "repairs": sum(line.filter.repairs.values()),
         "swaps_undone": len(line.identity.swaps),
+        "rest_offset_mm": 1e3 * float(rest_offsets(recording.scene).max()),
     }
     if line.checks is not None:
         counts["check_nees"] = float(np.mean(checked)) if checked else None

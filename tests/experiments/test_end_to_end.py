@@ -70,7 +70,7 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path, monkeypatch):
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert set(summary) == {OPEN_LOOP, FILTER}
     assert set(summary["open-loop"]) == KEYS
-    assert set(summary["filter"]) == KEYS | {"marks_refused", "repairs", "swaps_undone"}
+    assert set(summary["filter"]) == KEYS | {"marks_refused", "repairs", "swaps_undone", "rest_offset_mm"}
     truth = pd.read_csv(recording / "truth.csv").query("node == 'M2'")
     off = rows[["x_mm", "y_mm"]].to_numpy() - truth[["x_mm", "y_mm"]].to_numpy()
     covs = rows[["xx", "xy", "xy", "yy"]].to_numpy().reshape(-1, 2, 2)

@@ -24,9 +24,11 @@ def compare(
     from experiments.formats.recording import open_recording
     from experiments.pipeline.compare import chosen, summary, write_comparison
     from experiments.pipeline.compare import compare as run
+    from experiments.pipeline.events import report_rest
 
     named = chosen(methods)
     opened = open_recording(recording, scene)
+    report_rest(opened.scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, named, stage)
         write_comparison(done, folder)

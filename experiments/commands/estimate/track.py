@@ -21,17 +21,18 @@ def track(
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
     from experiments.formats.outputs import output_folder
     from experiments.formats.recording import open_recording
+    from experiments.pipeline.events import report_rest, report_swap
     from experiments.pipeline.track import summary, write_tables
     from experiments.pipeline.track import track as run
     from experiments.plots.track import write_track_plots
 
     opened = open_recording(recording, scene)
+    report_rest(opened.scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, stage("track"), check=check)
         write_tables(done, folder)
         write_track_plots(done, folder)
     from experiments.commands.console import track_table
-    from experiments.pipeline.events import report_swap
 
     for step in done.steps:
         if step.swap is not None:

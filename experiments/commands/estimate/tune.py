@@ -22,9 +22,11 @@ def tune(
     from experiments.commands.console import levels_table
     from experiments.formats.recording import open_recording
     from experiments.formats.scene.scene import write_scene
+    from experiments.pipeline.events import report_rest
     from experiments.pipeline.identify import marks_in, tuned_scene, tuning_report
 
     opened = open_recording(recording, scene)
+    report_rest(opened.scene)
     with progress() as stage:
         frames = marks_in(opened, stage("marks"))
         found_scene, found = tuned_scene(opened, frames, stage("tune"))

@@ -25,8 +25,10 @@ def advise(
     from experiments.formats.recording import open_recording
     from experiments.pipeline.advise import advise as run
     from experiments.pipeline.advise import write_advice
+    from experiments.pipeline.events import report_rest
 
     opened = open_recording(recording, scene)
+    report_rest(opened.scene)
     plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, plan, stage("advise"))
