@@ -25,14 +25,17 @@ def mirrored_shapes(
     """Other equilibria with these nodes fixed: energy beyond that of `shape` [J] and positions [m], (n_nodes, dim).
 
     shape: an equilibrium with these nodes fixed, (n_nodes, dim) [m]
-    Each part of the network between fixed nodes and anchors, in turn, is mirrored at the line, in space at the plane,
-    that fits these best, and comes to rest from there. Parts that braces keep in shape come to rest where they were.
+    Each part whose springs end at as many fixed nodes and anchors as there are dimensions is mirrored, in turn, at the
+    line, in space at the plane, through these: that changes no length, and the part comes to rest close by. Parts with
+    more ends have braces that tell the sides apart.
     """
     fixed = network.fixed.copy()
     fixed[[network.index(node) for node in places]] = True
     energy, size = potential_energy(network, shape), float(np.ptp(shape, axis=0).max())
     found: list[tuple[float, Floats]] = []
     for part, ends in hidden_parts(network, fixed):
+        if len(ends) != network.dim:
+            continue
         middle = shape[ends].mean(axis=0)
         normal = np.linalg.svd(shape[ends] - middle)[2][-1]
         mirrored = shape.copy()

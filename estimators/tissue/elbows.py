@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, all_positions, hidden_parts
+from dynamics import MassSpringNetwork, all_positions, hidden_parts, potential_energy
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture
 
@@ -88,8 +88,8 @@ def branch_at_elbows(
     """Follow an elbow on both sides from now on, where the other side is possible too; whether there is one.
 
     As where links pass each other stretched: there one belief covers both sides, beyond it would have to choose. The
-    odds of the other side are its density by that belief; it is possible up to this squared distance. Two sides are
-    followed at most.
+    odds of the other side are its density by that belief; it is possible up to this squared distance. Where the way
+    there costs no energy, as between nodes that pull, the belief covers it already. Two sides are followed at most.
     """
     if mixture.n_branches > 1:
         return False
@@ -97,9 +97,19 @@ def branch_at_elbows(
         columns = mixture.mean_columns
         own = (mixture.x, mixture.P - columns @ columns.T, columns)
         other = mirrored(network, elbow, own, mixture.P)
-        if BIMODAL < other.squared_distance < gate:
+        if BIMODAL < other.squared_distance < gate and _is_barred(network, mixture.x, other.mean):
             odds = np.array([1.0, np.exp(-0.5 * other.squared_distance)])
             mixture.branch([own, (other.mean, other.cov, other.columns)], odds)
             mixture.repairs["branched"] += 1
             return True
     return False
+
+
+def _is_barred(network: MassSpringNetwork, mean: Floats, other: Floats) -> bool:
+    """Whether the middle between two states has more potential energy than either."""
+    half = network.n_state // 2
+    here, between, there = (
+        potential_energy(network, all_positions(network, x[:half].reshape(-1, network.dim)))
+        for x in (mean, 0.5 * (mean + other), other)
+    )
+    return bool(between > max(here, there))
