@@ -7,7 +7,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # A worker for each core; on a busy machine: make test WORKERS=1
 WORKERS ?= auto
 
-.PHONY: demo test quick lint types contract architecture mutants check clean
+.PHONY: demo test quick lint types contract architecture architecture-page mutants check clean
 
 demo: $(READY)  ## simulate, film and track the paper's two scenarios
 	$(BIN)/softaim demo --out demo --force
@@ -32,6 +32,9 @@ contract: $(READY)
 
 architecture: $(READY)  ## is docs/architecture.md what the code is
 	$(BIN)/python -m experiments.studies.architecture --check
+
+architecture-page: $(READY)  ## rewrite docs/architecture.md and its drawing from the code
+	$(BIN)/python -m experiments.studies.architecture
 
 mutants: $(READY)  ## which changes of the modules that safety rests on no test notices; about an hour
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,mutants]'

@@ -178,7 +178,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("--check", action="store_true")
     if parser.parse_args().check:
-        sys.exit(0 if page() == PAGE.read_text(encoding="utf-8") else 1)
+        if page() != PAGE.read_text(encoding="utf-8"):
+            sys.exit(f"{PAGE.name}: expected the rooms and imports of the code; rewrite it: make architecture-page")
+        return
     write_whole(PAGE, page())
     draw(DRAWING)
 
