@@ -107,29 +107,31 @@ from estimators.identification import (
     principal_uncertainty,
     tune_noise,
 )
+from estimators.process import (
+    FixBias,
+    ForceHistory,
+    ForceMode,
+    KnownForce,
+    OpenLoopCovariance,
+    TargetMap,
+    TargetPoint,
+    TissueModel,
+    accumulated_noise,
+    target_map,
+)
 from estimators.smoothing import FixedLag, Replay, fixed_interval
 from estimators.tissue import (
     FastPredictionTables,
     FilterSettings,
-    FixBias,
-    ForceHistory,
-    ForceMode,
     GaussianMixture,
     Health,
-    KnownForce,
     MarkMeasurement,
-    OpenLoopCovariance,
     Status,
     TargetEstimate,
-    TargetMap,
-    TargetPoint,
     TissueFilter,
-    TissueModel,
-    accumulated_noise,
     after_frame,
     fast_prediction_tables,
     predict_fast,
-    target_map,
 )
 
 __all__ = [

@@ -12,11 +12,11 @@ from scipy.linalg import block_diag
 
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
+from estimators.process.process_model import TissueModel
+from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target import TargetPoint, target_map
 
 
 class Baseline(ABC):

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline, sub_steps
+from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target import TargetPoint
 
 N_MEMBERS = 200
 """Size of the ensemble: sample deviations err by 1 / sqrt(2 n) = 5 %; nine times the states, no localisation needed."""

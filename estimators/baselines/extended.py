@@ -9,7 +9,7 @@ from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline, sub_steps
 from estimators.filters.kernels import joseph_update
 from estimators.filters.unscented import CovarianceError
-from estimators.tissue.process_model import ForceMode, TissueModel
+from estimators.process.process_model import ForceMode, TissueModel
 
 DIFFERENCE = 1e-6
 """Half the width of a central difference [m, m/s, N]: friction bends over 5e-3 m/s, rounding is 1e-10 of a slope."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
 from estimators.arrays import Floats
+from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.target import TargetPoint, target_map
 
 
 class OpenLoop:

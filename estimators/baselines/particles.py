@@ -13,8 +13,8 @@ from estimators.baselines.baseline import Baseline, sub_steps
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
+from estimators.process.target import TargetPoint
 from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
-from estimators.tissue.target import TargetPoint
 
 N_PARTICLES = 100
 """Size of the sample: with 100 histories kept three modes are resolved over four mixing intervals (3^4 = 81)."""

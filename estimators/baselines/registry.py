@@ -17,9 +17,9 @@ from estimators.baselines.extended import ExtendedKalmanFilter
 from estimators.baselines.particles import ParticleFilter
 from estimators.baselines.smoother import FixedIntervalSmoother
 from estimators.baselines.stock import StockUnscented
+from estimators.process.target import TargetPoint
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target import TargetPoint
 
 
 class UnknownMethodError(LookupError):

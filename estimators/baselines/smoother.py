@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.process.target import TargetPoint
 from estimators.smoothing.smoother import fixed_interval
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target import TargetPoint
 
 
 class FixedIntervalSmoother:

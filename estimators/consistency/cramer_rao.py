@@ -11,7 +11,7 @@ from dynamics import MassSpringNetwork, all_positions, motion, unpack
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update
-from estimators.tissue.process_model import ForceMode, TissueModel
+from estimators.process.process_model import ForceMode, TissueModel
 
 SHIFT = 1e-6
 """Half-width of central differences [m, m/s]: their error is of second order, rounding 1e-10 of a slope."""

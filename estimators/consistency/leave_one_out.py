@@ -10,10 +10,10 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
+from estimators.process.target import TargetPoint
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target import TargetPoint
 
 
 @dataclass(frozen=True, slots=True, eq=False)

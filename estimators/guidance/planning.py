@@ -18,7 +18,7 @@ from dynamics import GAUGES_MM, SHAFT, MassSpringNetwork, node_weights, rest_sha
 from estimators.arrays import Floats
 from estimators.guidance.kernels import ball_hits
 from estimators.guidance.obstacles import Obstacle, clearances
-from estimators.tissue.target import TargetPoint, target_map
+from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
 """Fixed-point iterations of the aim under the path's own push, numerics: on the phantom 0.3 µm is left, and half or

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from dynamics import SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
+from estimators.process.target import TargetMap
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.target import TargetMap
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made, each twice the last; choice, its cost in docs/settings.md."""

@@ -11,13 +11,15 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
+from estimators.process.known_force import ForceHistory
+from estimators.process.open_loop_cov import OpenLoopCovariance
+from estimators.process.process_model import TissueModel
+from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.elbows import branch_at_elbows, find_elbows
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
 from estimators.tissue.health import Health, after_frame
-from estimators.tissue.known_force import ForceHistory
-from estimators.tissue.open_loop_cov import OpenLoopCovariance
 from estimators.tissue.prediction import (
     advance,
     expected_place,
@@ -27,11 +29,9 @@ from estimators.tissue.prediction import (
     target_by_modes,
     target_path,
 )
-from estimators.tissue.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
 from estimators.tissue.start import forget, inflate, restart_from_marks, restart_from_shape
-from estimators.tissue.target import TargetPoint, target_map
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
 
 

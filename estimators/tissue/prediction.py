@@ -11,12 +11,12 @@ from dynamics import SAME_STEP
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture, Move, moment_matched
 from estimators.filters.unscented import UnscentedKalmanFilter
+from estimators.process.known_force import ForceHistory, KnownForce
+from estimators.process.process_model import ForceMode, TissueModel
+from estimators.process.target import TargetMap
 from estimators.tissue.estimate import GaussianMixture
-from estimators.tissue.known_force import ForceHistory, KnownForce
-from estimators.tissue.process_model import ForceMode, TissueModel
 from estimators.tissue.settings import N_QUIET, stationary
 from estimators.tissue.snapshot import unchanged
-from estimators.tissue.target import TargetMap
 
 
 def propagate_points(model: TissueModel, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:

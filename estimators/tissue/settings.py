@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.tissue.process_model import FixBias, ForceMode
+from estimators.process.process_model import FixBias, ForceMode
 
 N_QUIET = 2
 """Modes in which nobody pokes: calm, and between; they come first."""

@@ -19,8 +19,8 @@ from dynamics import (
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture
+from estimators.process.process_model import TissueModel, accumulated_noise
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.process_model import TissueModel, accumulated_noise
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.update import StackedMarks
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture
+from estimators.process.process_model import TissueModel
+from estimators.process.target import TargetMap
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.process_model import TissueModel
-from estimators.tissue.target import TargetMap
 
 
 @dataclass(frozen=True, slots=True, eq=False)

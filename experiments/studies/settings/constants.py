@@ -12,7 +12,7 @@ from estimators import FilterSettings
 from experiments.studies.estimation.figures import estimation_figures
 
 PLACES = {
-    "longest_step_s": "estimators.tissue.process_model.LONGEST_STEP",
+    "longest_step_s": "estimators.process.process_model.LONGEST_STEP",
     "narrow": "estimators.filters.mixture.NARROW",
     "least_frames": "estimators.tissue.health.LEAST_FRAMES",
 }

@@ -48,7 +48,7 @@ def test_outliers_are_as_many_and_as_far_as_stated(tmp_path) -> None:
 
 def test_constants_are_varied_and_put_back() -> None:
     """The module has another step while the figures are computed, and its own again after."""
-    from estimators.tissue import process_model
+    from estimators.process import process_model
 
     before = process_model.LONGEST_STEP
     assert Constants().longest_step_s == before

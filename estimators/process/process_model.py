@@ -23,8 +23,8 @@ from dynamics import (
 )
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
-from estimators.tissue.kernels import network_states, with_faded_pokes
-from estimators.tissue.known_force import KnownForce
+from estimators.process.kernels import network_states, with_faded_pokes
+from estimators.process.known_force import KnownForce
 
 LONGEST_STEP = 1.0 / 120.0
 """Between two additions of noise [s]; chosen: `docs/decisions.md` has the error that it makes."""

@@ -9,7 +9,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
 from estimators import ForceMode, TissueModel, accumulated_noise
-from estimators.tissue.known_force import KnownForce
+from estimators.process.known_force import KnownForce
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
 

@@ -9,8 +9,8 @@ import numpy as np
 from dynamics import MassSpringNetwork, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
-from estimators.tissue.process_model import accumulated_noise
-from estimators.tissue.target import TargetPoint, target_map
+from estimators.process.process_model import accumulated_noise
+from estimators.process.target import TargetPoint, target_map
 
 
 class OpenLoopCovariance:

@@ -1,0 +1,22 @@
+"""The tissue as a process model: its motion under unknown and known forces, the target as a map of its state.
+
+What may enter: how the state moves and what noise that adds, without any mark.
+"""
+
+from estimators.process.known_force import ForceHistory, KnownForce
+from estimators.process.open_loop_cov import OpenLoopCovariance
+from estimators.process.process_model import FixBias, ForceMode, TissueModel, accumulated_noise
+from estimators.process.target import TargetMap, TargetPoint, target_map
+
+__all__ = [
+    "FixBias",
+    "ForceHistory",
+    "ForceMode",
+    "KnownForce",
+    "OpenLoopCovariance",
+    "TargetMap",
+    "TargetPoint",
+    "TissueModel",
+    "accumulated_noise",
+    "target_map",
+]
