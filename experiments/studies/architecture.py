@@ -104,27 +104,29 @@ def page() -> str:
     return f"{before}{MARKS[0]}\n\n{tables()}\n{MARKS[1]}{after}"
 
 
-FRAMES = {
-    "experiments": (0.0, 9.6, 16.6, "#eee3f3"),
-    "estimators": (0.0, 5.0, 8.0, "#fbe9d0"),
-    "vision": (8.6, 5.0, 8.0, "#e5f2dd"),
-    "dynamics": (0.0, 0.2, 8.0, "#dbe9f6"),
+FRAMES: dict[str, tuple[float, tuple[str, ...], float, str]] = {
+    "dynamics": (0.0, (), 8.0, "#dbe9f6"),
+    "estimators": (0.0, ("dynamics",), 8.0, "#fbe9d0"),
+    "vision": (8.6, ("dynamics",), 8.0, "#e5f2dd"),
+    "experiments": (0.0, ("estimators", "vision"), 16.6, "#eee3f3"),
 }
-"""Left, bottom and width of each package in the drawing, and its colour."""
-HEIGHT, GAP = 0.5, 0.36
+"""Of each package in the drawing: left, the packages that it stands above, width, colour. The lower ones come first."""
+HEIGHT, GAP, BETWEEN = 0.5, 0.36, 0.85
 
 
 def draw(path: Path) -> None:
     """Draw the packages as frames, their rooms in layers, an arrow for each import between rooms of a package."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13, 9.5), layout="constrained")
+    figure = Figure(figsize=(13, 10), layout="constrained")
     axes = figure.subplots()
     axes.axis("off")
     places: dict[str, tuple[float, float]] = {}
     tops: dict[str, float] = {}
-    for package, (left, low, broad, colour) in FRAMES.items():
+    lows: dict[str, float] = {}
+    for package, (left, below, broad, colour) in FRAMES.items():
         layers = layers_of(package)
+        low = lows[package] = max((tops[other] + BETWEEN for other in below), default=0.2)
         tops[package] = low + len(layers) * (HEIGHT + GAP) + 0.15
         _box(axes, (left, low - 0.25), (broad, tops[package] - low + 0.35), colour)
         axes.text(left + 0.1, tops[package] + 0.06, package, fontsize=13, weight="bold", va="top")
@@ -149,7 +151,7 @@ def draw(path: Path) -> None:
                     _arrow(axes, places[room.name], places[other], color="0.4", linewidth=1.0, **ends)
     for over, under in (("experiments", "estimators"), ("experiments", "vision"), ("estimators", "dynamics")):
         x = FRAMES[under][0] + FRAMES[under][2] / 2
-        _arrow(axes, (x, FRAMES[over][1] - 0.2), (x, tops[under] + 0.1), color="#b04a3a", linewidth=3.0)
+        _arrow(axes, (x, lows[over] - 0.2), (x, tops[under] + 0.1), color="#b04a3a", linewidth=3.0)
     axes.set_xlim(-0.3, 16.9)
     axes.set_ylim(-0.3, tops["experiments"] + 0.4)
     figure.savefig(path, dpi=110)
