@@ -35,8 +35,8 @@ def report_rest(scene: Scene) -> None:
         return
     node, target = network.names[int(offsets.argmax())], network.index(scene.target.node)
     print(
-        f"softaim: scene: the network rests up to {1e3 * offsets.max():.2g} mm from where it is drawn (node {node}; "
-        f"the target's {1e3 * offsets[target]:.2g} mm). If it was drawn at rest: softaim identify RECORDING --at-rest",
+        f"softaim: scene: the network rests up to {1e3 * offsets.max():.1f} mm from where it is drawn (node {node}; "
+        f"the target's {1e3 * offsets[target]:.1f} mm). If it was drawn at rest: softaim identify RECORDING --at-rest",
         file=sys.stderr,
         flush=True,
     )

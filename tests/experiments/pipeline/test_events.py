@@ -38,6 +38,6 @@ def test_one_that_does_not_is_said_by_how_much(scene, capsys):
     assert np.delete(offsets, scene.network.index("M1")).max() < 1e-9
     report_rest(off)
     said = capsys.readouterr().err
-    assert "up to 5 mm from where it is drawn (node M1; the target's " in said
+    assert "up to 5.0 mm from where it is drawn (node M1; the target's 0.0 mm)" in said
     assert "softaim identify RECORDING --at-rest" in said
     assert said.count("\n") == 1
