@@ -33,11 +33,8 @@ def mirrored_shapes(
     fixed[[network.index(node) for node in places]] = True
     energy, size = potential_energy(network, shape), float(np.ptp(shape, axis=0).max())
     found: list[tuple[float, Floats]] = []
-    for part, ends in hidden_parts(network, fixed):
-        if len(ends) != network.dim:
-            continue
-        middle = shape[ends].mean(axis=0)
-        normal = np.linalg.svd(shape[ends] - middle)[2][-1]
+    for part, ends in elbow_parts(network, fixed):
+        middle, normal = mirror_through(shape[ends])
         mirrored = shape.copy()
         mirrored[part] -= 2.0 * np.outer((shape[part] - middle) @ normal, normal)
         try:
@@ -49,10 +46,16 @@ def mirrored_shapes(
     return found
 
 
-def hidden_parts(
+def mirror_through(ends: Floats) -> tuple[Floats, Floats]:
+    """A point on the mirror through these places [m], (dim, dim), and its unit normal (dim,)."""
+    middle = ends.mean(axis=0)
+    return middle, np.linalg.svd(ends - middle)[2][-1]
+
+
+def elbow_parts(
     network: MassSpringNetwork, fixed: NDArray[np.bool_]
 ) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Nodes of each part between fixed nodes, and the fixed nodes that its springs end at; parts without are left out.
+    """Nodes of each part whose springs end at as many fixed nodes as there are dimensions, and these ends, (dim,).
 
     fixed: (n_nodes,)
     """
@@ -65,6 +68,6 @@ def hidden_parts(
     for label in np.unique(labels[~fixed]):
         own = ~fixed & (labels == label)
         ends = np.union1d(a[fixed[a] & own[b]], b[fixed[b] & own[a]])
-        if len(ends):
+        if len(ends) == network.dim:
             parts.append((np.flatnonzero(own), ends))
     return parts

@@ -98,7 +98,8 @@ class InteractingMixture(filterpy.IMMEstimator):
     innovation_columns: (n_modes, m, r): what the directions made of the last innovations
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
-    repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`
+    repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`;
+        and how many branches were `branched` off and `pruned`
     n_branches: beliefs that are followed side by side, each by all modes; those of a branch stay in it, so that its
         odds are those of its measurements alone. Filters, mu and columns have one branch after the other.
 
@@ -161,6 +162,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         """
         k = len(self._mode_rates)
         modes = self.mode_odds
+        self.repairs["branched"] += len(beliefs) - 1
         self.set_branches(len(beliefs))
         for i, f in enumerate(self.filters):
             f.x, f.P = beliefs[i // k][0].copy(), beliefs[i // k][1].copy()
@@ -168,20 +170,20 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.mu = np.asarray(np.kron(odds / np.sum(odds), modes), dtype=np.float64)
         self._compute_state_estimate()
 
-    def prune(self, least: float) -> int:
-        """Give up branches that are less probable than this; how many went."""
+    def prune(self, least: float) -> None:
+        """Give up branches that are less probable than this."""
         if self.n_branches == 1:
-            return 0
+            return
         kept = self.branch_odds >= min(least, float(self.branch_odds.max()))
         gone = int((~kept).sum())
         if gone:
+            self.repairs["pruned"] += gone
             own = np.repeat(kept, len(self._mode_rates))
             self.filters = [f for f, one in zip(self.filters, own, strict=True) if one]
             self.columns, self.mu = self.columns[own], np.asarray(self.mu)[own]
             self.set_branches(self.n_branches)
             self.mu /= self.mu.sum()
             self._compute_state_estimate()
-        return gone
 
     def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
         """Give every mode the same belief, in one branch: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).

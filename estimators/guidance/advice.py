@@ -279,7 +279,17 @@ def advise(
     cosine, sine = float(turned_axis @ insertion.axis), turned_axis - (turned_axis @ insertion.axis) * insertion.axis
     turn = float(np.arctan2(np.linalg.norm(sine), cosine))
     deeper = float(depths[0] - insertion.depth_m)
-    prospect = Prospect(float(p[0]), True, reach_s, later, p_best, turn, float(turned_p[0]), deeper)
+    turned_probability = float(turned_p[0])
+    prospect = Prospect(
+        float(p[0]),
+        True,
+        reach_s,
+        later,
+        p_best,
+        turn_rad=turn,
+        turned_probability=turned_probability,
+        depth_m=deeper,
+    )
     what, reason = decide(prospect, settings)
     return Guidance(
         what,
@@ -292,7 +302,7 @@ def advise(
         depth_m=deeper,
         turn_rad=turn,
         turned_axis=turned_axis,
-        turned_probability=float(turned_p[0]),
+        turned_probability=turned_probability,
         best_in_s=later,
         best_probability=p_best,
         outlook=outlook,

@@ -243,7 +243,8 @@ class TissueModel:
 def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
     """-K / mass, (n, n), without the motions of negative stiffness; itself where there are none."""
     root = np.sqrt(mass)
-    values, vectors = np.linalg.eigh(0.5 * (both := root[:, None] * by_mass / root) + 0.5 * both.T)
+    scaled = root[:, None] * by_mass / root
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     if values[-1] <= 0.0:
         return by_mass
     return np.asarray((vectors * np.minimum(values, 0.0)) @ vectors.T * root / root[:, None])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, all_positions, hidden_parts, potential_energy
+from dynamics import MassSpringNetwork, all_positions, elbow_parts, mirror_through, potential_energy
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture
 
@@ -46,12 +46,10 @@ def find_elbows(network: MassSpringNetwork, marked: Sequence[str]) -> tuple[Elbo
     """The elbows that the marks of these nodes leave."""
     fixed = network.fixed.copy()
     fixed[[network.index(node) for node in marked]] = True
-    dim = network.dim
     found = []
-    for part, ends in hidden_parts(network, fixed):
-        if len(ends) == dim:
-            free = np.searchsorted(network.free, part)
-            found.append(Elbow(part, ends, free[:, None] * dim + np.arange(dim)))
+    for part, ends in elbow_parts(network, fixed):
+        free = np.searchsorted(network.free, part)
+        found.append(Elbow(part, ends, free[:, None] * network.dim + np.arange(network.dim)))
     return tuple(found)
 
 
@@ -66,8 +64,7 @@ def mirrored(
     mean, cov, columns = belief
     half, dim = network.n_state // 2, network.dim
     positions = all_positions(network, mean[:half].reshape(-1, dim))
-    middle = positions[elbow.ends].mean(axis=0)
-    normal = np.linalg.svd(positions[elbow.ends] - middle)[2][-1]
+    middle, normal = mirror_through(positions[elbow.ends])
     offsets = (positions[elbow.part] - middle) @ normal
     furthest = int(np.abs(offsets).argmax())
     own = elbow.rows[furthest]
@@ -100,7 +97,6 @@ def branch_at_elbows(
         if BIMODAL < other.squared_distance < gate and _is_barred(network, mixture.x, other.mean):
             odds = np.array([1.0, np.exp(-0.5 * other.squared_distance)])
             mixture.branch([own, (other.mean, other.cov, other.columns)], odds)
-            mixture.repairs["branched"] += 1
             return True
     return False
 

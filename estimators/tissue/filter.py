@@ -259,8 +259,7 @@ class TissueFilter:
             return self._estimate(self.time_s, len(accepted), found.nis)
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared)
         self.log_likelihood += self.mixture.log_likelihood
-        if gone := self.mixture.prune(self.settings.least_odds):
-            self.repairs["pruned"] += gone
+        self.mixture.prune(self.settings.least_odds)
         branch_at_elbows(self.mixture, self.model.network, self._elbows, self.settings.gate)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)

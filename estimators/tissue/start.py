@@ -117,7 +117,6 @@ def restart_from_marks(
         mixture.restart(*beliefs[0])
         return
     mixture.branch(beliefs, odds[kept])
-    mixture.repairs["branched"] += len(beliefs) - 1
 
 
 def _held(
