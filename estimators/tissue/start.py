@@ -27,7 +27,6 @@ from estimators.tissue.update import StackedMarks
 LONG_RUN = 50.0
 """Longest stays in a mode after which the odds are those of the long run: exp(-50) is rounding."""
 
-
 SAME = 1e-3
 """Nodes that move by less than this share of the most are in the same place in two shapes."""
 
@@ -60,7 +59,7 @@ def forget(
     their first-order process in closed form, however long the gap.
     """
     slowest_s = 1.0 / np.abs(np.diag(settings.rates)).min()
-    odds = mixture.mu @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
+    odds = mixture.mode_odds @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
     own = model.bias_rows
     mean, cov = mixture.x[own], mixture.P[own, own]
     restart_from_shape(mixture, model, settings, rest)

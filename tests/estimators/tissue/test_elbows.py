@@ -119,6 +119,26 @@ def test_two_sides_are_of_one_mixture_in_every_output():
     np.testing.assert_allclose(covs[0], estimate.cov, rtol=1e-9, atol=1e-14)
 
 
+def test_a_gap_forgets_both_sides():
+    """While both are followed, ten seconds ahead: looked at, the state stays; gone to, one side is left, at rest."""
+    truth, tissue = swing(*SWINGS["elbow above its rest"], 2.0), TissueFilter(links(), "joint", ["end"])
+    for time_s, marks in frames_of(truth, 1):
+        tissue.predict(time_s)
+        tissue.update(marks)
+        if tissue.mixture.n_branches == 2:
+            break
+    x = tissue.mixture.x.copy()
+    there = tissue.predict_at(tissue.time_s + 10.0)
+    assert tissue.mixture.n_branches == 2
+    np.testing.assert_array_equal(tissue.mixture.x, x)
+    tissue.predict(tissue.time_s + 10.0)
+    assert tissue.mixture.n_branches == 1
+    assert tissue.health.status is Status.LOST
+    assert len(tissue.mixture.mu) == 3
+    np.testing.assert_allclose(tissue.mixture.mu.sum(), 1.0, rtol=1e-12)
+    np.testing.assert_array_equal(tissue.update([]).mean, there.mean)
+
+
 def test_a_snapshot_keeps_both_sides():
     """Set back from one side to two, and from two to one, the filter goes on to the same numbers, to the last bit."""
     truth, tissue = swing(*SWINGS["elbow above its rest"], 1.0), TissueFilter(links(), "joint", ["end"])
