@@ -58,14 +58,8 @@ def centers_of(
 
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
-    center = _agreed(
-        seen, fit_outline(seen.alpha, seen.center_px, outline, settings.outline), outline, settings.centers
-    )
-    if center is None:
-        return None
-    return Center(
-        center.center_px, _trust(seen, outline, settings.centers) * center.cov_px2, center.occluded, center.size
-    )
+    fitted = fit_outline(seen.alpha, seen.center_px, outline, settings.outline)
+    return _agreed(seen, fitted, outline, settings.centers, _trust(seen, outline, settings.centers))
 
 
 def _trust(seen: Coverage, outline: Outline, settings: CenterSettings) -> float:
@@ -74,14 +68,15 @@ def _trust(seen: Coverage, outline: Outline, settings: CenterSettings) -> float:
     return 1.0 + outline.even * settings.grain_gain * grain / (1.0 + grain)
 
 
-def _agreed(seen: Coverage, fitted: Fitted | None, outline: Outline, settings: CenterSettings) -> Center | None:
+def _agreed(
+    seen: Coverage, fitted: Fitted | None, outline: Outline, settings: CenterSettings, factor: float = 1.0
+) -> Center | None:
     if fitted is None or not settings.min_area <= seen.area_px / outline.area_px <= settings.max_area:
         return None
-    apart = fitted.center_px - seen.center_px
-    squared = _squared(apart, seen.cov_px2 + fitted.cov_px2 + settings.agree_sd_px**2 * np.eye(2))
+    squared = _squared_apart(seen, fitted, settings.agree_sd_px**2)
     if squared > settings.gate:
         return None
-    return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size)
+    return Center(fitted.center_px, max(1.0, squared / 2.0) * factor * fitted.cov_px2, False, fitted.size)
 
 
 def _by_outline(
@@ -156,7 +151,9 @@ def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Fl
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 
-def _squared(error: Floats, cov: Floats) -> float:
-    """Mahalanobis distance of an error, (2,), squared, by cov, (2, 2), written out."""
-    (u, v), ((uu, uv), (_, vv)) = error.tolist(), cov.tolist()
-    return (vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv)
+def _squared_apart(seen: Coverage, fitted: Fitted, variance: float) -> float:
+    """Mahalanobis distance of two centres, squared, where each axis has this variance [px²] besides; written out."""
+    (u, v), (x, y) = seen.center_px.tolist(), fitted.center_px.tolist()
+    ((uu, uv), (_, vv)), ((xx, xy), (_, yy)) = seen.cov_px2.tolist(), fitted.cov_px2.tolist()
+    a, b, c, du, dv = uu + xx + variance, uv + xy, vv + yy + variance, x - u, y - v
+    return (c * du * du - 2.0 * b * du * dv + a * dv * dv) / (a * c - b * b)

@@ -42,9 +42,10 @@ class AdaptiveHue:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
         (mean_hue, mean_saturation, _), (scatter_hue, scatter_saturation) = self._color, self._scatter
-        squared = (hue - mean_hue) ** 2 / max(scatter_hue, self._settings.hue_sd_deg**2)
-        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, self._settings.saturation_sd**2)
-        return squared / self._settings.gate
+        settings = self._settings
+        squared = (hue - mean_hue) ** 2 / max(scatter_hue, settings.hue_sd_deg**2)
+        squared += (saturation - mean_saturation) ** 2 / max(scatter_saturation, settings.saturation_sd**2)
+        return squared / settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
         """Take in the colours of marks that were found and named; those partly occluded or clipped do not count."""

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from math import ceil, floor, hypot, inf
+from math import hypot, inf
 
 import numpy as np
 
-from vision.arrays import Floats, Image
+from vision.arrays import Image
 from vision.detection.components import detect_marks
 from vision.detection.expected import Expected
 from vision.detection.fast_path import detect_isolated
@@ -23,10 +23,9 @@ from vision.tracking.appearance import AppearanceMatch
 from vision.tracking.association import associate_marks, squared_distance
 from vision.tracking.candidates import detection_at, detection_in_other_light, is_mark, is_mark_in_other_light
 from vision.tracking.hue_tracking import AdaptiveHue
-from vision.tracking.settings import REACH_SDS, FinderSettings
+from vision.tracking.regions import Box, inside, search_regions
+from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
-
-Box = tuple[int, int, int, int]
 
 SMALL_SHARE = 0.2
 """Regions of a larger share of the picture are no quicker to search than all of it: it only saves time."""
@@ -39,7 +38,8 @@ class Search:
     frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: as `MarkFinder.find` takes them
     hues: colours as followed, by nominal hue; templates: appearance models; missed: names of marks that were not found
     in the last frame, None before the first
-    found: detections by name; unassigned: detections of the last stage that are no expected mark's
+    where: what is expected, by name; found: detections by name
+    unassigned: detections of the last stage that are no expected mark's
     """
 
     frame_bgr: Image
@@ -52,6 +52,10 @@ class Search:
     found: dict[str, Detection] = field(default_factory=dict)
     unassigned: list[Detection] = field(default_factory=list)
     regions: list[Box] = field(default_factory=list)
+    where: dict[str, Expected] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.where = {one.name: one for one in self.expected}
 
     @property
     def missing(self) -> list[Expected]:
@@ -114,14 +118,14 @@ def _isolated(search: Search) -> Iterator[Candidate]:
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
-    regions = _regions(search.expected, shape, search.settings)
+    regions = search_regions(search.expected, shape, search.settings)
     area = sum(width * height for _, _, width, height in regions)
     if area >= SMALL_SHARE * shape[0] * shape[1]:
         return
     search.regions = regions
     hues = [followed.now for followed in search.hues.values()]
     for region in regions:
-        own = [one for one in search.expected if _inside(one.center_px, region)]
+        own = [one for one in search.expected if inside(one.center_px, region)]
         if len(own) == 1:
             seen = detect_isolated(search.frame_bgr, hues, region, own[0], search.settings.detection)
             yield Candidate(seen, own[0].name)
@@ -129,15 +133,18 @@ def _isolated(search: Search) -> Iterator[Candidate]:
 
 def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
     """Whether a detection has the colour of its kind and is where the mark is expected."""
-    expected = next(one for one in search.expected if one.name == candidate.name)
-    near = squared_distance(expected, seen) <= search.settings.association.gate
+    near = candidate.name is not None and (
+        squared_distance(search.where[candidate.name], seen) <= search.settings.association.gate
+    )
     return near and search.color_distance(seen) <= 1.0
 
 
 def _in_regions(search: Search) -> Iterator[Candidate]:
     """Components in the regions around expected marks that are not found yet."""
+    if len(search.found) == len(search.expected):
+        return
     for region in search.regions:
-        own = [one for one in search.expected if _inside(one.center_px, region)]
+        own = [one for one in search.expected if inside(one.center_px, region)]
         if not own or any(one.name not in search.found for one in own):
             yield from _components(search, own, region)
 
@@ -198,7 +205,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
 def _checked(search: Search) -> Iterator[Candidate]:
     """Marks found that are not clear, compared with their appearance; clear ones are remembered."""
     frame, templates = search.frame_bgr, search.templates
-    where = {one.name: one for one in search.expected}
+    where = search.where
     unclear = []
     for name, seen in search.found.items():
         if templates.is_clear(seen):
@@ -256,16 +263,19 @@ def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> 
 
 def _touching(search: Search) -> list[Candidate]:
     """Marks found that touch another of their hue, with the margin of their names."""
-    where = {one.name: one for one in search.expected}
+    where = search.where
+    placed = [
+        (name, seen, one.hue_deg, (one.outline.area_px / np.pi) ** 0.5, *one.center_px.tolist())
+        for name, seen in search.found.items()
+        if (one := where[name]).outline is not None
+    ]
     margins: dict[str, float] = {}
-    for (name, seen), (other_name, other_seen) in combinations(search.found.items(), 2):
+    for (name, seen, hue, radius, u, v), (other_name, other_seen, other_hue, other_radius, x, y) in combinations(
+        placed, 2
+    ):
+        if hue != other_hue or hypot(u - x, v - y) > radius + other_radius:
+            continue
         one, other = where[name], where[other_name]
-        if one.hue_deg != other.hue_deg or one.outline is None or other.outline is None:
-            continue
-        near = (one.outline.area_px / np.pi) ** 0.5 + (other.outline.area_px / np.pi) ** 0.5
-        (u, v), (other_u, other_v) = one.center_px.tolist(), other.center_px.tolist()
-        if hypot(u - other_u, v - other_v) > near:
-            continue
         named = squared_distance(one, seen) + squared_distance(other, other_seen)
         margin = squared_distance(one, other_seen) + squared_distance(other, seen) - named
         for each in (name, other_name):
@@ -312,36 +322,3 @@ def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Ou
     # as many as touch where outlines can part them
     most = len(marks) * limits.max_area * max(areas) if all(one.even for one in outlines) else None
     return outlines, settings.detection.outline.min_share * min(areas), most
-
-
-def _inside(place_px: Floats, region: Box) -> bool:
-    left, top, width, height = region
-    return left <= place_px[0] < left + width and top <= place_px[1] < top + height
-
-
-def _regions(expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings) -> list[Box]:
-    """Left, top, width, height [px] of the parts of a picture, (height, width), to search; none overlap."""
-    boxes = []
-    pad_px = settings.detection.coverage.pad_px + 4
-    for one in expected:
-        (u, v), ((uu, _), (_, vv)) = one.center_px.tolist(), one.cov_px2.tolist()
-        (a, b), (c, d) = ((0.0, 0.0), (0.0, 0.0)) if one.outline is None else one.outline.shape_px.tolist()
-        across = REACH_SDS * uu**0.5 + 1.3 * hypot(a, b) + pad_px
-        down = REACH_SDS * vv**0.5 + 1.3 * hypot(c, d) + pad_px
-        low = max(floor(u - across), 0), max(floor(v - down), 0)
-        high = min(ceil(u + across) + 1, shape[1]), min(ceil(v + down) + 1, shape[0])
-        if high[0] > low[0] and high[1] > low[1]:
-            boxes.append((*low, *high))
-    overlapping = any(_overlap(a, b) for a, b in combinations(boxes, 2))
-    apart: list[Box] = [] if overlapping else boxes
-    for box in boxes if overlapping else ():
-        merged = box
-        while (other := next((one for one in apart if _overlap(one, merged)), None)) is not None:
-            apart.remove(other)
-            merged = (*map(min, other[:2], merged[:2]), *map(max, other[2:], merged[2:]))
-        apart.append(merged)
-    return [(u0, v0, u1 - u0, v1 - v0) for u0, v0, u1, v1 in apart]
-
-
-def _overlap(a: Box, b: Box) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
