@@ -6,12 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from estimators import Advice, Guidance, guide
 from experiments.formats.estimate_rows import AXES
@@ -19,13 +15,6 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_step
-
-COLOURS = {
-    Advice.GO: "#4caf6d",
-    Advice.WAIT: "#f2c14e",
-    Advice.REALIGN: "#8e7cc3",
-    Advice.NO_GUIDANCE: "#9a9a9a",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,51 +86,5 @@ def table(done: Advised) -> pd.DataFrame:
 
 
 def write_advice(done: Advised, folder: Path) -> None:
-    """Write advice.csv and advice.png to a folder that exists."""
+    """Write advice.csv to a folder that exists."""
     table(done).to_csv(folder / "advice.csv", index=False, float_format="%.9g")
-    advice_figure(done).savefig(folder / "advice.png", dpi=110)
-
-
-def advice_figure(done: Advised) -> Figure:
-    """The probability of a hit over time, and the needle's miss, on bands of what was advised."""
-    rows = table(done)
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(11, 5.5), layout="constrained")
-        above, below = figure.subplots(nrows=2, sharex=True, height_ratios=(3, 2))
-    for ax in (above, below):
-        ax.spines[["top", "right"]].set_visible(False)
-        _bands(ax, done)
-    times = rows["time_s"]
-    above.plot(times, rows["p_turned"], color="0.35", lw=0.9, ls=":", label="if turned to the aim")
-    above.plot(times, rows["p_best"], color="#1f6fb4", lw=0.9, label="at the best moment ahead")
-    above.plot(times, rows["p_hit"], color="black", lw=1.3, label="inserted now")
-    above.axhline(done.plan.settings.go, color="black", lw=0.6, ls="--")
-    above.set(ylim=(0.0, 1.02), ylabel="probability of a hit")
-    above.set_title("advice on the needle")
-    below.plot(times, rows["lateral_mm"], color="black", lw=1.1)
-    below.set(ylabel="lateral miss [mm]", xlabel="time [s]")
-    below.set_ylim(bottom=0.0)
-    bands = [Patch(color=colour, alpha=0.45, label=_words(advice)) for advice, colour in COLOURS.items()]
-    lines, _ = above.get_legend_handles_labels()
-    figure.legend(handles=[*lines, *bands], loc="outside lower center", ncols=7, frameon=False)
-    return figure
-
-
-def _words(advice: Advice) -> str:
-    return str(advice).replace("_", " ")
-
-
-def _bands(ax: Axes, done: Advised) -> None:
-    """Colour the time of each frame, half-way to its neighbours, by its advice."""
-    times = np.array(done.times_s)
-    if len(times) < 2:
-        return
-    middles = 0.5 * (times[1:] + times[:-1])
-    edges = np.concatenate([times[:1], middles, times[-1:]])
-    start = 0
-    for k in range(1, len(times) + 1):
-        if k == len(times) or done.guidance[k].advice is not done.guidance[start].advice:
-            colour = COLOURS[done.guidance[start].advice]
-            ax.axvspan(edges[start], edges[k], color=colour, alpha=0.45, lw=0)
-            start = k
-    ax.set_xlim(times[0], times[-1])

@@ -12,22 +12,14 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import cycle
 from pathlib import Path
-
-import matplotlib as mpl
-import numpy as np
-from matplotlib.figure import Figure
 
 from estimators import METHODS, Method, TrackingProblem, make_method
 from experiments.errors import InputError, shown
-from experiments.formats.estimate_rows import AXES
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Step
 from experiments.pipeline.track import Advance, Track, figures, table, track
-
-COLOURS = ("#e07b16", "#1f6fb4", "#8c564b", "#9467bd", "#2ca02c", "#d62728", "#17a2b8")
 
 
 def method_names() -> tuple[str, ...]:
@@ -107,30 +99,7 @@ def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
 
 
 def write_comparison(done: Track, folder: Path) -> None:
-    """Write estimates.METHOD.csv for each method, summary.json and compare.png to a folder that exists."""
+    """Write estimates.METHOD.csv for each method and summary.json to a folder that exists."""
     for method in methods_of(done):
         table(done, method).to_csv(folder / f"estimates.{method}.csv", index=False, float_format="%.9g")
     (folder / "summary.json").write_text(json.dumps(summary(done), indent=2) + "\n", encoding="utf-8")
-    comparison_figure(done).savefig(folder / "compare.png", dpi=110)
-
-
-def comparison_figure(done: Track) -> Figure:
-    """Error of each method over time under what it predicted: the root of the trace of its covariance."""
-    with mpl.rc_context({"font.size": 9}):
-        methods = methods_of(done)
-        figure = Figure(figsize=(11, 1.6 * len(methods)), layout="constrained")
-        axes = figure.subplots(len(methods), sharex=True, sharey=True)
-    traces = [AXES[a] * 2 for a in range(done.recording.scene.network.dim)]
-    colours = dict(zip(method_names(), cycle(COLOURS), strict=False))
-    for ax, method in zip(axes, methods, strict=True):
-        rows, colour = table(done, method), colours[method]
-        predicted = np.sqrt(rows[traces].sum(axis=1, skipna=False).to_numpy())
-        ax.fill_between(done.times_s, 0.0, predicted, color=colour, alpha=0.25, lw=0, label="predicted sigma")
-        ax.plot(done.times_s, rows["err_mm"], color=colour, lw=0.9, label="error")
-        mean = rows["err_mm"].mean()
-        ax.set_title(method if np.isnan(mean) else f"{method}: mean error {mean:.2f} mm", loc="left")
-        ax.set(ylabel="[mm]", xlim=(done.times_s[0], done.times_s[-1]), ylim=(0.0, None))
-        ax.spines[["top", "right"]].set_visible(False)
-    axes[1].legend(loc="upper right", ncols=2, framealpha=0.9)
-    axes[-1].set_xlabel("time [s]")
-    return figure

@@ -119,31 +119,47 @@ def table(done: Track, method: str) -> pd.DataFrame:
 
 
 def _nees(errors: Floats, estimates: list[TargetEstimate]) -> Floats:
+    """NEES of each frame, (n_frames,): NaN where error or covariance is not known, inf where the latter is singular."""
     nees = np.full(len(errors), np.nan)
     covs = {k: e.cov for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()}
     if covs:
         known = list(covs)
-        nees[known] = normalised_error_squared(errors[known], np.array(list(covs.values())))
+        try:
+            nees[known] = normalised_error_squared(errors[known], np.array(list(covs.values())))
+        except np.linalg.LinAlgError:  # no batch can be solved of which one is singular
+            nees[known] = [_nees_or_infinite(errors[k], cov) for k, cov in covs.items()]
     return nees
 
 
+def _nees_or_infinite(error: Floats, cov: Floats) -> float:
+    try:
+        return float(normalised_error_squared(error[None], cov[None])[0])
+    except np.linalg.LinAlgError:
+        return float("inf")
+
+
 def figures(done: Track, method: str) -> dict[str, float | int | None]:
-    """The row of summary.json for one method; None where the truth or a covariance is missing."""
+    """The row of summary.json for one method; None where truth or covariance is missing, or the number not finite."""
     rows = table(done, method)
     errors = rows["err_mm"].dropna().to_numpy()
     nees = rows["nees"].dropna().to_numpy()
     dim = done.recording.scene.network.dim
     seconds = [step.detect_s + step.method_s[method] for step in done.steps]
     return {
-        "mae_mm": float(errors.mean()) if len(errors) else None,
-        "sd_mm": float(errors.std()) if len(errors) else None,
-        "rmse_mm": float(np.sqrt((errors**2).mean())) if len(errors) else None,
+        "mae_mm": _finite(errors.mean()) if len(errors) else None,
+        "sd_mm": _finite(errors.std()) if np.isfinite(errors).all() and len(errors) else None,
+        "rmse_mm": _finite(np.sqrt((errors**2).mean())) if len(errors) else None,
         "coverage95": coverage(nees, dim) if len(nees) else None,
-        "mean_nees": float(nees.mean()) if len(nees) else None,
+        "mean_nees": _finite(nees.mean()) if len(nees) else None,
         "frames": len(rows),
         "frames_lost": int(rows["status"].isin([Status.COASTING, Status.LOST]).sum()),
         "ms_per_frame": float(1e3 * np.median(seconds)),
     }
+
+
+def _finite(number: float) -> float | None:
+    """The number as JSON can have it: None where it is not finite."""
+    return float(number) if np.isfinite(number) else None
 
 
 def summary(done: Track) -> dict[str, dict[str, float | int | None]]:

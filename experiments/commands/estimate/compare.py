@@ -25,6 +25,7 @@ def compare(
     from experiments.pipeline.compare import chosen, summary, write_comparison
     from experiments.pipeline.compare import compare as run
     from experiments.pipeline.events import report_rest
+    from experiments.plots.compare import write_comparison_plot
 
     named = chosen(methods)
     opened = open_recording(recording, scene)
@@ -32,5 +33,6 @@ def compare(
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, named, stage)
         write_comparison(done, folder)
+        write_comparison_plot(done, folder)
     print_table(track_table(summary(done)))
     print(f"Tables and a picture in {out}")

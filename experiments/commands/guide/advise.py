@@ -26,6 +26,7 @@ def advise(
     from experiments.pipeline.advise import advise as run
     from experiments.pipeline.advise import write_advice
     from experiments.pipeline.events import report_rest
+    from experiments.plots.advice import write_advice_plot
 
     opened = open_recording(recording, scene)
     report_rest(opened.scene)
@@ -33,5 +34,6 @@ def advise(
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, plan, stage("advise"))
         write_advice(done, folder)
+        write_advice_plot(done, folder)
     print(advice_line(done.counts()))
     print(f"Table and picture in {out}")

@@ -1,0 +1,88 @@
+"""Limits of pictures, from the body and what was measured of it: estimates that run away do not stretch them.
+
+What leaves a picture is marked at its edge; of long recordings as many points are drawn as a picture can show.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from experiments.arrays import Floats
+from experiments.pipeline.track import Track
+
+N_DRAWN = 4000
+"""Points of a line, at most: three for each pixel of a picture's width."""
+
+N_CARETS = 400
+"""Carets on an edge, at most: closer ones would be one bar."""
+
+OUTLIERS = 0.01
+"""Share of marks at either end of an axis that may be outliers and do not count for the body's place."""
+
+USUAL, FAR = 0.99, 10.0
+"""An axis shows this share of a series, and no value further than so many times its median: the rest may leave it."""
+
+
+def body_box(done: Track) -> Floats:
+    """Lowest and highest corner [m] of where the body was, (2, dim): its network, the marks seen, the truth."""
+    corners = [done.recording.scene.network.positions]
+    marks = np.array([mark.position for step in done.steps for mark in step.marks])
+    if len(marks):
+        corners.append(np.quantile(marks, [OUTLIERS, 1.0 - OUTLIERS], axis=0))
+    truth = done.truth[np.isfinite(done.truth).all(axis=1)]
+    places = np.vstack([*corners, truth])
+    return np.array([places.min(axis=0), places.max(axis=0)])
+
+
+def body_size(done: Track) -> float:
+    """Diagonal of the box of `body_box` [m]: an error beyond it is no longer a place within the body."""
+    low, high = body_box(done)
+    return float(np.linalg.norm(high - low))
+
+
+def within(points: Floats, box: Floats) -> Floats:
+    """The points (n, dim) in a box, lowest and highest corner (2, dim); NaN is in none."""
+    return points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
+
+
+def widened(box: Floats, share: float) -> Floats:
+    """A box (2, dim) with a margin around it, a share of its longest side."""
+    margin = share * float(np.ptp(box, axis=0).max())
+    return np.array([box[0] - margin, box[1] + margin])
+
+
+def highest(most: float, *series: Floats) -> float:
+    """Up to where an axis shows the sizes of series of values: what is usual of each, and no further than `most`."""
+    sizes = [own for values in series if len(own := np.abs(values[np.isfinite(values)]))]
+    tops = [min(float(np.quantile(own, USUAL)), FAR * float(np.median(own))) for own in sizes]
+    top = 1.2 * max(tops, default=0.0)
+    return min(most, top) if top > 0.0 else most
+
+
+def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """A series of n values as a line of at most `N_DRAWN`: the least and the largest of each run of frames.
+
+    A run without any finite value breaks the line.
+    """
+    if len(values) <= N_DRAWN:
+        return times_s, values
+    chosen = []
+    for run in np.array_split(np.arange(len(values)), N_DRAWN // 2):
+        own = values[run]
+        least, largest = np.where(np.isnan(own), np.inf, own), np.where(np.isnan(own), -np.inf, own)
+        chosen += sorted({run[least.argmin()], run[largest.argmax()]})
+    return times_s[chosen], values[chosen]
+
+
+def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
+    """Carets on the upper and lower edge of a picture where a series leaves it; in how many frames it does."""
+    low, high = ax.get_ylim()
+    count = 0
+    for beyond, edge, marker in ((values > high, 0.985, "^"), (values < low, 0.015, "v")):
+        n = int(beyond.sum())
+        if n:
+            shown = times_s[beyond][:: -(-n // N_CARETS)]
+            ax.plot(shown, np.full(len(shown), edge), marker, ms=4, color=color, transform=ax.get_xaxis_transform())
+        count += n
+    return count
