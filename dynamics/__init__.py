@@ -49,6 +49,7 @@ from dynamics.forces import (
 )
 from dynamics.integration import (
     SAME_STEP,
+    ImplicitStepper,
     Stepper,
     derivative,
     integrate_adaptive,
@@ -88,6 +89,7 @@ __all__ = [
     "SAME_STEP",
     "SHAFT",
     "SLIP_VELOCITY",
+    "ImplicitStepper",
     "InsertionHistory",
     "MassSpringNetwork",
     "NeedleLoad",

@@ -89,11 +89,13 @@ def spring_potential(length: Numbers, c: SpringConstants) -> Floats:
     return 0.5 * c.stiffness * (length - c.rest_length) ** 2
 
 
+@register_jitable
 def tension_by_length(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
     """Derivative of the tension by the length [N/m]."""
     return c.stiffness
 
 
+@register_jitable
 def tension_by_rate(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
     """Derivative of the tension by the rate [N s/m]."""
     return c.damping
@@ -278,6 +280,140 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
             for q in range(n_points):
                 start[r, q] += total[r, q]
     return np.ascontiguousarray(start.T)
+
+
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
+def definite_tangents(x, v, p, place, K, C):  # type: ignore[no-untyped-def]
+    """Write stiffness K [N/m] and damping C [N s/m] by the free coordinates into arrays (n_half, n_half).
+
+    x, v: (n_nodes, dim, 1); place: of each node's first coordinate among the free ones, -1 of an anchor's
+    Of a spring that is shorter than at rest the across-stiffness T / l counts as none: both matrices are semidefinite,
+    so that an implicit step damps what would buckle instead of letting it grow.
+    """
+    n_nodes, dim, _ = x.shape
+    K[:], C[:] = 0.0, 0.0
+    n, square = np.empty(dim), 0.0
+    for i in range(n_nodes):
+        if place[i] < 0:
+            continue
+        square = 0.0
+        for d in range(dim):
+            square += v[i, d, 0] * v[i, d, 0]
+        resistance = node_resistance(square, _of_node(p, i))
+        for d in range(dim):
+            C[place[i] + d, place[i] + d] += resistance
+    for s in range(p.springs.shape[0]):
+        i, j = p.springs[s, 0], p.springs[s, 1]
+        spring = _of_spring(p, s)
+        square, rate = SHORTEST * SHORTEST, 0.0
+        for d in range(dim):
+            n[d] = x[j, d, 0] - x[i, d, 0]
+            square += n[d] * n[d]
+            rate += n[d] * (v[j, d, 0] - v[i, d, 0])
+        length = np.sqrt(square)
+        rate /= length
+        across = max(0.0, spring_tension(length, 0.0, spring) / length)
+        along = max(0.0, tension_by_length(length, rate, spring)) - across
+        damping = max(0.0, tension_by_rate(length, rate, spring))
+        for a in range(dim):
+            for b in range(dim):
+                shared = n[a] * n[b] / square
+                k, c = along * shared, damping * shared
+                if a == b:
+                    k += across
+                if place[i] >= 0:
+                    K[place[i] + a, place[i] + b] += k
+                    C[place[i] + a, place[i] + b] += c
+                if place[j] >= 0:
+                    K[place[j] + a, place[j] + b] += k
+                    C[place[j] + a, place[j] + b] += c
+                if place[i] >= 0 and place[j] >= 0:
+                    K[place[i] + a, place[j] + b] -= k
+                    C[place[i] + a, place[j] + b] -= c
+                    K[place[j] + a, place[i] + b] -= k
+                    C[place[j] + a, place[i] + b] -= c
+
+
+ROS2 = 1.0 - 0.5 * np.sqrt(2.0)
+"""The parameter with which the Rosenbrock method of two stages is L-stable (Verwer and others, 1999)."""
+
+
+@njit(cache=True, nogil=True)
+def rosenbrock(states, outside, dt, n_steps, every, nodes, free, masses, p):  # type: ignore[no-untyped-def]
+    """States after n_steps linearly implicit Rosenbrock steps (ROS2) of dt, (n_points, n_state).
+
+    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,); every: steps for which tangents are
+    made once. Of second order with whatever tangents, and stable with `definite_tangents` however stiff springs are.
+    """
+    n_points = states.shape[0]
+    n_nodes, dim = nodes.shape
+    n_half = free.shape[0] * dim
+    x, v, force = np.empty((n_nodes, dim, 1)), np.zeros((n_nodes, dim, 1)), np.empty((n_nodes, dim, 1))
+    pull, square = np.empty(1), np.empty(1)
+    place = np.full(n_nodes, -1)
+    for f in range(free.shape[0]):
+        place[free[f]] = f * dim
+    K, C = np.empty((n_half, n_half)), np.empty((n_half, n_half))
+    inverse = K
+    ended = states.copy()
+    g = ROS2 * dt
+    accelerated = np.empty(n_half)
+    for i in range(n_nodes):
+        for d in range(dim):
+            x[i, d, 0] = nodes[i, d]
+    for q in range(n_points):
+        now = ended[q]
+        for step in range(n_steps):
+            for r in range(n_half):
+                x[free[r // dim], r % dim, 0] = now[r]
+                v[free[r // dim], r % dim, 0] = now[n_half + r]
+            if step % every == 0:
+                definite_tangents(x, v, p, place, K, C)
+                M = g * C + (g * g) * K
+                for r in range(n_half):
+                    M[r, r] += masses[r]
+                inverse = np.linalg.inv(M)
+            spring_forces(x, v, p, pull, square, force)
+            for r in range(n_half):
+                accelerated[r] = force[free[r // dim], r % dim, 0] + outside[q, r]
+            moved = now[n_half:].copy()
+            first_v = inverse @ (accelerated - g * (K @ moved))
+            first_x = moved + g * first_v
+            for r in range(n_half):
+                x[free[r // dim], r % dim, 0] = now[r] + dt * first_x[r]
+                v[free[r // dim], r % dim, 0] = now[n_half + r] + dt * first_v[r]
+            spring_forces(x, v, p, pull, square, force)
+            for r in range(n_half):
+                accelerated[r] = force[free[r // dim], r % dim, 0] + outside[q, r] - 2.0 * masses[r] * first_v[r]
+            moved = now[n_half:] + dt * first_v - 2.0 * first_x
+            second_v = inverse @ (accelerated - g * (K @ moved))
+            second_x = moved + g * second_v
+            for r in range(n_half):
+                now[r] += 1.5 * dt * first_x[r] + 0.5 * dt * second_x[r]
+                now[n_half + r] += 1.5 * dt * first_v[r] + 0.5 * dt * second_v[r]
+    return ended
+
+
+@njit(cache=True, nogil=True)
+def tangents_each(states, nodes, free, p):  # type: ignore[no-untyped-def]
+    """`definite_tangents` of each of several states (n_points, n_state): K and C, each (n_points, n_half, n_half)."""
+    n_points = states.shape[0]
+    n_nodes, dim = nodes.shape
+    n_half = free.shape[0] * dim
+    x, v = np.empty((n_nodes, dim, 1)), np.zeros((n_nodes, dim, 1))
+    place = np.full(n_nodes, -1)
+    for f in range(free.shape[0]):
+        place[free[f]] = f * dim
+    for i in range(n_nodes):
+        for d in range(dim):
+            x[i, d, 0] = nodes[i, d]
+    Ks, Cs = np.empty((n_points, n_half, n_half)), np.empty((n_points, n_half, n_half))
+    for q in range(n_points):
+        for r in range(n_half):
+            x[free[r // dim], r % dim, 0] = states[q, r]
+            v[free[r // dim], r % dim, 0] = states[q, n_half + r]
+        definite_tangents(x, v, p, place, Ks[q], Cs[q])
+    return Ks, Cs
 
 
 class PackedNeedle(NamedTuple):

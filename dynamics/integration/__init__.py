@@ -1,13 +1,16 @@
-"""Time integration: compiled Runge-Kutta steps for filters, adaptive ones for reference.
+"""Time integration: compiled Runge-Kutta and implicit steps for filters, adaptive ones for reference.
 
 What may enter: another integrator. It takes forces only from `dynamics.forces`.
 """
 
+from dynamics.integration.implicit import ImplicitStepper, Linearised
 from dynamics.integration.plain import plain_derivative, plain_step
 from dynamics.integration.stepping import SAME_STEP, Stepper, derivative, integrate_adaptive, motion
 
 __all__ = [
     "SAME_STEP",
+    "ImplicitStepper",
+    "Linearised",
     "Stepper",
     "derivative",
     "integrate_adaptive",

@@ -9,6 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+LOOPS = 24
+"""Measurements from which on calls of LAPACK are quicker than loops, and Joseph's form costs more than all the rest: it
+is then multiplied out."""
+
 
 @njit(cache=True, nogil=True)
 def chol_lower(P):  # type: ignore[no-untyped-def]
@@ -208,6 +212,15 @@ def _updated(x, P, z, H, R, PH, innovation_cov):  # type: ignore[no-untyped-def]
     n, m = PH.shape
     K = np.zeros((n, m))
     nis, log_det = 0.0, 0.0
+    if definite and m > LOOPS:
+        for a in range(m):
+            log_det += 2.0 * np.log(C[a, a])
+        solved = np.linalg.solve(S, np.hstack((PH.T, y.reshape(-1, 1))))
+        K = np.ascontiguousarray(solved[:, :n].T)
+        HP = H @ P
+        crossed = K @ HP
+        updated = P - crossed - crossed.T + K @ ((HP @ H.T + R) @ K.T)
+        return x + K @ y, 0.5 * (updated + updated.T), y, S, K, y @ solved[:, n], log_det, definite
     if definite:
         w = np.empty(m)
         for a in range(m):

@@ -115,7 +115,7 @@ class TissueModel:
 
     def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | None = None) -> Floats:
         n, half = self.network.n_state, self.network.n_state // 2
-        lasting = self._lasting(modes)
+        lasting = self.lasting(modes)
         fade = np.exp(-dt / lasting)
         # of the poke at the start, the mean share over the step
         states, forces = network_states(points, (1.0 - fade) * lasting / dt, self.poked_rows, n)
@@ -140,15 +140,21 @@ class TissueModel:
         n = self.network.n_state
         base = self._moved(means[:, None], dt, modes)
         outside = np.zeros((len(means), columns.shape[2], n // 2))
-        if self._forces is not None and self.uncertainty is not None:
+        if self.n_constants:
             for k, mean in enumerate(means):
                 # of the start and the end of the step: held from the start on, it would lag by half a step
-                ends = self._forces(mean[:n]) + self._forces(base[k, 0, :n])
-                outside[k, : self.n_constants] = 0.5 * self.uncertainty.directions @ ends
+                ends = self.constant_forces(mean) + self.constant_forces(base[k, 0])
+                outside[k, : self.n_constants] = 0.5 * ends
         moved = self._moved(means[:, None] + columns.swapaxes(1, 2), dt, modes, outside)
         return (moved - base).swapaxes(1, 2)
 
-    def _lasting(self, modes: Sequence[ForceMode]) -> Floats:
+    def constant_forces(self, mean: Floats) -> Floats:
+        """Forces on the free coordinates that constants in error, each by one direction, make [N], (n_constants, n)."""
+        if self._forces is None or self.uncertainty is None:
+            return np.zeros((0, self.network.n_state // 2))
+        return np.asarray(self.uncertainty.directions @ self._forces(mean[: self.network.n_state]))
+
+    def lasting(self, modes: Sequence[ForceMode]) -> Floats:
         """Correlation times of the pokes [s], (n_modes, 1, n_pokes); those of the modes asked for last are kept."""
         if self._asked is None or self._asked[0] is not modes:
             self._asked = modes, np.array([self._pokes(mode)[1] for mode in modes])[:, None, :]

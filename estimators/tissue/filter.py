@@ -12,6 +12,7 @@ from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
+from estimators.process.linear_motion import has_led_links
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetPoint, target_map
@@ -68,6 +69,8 @@ class TissueFilter:
         self.model = TissueModel(
             network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias, n_calibration=n_calibration
         )
+        if has_led_links(self.model):
+            self.settings = self.settings.for_links()
         self.target = target_map(network, target)
         self.time_s: float | None = None
         self.health = Health()
@@ -317,6 +320,7 @@ class TissueFilter:
         kept but that the tissue rests as the marks hold it.
         """
         again = self._refuted_s is not None and time_s - self._refuted_s <= self.settings.lost_s
+        again = again or self.mixture.move.linear is not None
         self._refuted_s = time_s
         self.repairs["restarted" if again else "inflated"] += 1
         if again:

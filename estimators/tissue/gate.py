@@ -20,6 +20,10 @@ Expected = Callable[[str, Floats | None], tuple[Floats, Floats]]
 """Mean [m] and covariance [m²] of where a node's mark may be, given its name and what calibration moves its mark by."""
 
 
+CROWD = 3
+"""Marks of one frame that are not all outliers: at one in thirty, they come together once in an hour of 30 frames/s."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlying:
     """What was last seen beyond the gate: a mark or a fix.
@@ -73,7 +77,8 @@ def gate_marks(
     """Marks within the gate, and those beyond it that earlier ones confirm.
 
     Where frames are further apart than an impulse lasts, the next one comes too late to confirm it: then it is believed
-    at once, but for a mark of a single node that others within the gate contradict.
+    at once, but for a mark of a single node that others within the gate contradict. Where a CROWD of them, half of a
+    frame's or more, lie beyond the gate together, it is the estimate that is wrong, and all are taken.
     expected, after_impulse: where marks may be, and where an impulse since they were last used could have brought them
     """
     settings, time_s = frame.settings, frame.time_s
@@ -81,6 +86,7 @@ def gate_marks(
     squared = [squared_distance(mark, expected, considered=frame.considered) for mark in marks]
     beyond = {mark.node for mark, distance in zip(marks, squared, strict=True) if distance > settings.gate}
     slow = time_s - frame.before_s > settings.impulse_s * (1.0 + SAME_STEP)
+    crowd = len(beyond) >= CROWD and 2 * len(beyond) >= len(marks)
     at_once = slow and (len(beyond) > 1 or min(squared, default=0.0) > settings.gate)
     for mark, distance in zip(marks, squared, strict=True):
         if distance <= settings.gate:
@@ -88,9 +94,13 @@ def gate_marks(
             accepted.append(mark)
             continue
         since_s = _seen_since(mark, seen, frame)
-        if time_s - since_s > settings.confirm_s or (
-            (at_once or time_s > since_s)
-            and squared_distance(mark, after_impulse, considered=frame.considered) <= settings.gate
+        if (
+            crowd
+            or time_s - since_s > settings.confirm_s
+            or (
+                (at_once or time_s > since_s)
+                and squared_distance(mark, after_impulse, considered=frame.considered) <= settings.gate
+            )
         ):
             accepted.append(mark)
         else:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cache
 
 import numpy as np
 
 from dynamics import SAME_STEP
 from estimators.arrays import Floats
-from estimators.filters.mixture import InteractingMixture, Move, moment_matched
+from estimators.filters.mixture import InteractingMixture, moment_matched
+from estimators.filters.motion import LinearMotion, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.process.known_force import ForceHistory, KnownForce
+from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import GaussianMixture
@@ -36,6 +39,21 @@ def _repeated(modes: tuple[ForceMode, ...], times: int) -> tuple[ForceMode, ...]
     return modes * times
 
 
+def linearised_cycles(
+    model: TissueModel, modes: Sequence[ForceMode]
+) -> Callable[[int, float], tuple[Callable[[Floats], LinearMotion], int]]:
+    """For `Move.linear`: the motion of a linearised tissue over a cycle; a known force goes on with it."""
+    motion = LinearisedTissue(model)
+
+    def cycle(n_filters: int, dt: float) -> tuple[Callable[[Floats], LinearMotion], int]:
+        own, push = in_branches(modes, n_filters), copy(model.push)
+        if model.push is not None:
+            model.push.step(dt)
+        return lambda about: motion(about, dt, own, copy(push)), motion.passes
+
+    return cycle
+
+
 def mixture_of_modes(model: TissueModel, modes: Sequence[ForceMode], rates: Floats) -> InteractingMixture:
     """A filter for each of these modes, which turn into each other at these rates [1/s], at their long-run odds."""
     filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
@@ -43,6 +61,7 @@ def mixture_of_modes(model: TissueModel, modes: Sequence[ForceMode], rates: Floa
         points=lambda points, dt: propagate_points(model, points, dt, in_branches(modes, len(points))),
         columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, in_branches(modes, len(means))),
         turned=model.turned,
+        linear=linearised_cycles(model, modes) if is_linearised(model) else None,
     )
     return InteractingMixture(filters, stationary(rates), rates, move)
 
@@ -60,8 +79,9 @@ def advance(
     n = max(1, int(np.ceil(dt / mix_s * (1.0 - SAME_STEP))))
     step = dt / n / model.stepper.n_steps(dt / n)
     own = in_branches(modes, len(mixture.filters))
-    for f, Q in zip(mixture.filters, model.noise_of_modes(step, own), strict=True):
-        f.Q = Q
+    if mixture.move.linear is None:
+        for f, Q in zip(mixture.filters, model.noise_of_modes(step, own), strict=True):
+            f.Q = Q
     model.push = push
     try:
         for _ in range(n):

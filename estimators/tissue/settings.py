@@ -13,6 +13,13 @@ N_QUIET = 2
 """Modes in which nobody pokes: calm, and between; they come first."""
 
 
+LINKS_WHITE = (0.3, 1.0)
+"""Acceleration noise of a body of links, quiet and poked [m/s²/sqrt(Hz)]; choice."""
+
+LED = ForceMode(white=5.0, poke=50.0, lasting_s=0.1)
+"""Forces on a body of links that hands lead: ten times a poke; choice."""
+
+
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """What the filter assumes about forces that it cannot see, and where its gate and its tests stand.
@@ -21,6 +28,8 @@ class FilterSettings:
     forces and differ in how soon a poke may come, so that the filter learns whether pokes are about.
 
     quiet, poked: forces without and with a poke; source: fields of `ForceMode`
+    led: forces on nodes that a hand leads against any weight, as fast as it likes; None: nobody does; source: fields of
+        `ForceMode`
     calm_s, between_s, poked_s: mean duration of each mode [s]; choice
     calm_share: share of the pokes after which there is calm [1]; choice
     impulse_m_s: a node's velocity may change by this at once [m/s]; choice
@@ -45,6 +54,7 @@ class FilterSettings:
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)
+    led: ForceMode | None = None
     calm_s: float = 100.0
     between_s: float = 1.5
     poked_s: float = 0.3
@@ -66,22 +76,39 @@ class FilterSettings:
 
     @property
     def modes(self) -> tuple[ForceMode, ...]:
-        """What calm, between and poked believe of the force; poked once, or once for each of `one_of` marked nodes."""
+        """What calm, between, poked and led assume of the force; poked once, or once for each of `one_of` nodes."""
+        led = () if self.led is None else (self.led,)
         if not self.one_of:
-            return (self.quiet, self.quiet, self.poked)
+            return (self.quiet, self.quiet, self.poked, *led)
         one = (replace(self.poked, only=k, others=self.quiet) for k in range(self.one_of))
-        return (self.quiet, self.quiet, *one)
+        return (self.quiet, self.quiet, *one, *led)
+
+    @property
+    def strongest(self) -> ForceMode:
+        """The mode of the strongest forces."""
+        return self.poked if self.led is None else self.led
 
     @property
     def rates(self) -> Floats:
         """How often each mode turns into each other [1/s], (n_modes, n_modes), rows summing to zero."""
-        n_poked = max(1, self.one_of)
-        rates = np.zeros((N_QUIET + n_poked, N_QUIET + n_poked))
+        n = len(self.modes)
+        n_poked = n - N_QUIET
+        rates = np.zeros((n, n))
         rates[0, N_QUIET:] = 1.0 / self.calm_s / n_poked
         rates[1, N_QUIET:] = 1.0 / self.between_s / n_poked
         rates[N_QUIET:, 0] = self.calm_share / self.poked_s
         rates[N_QUIET:, 1] = (1.0 - self.calm_share) / self.poked_s
+        if self.led is not None:
+            # a hand that leads is slow, then fast
+            rates[N_QUIET:-1, -1] = 1.0 / self.poked_s
+            rates[-1, N_QUIET:-1] = 1.0 / self.poked_s / (n_poked - 1)
         return rates - np.diag(rates.sum(axis=1))
+
+    def for_links(self) -> FilterSettings:
+        """These settings for a body of stiff links, which are led as well as poked and whose model leaves more out."""
+        quiet = replace(self.quiet, white=max(self.quiet.white, LINKS_WHITE[0]))
+        poked = replace(self.poked, white=max(self.poked.white, LINKS_WHITE[1]))
+        return replace(self, quiet=quiet, poked=poked, led=LED if self.led is None else self.led)
 
     @property
     def least_odds(self) -> float:
@@ -90,7 +117,7 @@ class FilterSettings:
 
     def poked_share(self, odds: Floats) -> float:
         """Probability that somebody pokes, of the odds of the modes, (n_branches n_modes,)."""
-        return float(np.reshape(odds, (-1, N_QUIET + max(1, self.one_of)))[:, N_QUIET:].sum())
+        return float(np.reshape(odds, (-1, len(self.modes)))[:, N_QUIET:].sum())
 
 
 def stationary(rates: Floats) -> Floats:

@@ -11,6 +11,7 @@ from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from estimators.arrays import Floats
 from estimators.filters.mixture import InteractingMixture
+from estimators.filters.motion import Cycle
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 
@@ -21,6 +22,7 @@ class MixtureState:
 
     moments: mean (n,) and covariance (n, n) of each mode; columns (n_modes, n, n_columns); mu: probabilities (n_modes,)
     mean, cov: of the whole mixture, (n,), (n, n); repairs: counts of numerical repairs
+    cycle: the prediction that no update has followed yet, of a linearised motion
     """
 
     moments: tuple[tuple[Floats, Floats], ...]
@@ -29,6 +31,7 @@ class MixtureState:
     mean: Floats
     cov: Floats
     repairs: Counter[str]
+    cycle: Cycle | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +62,9 @@ class Snapshot:
 def mixture_state(mixture: InteractingMixture) -> MixtureState:
     """The state of a mixture, for `restore_mixture`; arrays are shared, for updates replace and never write them."""
     moments = tuple((f.x, f.P) for f in mixture.filters)
-    return MixtureState(moments, mixture.columns, mixture.mu, mixture.x, mixture.P, mixture.repairs.copy())
+    return MixtureState(
+        moments, mixture.columns, mixture.mu, mixture.x, mixture.P, mixture.repairs.copy(), mixture.cycle
+    )
 
 
 def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
@@ -69,7 +74,7 @@ def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
     for f, (x, P) in zip(mixture.filters, state.moments, strict=True):
         f.x, f.P = x, P
     mixture.columns, mixture.mu, mixture.x, mixture.P = state.columns, state.mu, state.mean, state.cov
-    mixture.repairs = state.repairs.copy()
+    mixture.repairs, mixture.cycle = state.repairs.copy(), state.cycle
 
 
 class Restorable(Protocol):

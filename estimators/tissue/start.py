@@ -19,6 +19,7 @@ from dynamics import (
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture
+from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import TissueModel, accumulated_noise
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
@@ -43,8 +44,10 @@ def _at_rest(model: TissueModel, settings: FilterSettings, shape: Floats) -> tup
     network = model.network
     mean = np.zeros(model.dim_x)
     mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
-    A, density = model.linearised(shape, settings.poked)
-    cov = accumulated_noise(A, density, settings.lost_s)
+    if is_linearised(model):
+        cov = LinearisedTissue(model).noise_after(mean, settings.strongest, settings.lost_s)
+    else:
+        cov = accumulated_noise(*model.linearised(shape, settings.strongest), settings.lost_s)
     if settings.fix_bias is not None:
         cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
     return mean, within_reach(cov, network)

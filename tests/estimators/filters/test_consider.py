@@ -14,7 +14,8 @@ from estimators.filters.kernels import (
     symmetric_points_each,
     with_columns,
 )
-from estimators.filters.mixture import Move, nearest_definite
+from estimators.filters.mixture import nearest_definite
+from estimators.filters.motion import Move
 
 DT = 0.1
 F = np.array([[1.0, DT, 0.0, 0.0], [-0.4, 0.98, 0.3, 0.0], [0.0, 0.0, 1.0, DT], [0.3, 0.0, -0.5, 0.97]])

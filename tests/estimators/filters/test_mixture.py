@@ -7,7 +7,8 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from estimators import InteractingMixture, UnscentedKalmanFilter, moment_matched
-from estimators.filters.mixture import Move, nearest_definite
+from estimators.filters.mixture import nearest_definite
+from estimators.filters.motion import Move
 from estimators.filters.unscented import CovarianceError
 
 RATES = np.array([[-0.4, 0.3, 0.1], [2.0, -3.0, 1.0], [0.5, 1.5, -2.0]])

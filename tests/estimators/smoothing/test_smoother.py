@@ -16,7 +16,7 @@ from estimators import (
     moment_matched,
     normalised_error_squared,
 )
-from estimators.filters.mixture import ModeBeliefs
+from estimators.filters.motion import ModeBeliefs
 from estimators.smoothing.smoother import smoothed_before
 
 H, R = np.array([[1.0, 0.0]]), np.array([[0.09]])

@@ -18,7 +18,7 @@ from estimators import (
     mean_bounds,
     predict_fast,
 )
-from estimators.filters.mixture import Move
+from estimators.filters.motion import Move
 from estimators.tissue.gate import squared_distance
 from estimators.tissue.update import stack_marks
 

@@ -1,0 +1,77 @@
+"""Linearly implicit steps for stiff or large networks, with the transition matrices of what they do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics.arrays import Floats
+from dynamics.forces.kernels import ROS2, packed, rosenbrock, tangents_each
+from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
+from dynamics.network.mass_spring import MassSpringNetwork
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """What a step of several states does, to first order.
+
+    F: by the states at its start, (k, n_state, n_state); by_force: by forces on the free coordinates that are constant
+    in it [per N], (k, n_state, n_state / 2); half: as F, over the second half of the step; over all of
+    it where it is short
+    """
+
+    F: Floats
+    by_force: Floats
+    half: Floats
+
+
+class ImplicitStepper:
+    """Moves states of one network ahead by compiled linearly implicit steps, at most LONGEST_STEP long.
+
+    L-stable: no stiffness shortens the step; what it does not resolve, it damps. Source: [verwer1999].
+    soft: whether tangents at the start of an interval serve for all its steps
+    """
+
+    def __init__(self, network: MassSpringNetwork, *, soft: bool = False) -> None:
+        self.network, self.soft = network, soft
+        self._packed = packed(network)
+        self._masses = np.repeat(network.masses[network.free], network.dim)
+
+    def n_steps(self, dt: float) -> int:
+        """How many equal steps an interval of dt [s] takes: a power of two, so that matrices can be squared."""
+        return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
+
+    def advance(self, states: Floats, dt: float, forces: Floats) -> Floats:
+        """States (n_points, n_state) dt [s] later under constant forces on the free coordinates [N]."""
+        n, nodes = self.n_steps(dt), self.network.positions
+        points, outside = np.ascontiguousarray(states), np.ascontiguousarray(forces)
+        every = n if self.soft else 1
+        return rosenbrock(points, outside, dt / n, n, every, nodes, self.network.free, self._masses, self._packed)
+
+    def linearised(self, states: Floats, dt: float) -> Linearised:
+        """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there."""
+        n = self.n_steps(dt)
+        h = dt / n
+        K, C = tangents_each(np.ascontiguousarray(states), self.network.positions, self.network.free, self._packed)
+        half, by_mass = K.shape[1], 1.0 / self._masses
+        A = np.zeros((len(states), 2 * half, 2 * half))
+        A[:, range(half), range(half, 2 * half)] = h
+        A[:, half:, :half], A[:, half:, half:] = -h * by_mass[:, None] * K, -h * by_mass[:, None] * C
+        # W = 1 / (1 - g A) by its blocks, as in each step: one inverse of half the size
+        g = ROS2
+        inverse = np.linalg.inv(np.eye(half) * self._masses[:, None] + g * h * C + (g * h) ** 2 * K)
+        W = np.empty_like(A)
+        W[:, half:, half:] = inverse * self._masses
+        W[:, half:, :half] = -g * h * inverse @ K
+        W[:, :half, half:] = g * h * W[:, half:, half:]
+        W[:, :half, :half] = np.eye(half) + g * h * W[:, half:, :half]
+        F = W @ (W + (1.0 - 2.0 * g) * (A @ W))
+        first = W[:, :, half:] * by_mass
+        by_force = h * (2.0 * first + W @ (0.5 * (A @ first) - first))
+        before = F
+        for _ in range(n.bit_length() - 1):
+            before = F
+            by_force = F @ by_force + by_force
+            F = F @ F
+        return Linearised(F, by_force, before)

@@ -1,0 +1,82 @@
+"""How the modes of a mixture move, by sigma points or to first order, and what is kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearMotion:
+    """Motion of k modes to first order about states: x -> ends + F (x - about) + noise.
+
+    ends (k, n): of the states themselves; F, Q (k, n, n); added (k, n, r): to what F makes of the columns
+    """
+
+    ends: Floats
+    F: Floats
+    Q: Floats
+    added: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cycle:
+    """The last prediction of a linearised motion, kept for the update that follows.
+
+    means, covs, columns: of each mode at its start; motion(about (k, n)): the motion linearised there
+    passes: how often at most it may be linearised; about: where it was last; F: as it was found there
+    """
+
+    means: Floats
+    covs: Floats
+    columns: Floats
+    motion: Callable[[Floats], LinearMotion]
+    passes: int
+    about: Floats
+    F: Floats = field(default_factory=lambda: np.empty((0, 0, 0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """How all modes move at once.
+
+    points(points (k, n_points, n), dt): where they are dt [s] later, of the same shape
+    columns(means (k, n), columns (k, n, r), dt): what the columns make of the means' errors dt [s] later
+    turned(points): which modes have points where the model must not be asked, (k,)
+    linear(k, dt): where sigma points are not to be used, the motion of k modes over the next dt [s] by the states about
+        which it is linearised, and in how many passes at most an update may ask for it
+    """
+
+    points: Callable[[Floats, float], Floats]
+    columns: Callable[[Floats, Floats, float], Floats] | None = None
+    turned: Callable[[Floats], NDArray[np.bool_]] | None = None
+    linear: Callable[[int, float], tuple[Callable[[Floats], LinearMotion], int]] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeBeliefs:
+    """Mode by mode: odds mu (k,), means (k, n), covariances (k, n, n)."""
+
+    mu: Floats
+    means: Floats
+    covs: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transition:
+    """What one cycle of prediction did, for a smoother.
+
+    weights (k, k): of mode i in the mix that mode j starts from; means, covs: of each mode's mix, (k, n), (k, n, n)
+    F (k, n, n): transition matrices; arrived: the beliefs at the end, before any measurement
+    """
+
+    weights: Floats
+    means: Floats
+    covs: Floats
+    F: Floats
+    arrived: ModeBeliefs

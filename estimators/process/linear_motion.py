@@ -1,0 +1,113 @@
+"""Linearised motion of stiff or large tissues: implicit steps for means, transition matrices for covariances.
+
+Sigma points of a network with stiff springs would leave the shapes that the springs allow, and their number grows with
+the state. About a state the motion is x(t + dt) = end + F (x - about) + noise instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynamics import SAME_STEP, ImplicitStepper
+from estimators.arrays import Floats
+from estimators.filters.motion import LinearMotion
+from estimators.process.known_force import KnownForce
+from estimators.process.process_model import LONGEST_STEP, ForceMode, TissueModel
+
+MANY_STATES = 48
+"""From so many states of the network on, sigma points cost more than matrices."""
+
+VERY_MANY_STATES = 96
+"""From so many on a cycle is linearised once: a body of so many nodes is soft beside its links, and time counts."""
+
+PASSES = 3
+"""How often a cycle is linearised at most; numerical: two leave a cable shaken at 3 m/s diverging now and then, five
+are no better."""
+
+
+def is_linearised(model: TissueModel) -> bool:
+    """Whether a network is moved so: stability would shorten the filter's steps, or it has many states."""
+    return model.stepper.max_step_s < LONGEST_STEP or model.network.n_state > MANY_STATES
+
+
+def has_led_links(model: TissueModel) -> bool:
+    """Whether a network is one of few, stiff links, such as a cable, whose nodes may be led against any weight."""
+    return is_linearised(model) and model.network.n_state <= VERY_MANY_STATES
+
+
+class LinearisedTissue:
+    """Motion of a `TissueModel` to first order, of means of several modes at once.
+
+    passes: how often an update may linearise a cycle
+    """
+
+    def __init__(self, model: TissueModel) -> None:
+        self.model = model
+        self._once = not has_led_links(model)
+        self.stepper = ImplicitStepper(model.network, soft=self._once)
+        self.passes = 1 if self._once else PASSES
+
+    def __call__(self, about: Floats, dt: float, modes: Sequence[ForceMode], push: KnownForce | None) -> LinearMotion:
+        """From states about these means (n_modes, dim_x), dt [s] later, under the forces of these modes and a push."""
+        n_steps = 1
+        if not self._once:
+            n_steps = max(1, int(np.ceil(dt / LONGEST_STEP * (1.0 - SAME_STEP))))
+        h = dt / n_steps
+        F, Q, shifts, now = self._step(about, h, modes, push)
+        for _ in range(n_steps - 1):
+            own, noise, shift, now = self._step(now, h, modes, push)
+            F, Q, shifts = own @ F, own @ Q @ own.swapaxes(1, 2) + noise, own @ shifts + shift
+        return LinearMotion(now, F, Q, shifts)
+
+    def noise_after(self, state: Floats, mode: ForceMode, seconds: float) -> Floats:
+        """Covariance (dim_x, dim_x) that so many seconds of this mode's forces make about a state, from none."""
+        doublings = max(0, int(np.ceil(np.log2(seconds / LONGEST_STEP))))
+        F, Q, _, _ = (each[0] for each in self._step(state[None], seconds / 2**doublings, (mode,), None))
+        for _ in range(doublings):
+            Q, F = F @ Q @ F.T + Q, F @ F
+        return np.asarray(0.5 * (Q + Q.T))
+
+    def _step(
+        self, now: Floats, h: float, modes: Sequence[ForceMode], push: KnownForce | None
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Transition matrices, noise, what the columns' constants do, and the means at the end of one step."""
+        model, k, n = self.model, len(now), self.model.network.n_state
+        rows, lasting = model.poked_rows, model.lasting(modes)[:, 0]
+        fade = np.exp(-h / lasting)
+        shares = (1.0 - fade) * lasting / h
+        pokes = shares * now[:, model.pokes]
+        outside = np.zeros((k, n // 2))
+        outside[:, rows] = pokes
+        if push is not None:
+            push.step(h)
+            outside += push.forces(now[:, None, :n])[:, 0]
+        about = now[:, :n].mean(axis=0, keepdims=True) if self._once else now[:, :n]
+        tangent = self.stepper.linearised(about, h)
+        own, half = (np.zeros((k, model.dim_x, model.dim_x)) for _ in range(2))
+        own[:, :n, :n], half[:, :n, :n] = tangent.F, tangent.half
+        own[:, :n, model.pokes] = tangent.by_force[:, :, rows] * shares[:, None, :]
+        # a poke that began within the step acts for half of it
+        half[:, :n, model.pokes] = 0.5 * own[:, :n, model.pokes]
+        poke = range(model.pokes.start, model.pokes.stop)
+        own[:, poke, poke], half[:, poke, poke] = fade, np.sqrt(fade)
+        ends = np.empty_like(now)
+        ends[:, :n] = self.stepper.advance(now[:, :n], h, outside)
+        ends[:, model.pokes] = fade * now[:, model.pokes]
+        density = np.zeros((k, model.dim_x))
+        for j, mode in enumerate(modes):
+            density[j, n // 2 : n] = mode.white**2 * h
+            sd = mode.pokes(len(rows) // model.network.dim, model.network.dim)[0]
+            density[j, model.pokes] = (sd * model.mass[rows]) ** 2 * (1.0 - fade[j] ** 2)
+        if model.bias is not None:
+            slow, bias = np.exp(-h / model.bias.lasting_s), range(model.bias_rows.start, model.bias_rows.stop)
+            ends[:, model.bias_rows] = slow * now[:, model.bias_rows]
+            own[:, bias, bias], half[:, bias, bias] = slow, 1.0
+            density[:, model.bias_rows] = (1.0 - slow**2) * model.bias.sd_m**2
+        spread = half * np.sqrt(density)[:, None, :]
+        shift = np.zeros((k, model.dim_x, model.n_columns))
+        for j in range(k if model.n_constants else 0):
+            forces = 0.5 * (model.constant_forces(now[j]) + model.constant_forces(ends[j]))
+            shift[j, :n, : model.n_constants] = tangent.by_force[0 if self._once else j] @ forces.T
+        return own, spread @ spread.swapaxes(1, 2), shift, ends
