@@ -334,30 +334,64 @@ def definite_tangents(x, v, p, place, K, C):  # type: ignore[no-untyped-def]
                     C[place[j] + a, place[i] + b] -= c
 
 
-ROS2 = 1.0 - 0.5 * np.sqrt(2.0)
-"""The parameter with which the Rosenbrock method of two stages is L-stable (Verwer and others, 1999)."""
+TR_BDF2 = 2.0 - np.sqrt(2.0)
+"""Share of a step that its first stage, of the trapezoidal rule, takes: both stages then have one matrix [bank1985]."""
+
+NEWTON = 2
+"""Newton iterations of a stage; numerical: with two a link as stiff as 2e7 N/m swings as with four."""
 
 
 @njit(cache=True, nogil=True)
-def rosenbrock(states, outside, dt, n_steps, every, nodes, free, masses, p):  # type: ignore[no-untyped-def]
-    """States after n_steps linearly implicit Rosenbrock steps (ROS2) of dt, (n_points, n_state).
+def _newton(now, target, weight, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
+    """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
 
-    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,); every: steps for which tangents are
-    made once. Of second order with whatever tangents, and stable with `definite_tangents` however stiff springs are.
+    renew: whether tangents are made at each iteration; if not, those in `scratch` serve
+    """
+    x, v, force, pull, square, K, C, inverse = scratch
+    dim, n_half = nodes.shape[1], len(masses)
+    accelerated = np.empty(n_half)
+    for _ in range(NEWTON):
+        for r in range(n_half):
+            x[free[r // dim], r % dim, 0] = now[r]
+            v[free[r // dim], r % dim, 0] = now[n_half + r]
+        if renew:
+            definite_tangents(x, v, p, place, K, C)
+            M = weight * C + (weight * weight) * K
+            for r in range(n_half):
+                M[r, r] += masses[r]
+            inverse[:] = np.linalg.inv(M)
+        spring_forces(x, v, p, pull, square, force)
+        for r in range(n_half):
+            accelerated[r] = force[free[r // dim], r % dim, 0] + outside[r]
+        missing_q = target[:n_half] + weight * now[n_half:] - now[:n_half]
+        missing_v = masses * (target[n_half:] - now[n_half:]) + weight * accelerated
+        changed = inverse @ (missing_v - weight * (K @ missing_q))
+        now[:n_half] += missing_q + weight * changed
+        now[n_half:] += changed
+
+
+@njit(cache=True, nogil=True)
+def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
+    """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
+
+    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,); renew: whether tangents are made anew
+    at each iteration, or once for all steps. Of second order, and stable with `definite_tangents` however stiff springs
+    are: two stages, the trapezoidal rule and the backward differentiation formula, each solved by Newton's method.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
     x, v, force = np.empty((n_nodes, dim, 1)), np.zeros((n_nodes, dim, 1)), np.empty((n_nodes, dim, 1))
-    pull, square = np.empty(1), np.empty(1)
     place = np.full(n_nodes, -1)
     for f in range(free.shape[0]):
         place[free[f]] = f * dim
-    K, C = np.empty((n_half, n_half)), np.empty((n_half, n_half))
-    inverse = K
+    K, C, inverse = (np.empty((n_half, n_half)), np.empty((n_half, n_half)), np.empty((n_half, n_half)))
+    scratch = (x, v, force, np.empty(1), np.empty(1), K, C, inverse)
     ended = states.copy()
-    g = ROS2 * dt
-    accelerated = np.empty(n_half)
+    g = TR_BDF2
+    weight = 0.5 * g * dt
+    second, first = 1.0 / (g * (2.0 - g)), (1.0 - g) ** 2 / (g * (2.0 - g))
+    target, before = np.empty(2 * n_half), np.empty(2 * n_half)
     for i in range(n_nodes):
         for d in range(dim):
             x[i, d, 0] = nodes[i, d]
@@ -367,30 +401,23 @@ def rosenbrock(states, outside, dt, n_steps, every, nodes, free, masses, p):  # 
             for r in range(n_half):
                 x[free[r // dim], r % dim, 0] = now[r]
                 v[free[r // dim], r % dim, 0] = now[n_half + r]
-            if step % every == 0:
+            if step == 0 and not renew:
                 definite_tangents(x, v, p, place, K, C)
-                M = g * C + (g * g) * K
+                M = weight * C + (weight * weight) * K
                 for r in range(n_half):
                     M[r, r] += masses[r]
-                inverse = np.linalg.inv(M)
-            spring_forces(x, v, p, pull, square, force)
+                inverse[:] = np.linalg.inv(M)
+            spring_forces(x, v, p, scratch[3], scratch[4], force)
+            before[:] = now
             for r in range(n_half):
-                accelerated[r] = force[free[r // dim], r % dim, 0] + outside[q, r]
-            moved = now[n_half:].copy()
-            first_v = inverse @ (accelerated - g * (K @ moved))
-            first_x = moved + g * first_v
-            for r in range(n_half):
-                x[free[r // dim], r % dim, 0] = now[r] + dt * first_x[r]
-                v[free[r // dim], r % dim, 0] = now[n_half + r] + dt * first_v[r]
-            spring_forces(x, v, p, pull, square, force)
-            for r in range(n_half):
-                accelerated[r] = force[free[r // dim], r % dim, 0] + outside[q, r] - 2.0 * masses[r] * first_v[r]
-            moved = now[n_half:] + dt * first_v - 2.0 * first_x
-            second_v = inverse @ (accelerated - g * (K @ moved))
-            second_x = moved + g * second_v
-            for r in range(n_half):
-                now[r] += 1.5 * dt * first_x[r] + 0.5 * dt * second_x[r]
-                now[n_half + r] += 1.5 * dt * first_v[r] + 0.5 * dt * second_v[r]
+                target[r] = now[r] + weight * now[n_half + r]
+                pushed = force[free[r // dim], r % dim, 0] + outside[q, r]
+                target[n_half + r] = now[n_half + r] + weight * pushed / masses[r]
+            now[:n_half] += g * dt * before[n_half:]
+            _newton(now, target, weight, renew, place, nodes, free, masses, p, outside[q], scratch)
+            target[:] = second * now - first * before
+            now[:n_half] += (1.0 - g) * dt * now[n_half:]
+            _newton(now, target, weight, renew, place, nodes, free, masses, p, outside[q], scratch)
     return ended
 
 

@@ -1,4 +1,4 @@
-"""Linearly implicit steps for stiff or large networks, with the transition matrices of what they do."""
+"""Implicit steps for stiff or large networks, with the transition matrices of what they do."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynamics.arrays import Floats
-from dynamics.forces.kernels import ROS2, packed, rosenbrock, tangents_each
+from dynamics.forces.kernels import TR_BDF2, implicit_steps, packed, tangents_each
 from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
@@ -27,9 +27,9 @@ class Linearised:
 
 
 class ImplicitStepper:
-    """Moves states of one network ahead by compiled linearly implicit steps, at most LONGEST_STEP long.
+    """Moves states of one network ahead by compiled steps of TR-BDF2, at most LONGEST_STEP long.
 
-    L-stable: no stiffness shortens the step; what it does not resolve, it damps. Source: [verwer1999].
+    L-stable: no stiffness shortens the step; what it does not resolve, it damps. Source: [bank1985].
     soft: whether tangents at the start of an interval serve for all its steps
     """
 
@@ -46,8 +46,8 @@ class ImplicitStepper:
         """States (n_points, n_state) dt [s] later under constant forces on the free coordinates [N]."""
         n, nodes = self.n_steps(dt), self.network.positions
         points, outside = np.ascontiguousarray(states), np.ascontiguousarray(forces)
-        every = n if self.soft else 1
-        return rosenbrock(points, outside, dt / n, n, every, nodes, self.network.free, self._masses, self._packed)
+        free, renew = self.network.free, not self.soft
+        return implicit_steps(points, outside, dt / n, n, renew, nodes, free, self._masses, self._packed)
 
     def linearised(self, states: Floats, dt: float) -> Linearised:
         """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there."""
@@ -58,17 +58,19 @@ class ImplicitStepper:
         A = np.zeros((len(states), 2 * half, 2 * half))
         A[:, range(half), range(half, 2 * half)] = h
         A[:, half:, :half], A[:, half:, half:] = -h * by_mass[:, None] * K, -h * by_mass[:, None] * C
-        # W = 1 / (1 - g A) by its blocks, as in each step: one inverse of half the size
-        g = ROS2
-        inverse = np.linalg.inv(np.eye(half) * self._masses[:, None] + g * h * C + (g * h) ** 2 * K)
+        # W = 1 / (1 - w A) by its blocks, as in each stage: one inverse of half the size
+        w = 0.5 * TR_BDF2
+        inverse = np.linalg.inv(np.eye(half) * self._masses[:, None] + w * h * C + (w * h) ** 2 * K)
         W = np.empty_like(A)
         W[:, half:, half:] = inverse * self._masses
-        W[:, half:, :half] = -g * h * inverse @ K
-        W[:, :half, half:] = g * h * W[:, half:, half:]
-        W[:, :half, :half] = np.eye(half) + g * h * W[:, half:, :half]
-        F = W @ (W + (1.0 - 2.0 * g) * (A @ W))
-        first = W[:, :, half:] * by_mass
-        by_force = h * (2.0 * first + W @ (0.5 * (A @ first) - first))
+        W[:, half:, :half] = -w * h * inverse @ K
+        W[:, :half, half:] = w * h * W[:, half:, half:]
+        W[:, :half, :half] = np.eye(half) + w * h * W[:, half:, :half]
+        second, first = 1.0 / (TR_BDF2 * (2.0 - TR_BDF2)), (1.0 - TR_BDF2) ** 2 / (TR_BDF2 * (2.0 - TR_BDF2))
+        F = W @ (second * (W + w * (A @ W)))
+        F -= first * W
+        pushed = W[:, :, half:] * (h * by_mass)
+        by_force = second * TR_BDF2 * (W @ pushed) + w * pushed
         before = F
         for _ in range(n.bit_length() - 1):
             before = F

@@ -20,8 +20,8 @@ Expected = Callable[[str, Floats | None], tuple[Floats, Floats]]
 """Mean [m] and covariance [m²] of where a node's mark may be, given its name and what calibration moves its mark by."""
 
 
-CROWD = 3
-"""Marks of one frame that are not all outliers: at one in thirty, they come together once in an hour of 30 frames/s."""
+CROWD = 4
+"""Marks of one frame that are not all outliers: at one in thirty, that comes once in eight hours at 30 frames/s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
