@@ -91,7 +91,7 @@ def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> s
         )
         closed += "</body>"
         above = length
-    return f"""<mujoco><option integrator="implicitfast"/><default><geom contype="0" conaffinity="0"/></default>
+    return f"""<mujoco><option integrator="RK4"/><default><geom contype="0" conaffinity="0"/></default>
         <worldbody>{opened}{closed}</worldbody></mujoco>"""
 
 
@@ -117,7 +117,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
         data,
         lambda d: np.vstack([np.zeros(3), d.site_xpos[1:]]),
         times_s=times,
-        longest_s=_step_s(scale, 1e-3),
+        longest_s=2.5e-4 * min(1.0, scale.swing),
         act=led,
     )[round(before * 33) :]
     times = np.arange(len(places)) / 33.0

@@ -26,7 +26,7 @@ POISSON = 0.3
 RAYLEIGH_S = 0.02
 """Damping by stiffness [s]."""
 
-PRESS, FINGER = 0.05, 0.25
+PRESS, FINGER = 0.04, 0.35
 """Largest force on the top of a block, by Young's modulus and its area, and the finger's radius by the side."""
 
 PULL = 0.2

@@ -88,6 +88,6 @@ def _xml(network: MassSpringNetwork) -> str:
             f' springlength="{network.rest_lengths[s]}"><site site="{network.names[a]}"/>'
             f'<site site="{network.names[b]}"/></spatial>'
         )
-    return f"""<mujoco><option integrator="implicitfast" gravity="0 0 -{GRAVITY_M_S2}"/>
+    return f"""<mujoco><option integrator="RK4" gravity="0 0 -{GRAVITY_M_S2}"/>
         <default><geom contype="0" conaffinity="0"/></default>
         <worldbody>{bodies}</worldbody><tendon>{tendons}</tendon></mujoco>"""
