@@ -4,56 +4,44 @@
     python -m experiments.studies.zoo --seeds 0-1 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
-writes runs.csv, cells.csv, table.md and zoo.png. Truths by MuJoCo (extra `dev`). Last figures: docs/zoo.md.
+writes runs/runs.parquet, runs.csv, cells.csv, table.md and zoo.png, on all cores or with `--scheduler ADDRESS`. Truths
+by MuJoCo, in the extra `dev`. Last figures: docs/zoo.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import io
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+import pandas as pd
+
+from experiments.engine.progress import run_bar
+from experiments.engine.study import run_study
+from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.errors import InputError
-from experiments.formats.outputs import output_folder
-from experiments.formats.tables import write_table
+from experiments.formats.outputs import write_whole
 from experiments.simulation.bodies.zoo import BODIES
-from experiments.studies.zoo.case import REPORT_SEEDS, Case, cases, quick_cases
+from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
 from experiments.studies.zoo.picture import zoo_figure
-from experiments.studies.zoo.run import Record, run
-from experiments.studies.zoo.table import Cell, cells_of, markdown
+from experiments.studies.zoo.run import record_of
+from experiments.studies.zoo.table import cells_of, markdown
 
 
-def run_all(chosen: Sequence[Case]) -> list[Record]:
-    """The record of each case, counted on standard error as they come."""
-    records = []
-    for k, case in enumerate(chosen):
-        records.append(run(case))
-        sys.stderr.write(f"\r{k + 1} of {len(chosen)} runs: {case.cell}, seed {case.seed}    ")
-    sys.stderr.write("\n")
-    return records
-
-
-def write_results(records: Sequence[Mapping[str, Any]], folder: Path) -> str:
-    """Write runs.csv, cells.csv, table.md and zoo.png; the table."""
-    cells = cells_of(records)
-    keys = list(dict.fromkeys(key for record in records for key in record))
-    write_table(folder / "runs.csv", keys, [[_text(record.get(key)) for key in keys] for record in records])
-    names = [field.name for field in fields(Cell)]
-    write_table(folder / "cells.csv", names, [[_text(value) for value in asdict(cell).values()] for cell in cells])
+def write_results(table: pd.DataFrame, folder: Path) -> str:
+    """Write runs.csv, cells.csv, table.md and zoo.png; the table as text."""
+    cells = cells_of(table)
     page = markdown(cells)
-    (folder / "table.md").write_text(page, encoding="utf-8")
-    zoo_figure(cells).savefig(folder / "zoo.png", dpi=110)
+    picture = io.BytesIO()
+    zoo_figure(cells).savefig(picture, dpi=110, format="png")
+    write_whole(folder / "runs.csv", table.to_csv(index=False))
+    write_whole(folder / "cells.csv", pd.DataFrame([asdict(cell) for cell in cells]).to_csv(index=False))
+    write_whole(folder / "table.md", page)
+    write_whole(folder / "zoo.png", picture.getvalue())
     return page
-
-
-def _text(value: object) -> str:
-    if value is None:
-        return ""
-    return json.dumps(value) if isinstance(value, dict) else str(value)
 
 
 def _seeds(text: str) -> range:
@@ -80,8 +68,10 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("--seeds", default=f"{REPORT_SEEDS[0]}-{REPORT_SEEDS[-1]}", help="A-B, both included")
     parser.add_argument("--bodies", default=",".join(BODIES), help="names, with commas between them")
     parser.add_argument("--unscaled", action="store_true", help="without the scaled bodies")
-    parser.add_argument("--out", type=Path, required=True, help="folder to write into")
-    parser.add_argument("--force", action="store_true", help="write into a folder that is not empty")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="a study that was ended goes on; another filter needs another folder"
+    )
+    add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))
     try:
         chosen = (
@@ -89,12 +79,17 @@ def main(arguments: Iterable[str] | None = None) -> int:
             if given.quick
             else cases(_bodies(given.bodies), _seeds(given.seeds), scaled=not given.unscaled)
         )
-        with output_folder(given.out, force=given.force) as folder:
-            sys.stdout.write(write_results(run_all(chosen), folder))
+        with run_bar("zoo") as advance:
+            done = run_study(
+                record_of, [case.to_json() for case in chosen], given.out / "runs", chosen_workers(given), advance
+            )
+        sys.stdout.write(write_results(done.table, given.out))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 2
-    return 0
+    for failure in done.failures:
+        sys.stderr.write(f"{failure}\n")
+    return 1 if done.failures else 0
 
 
 if __name__ == "__main__":

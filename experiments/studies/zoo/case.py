@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
 from typing import Any
 
-from experiments.simulation.bodies.body import Scale
-from experiments.simulation.bodies.zoo import BODIES
+from experiments.simulation.bodies.body import Body, Scale
+from experiments.simulation.bodies.zoo import BODIES, make_body
 
 CONSTANTS = ("true", "wrong", "identified")
 """Best-known ones; each 20 % wrong, one standard deviation; fitted on another recording of the same body."""
@@ -26,7 +27,7 @@ class Case:
     """One run of the zoo.
 
     body: its name in `BODIES`; constants: one of `CONSTANTS`
-    seconds: length of the recording [s], None for the body's own
+    length_s: of the recording [s], 0 for the body's own
     limit_s: processor time after which the filter is stopped [s]
     """
 
@@ -36,7 +37,7 @@ class Case:
     size: float = 1.0
     stiffness: float = 1.0
     mass: float = 1.0
-    seconds: float | None = None
+    length_s: float = 0.0
     limit_s: float = 60.0
 
     @property
@@ -51,14 +52,24 @@ class Case:
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
 
+    @property
+    def motion(self) -> Body:
+        """The body as it moves; cases of one motion that follow each other share it."""
+        return _body(self.body, self.seed, self.scale, self.length_s)
+
     def to_json(self) -> dict[str, Any]:
         """As a table that JSON can write."""
         return asdict(self)
 
     @classmethod
-    def from_json(cls, table: dict[str, Any]) -> Case:
-        """As `to_json` made it."""
-        return cls(**table)
+    def from_json(cls, table: Mapping[str, Any]) -> Case:
+        """As `to_json` made it; other columns are left out."""
+        return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
+
+
+@lru_cache(maxsize=2)
+def _body(name: str, seed: int, scale: Scale, length_s: float) -> Body:
+    return make_body(name, seed, scale, length_s or None)
 
 
 def cases(
@@ -68,7 +79,7 @@ def cases(
     all_seeds = list(seeds)
     found = []
     for body in bodies:
-        found += [Case(body, seed, constants) for constants in CONSTANTS for seed in all_seeds]
+        found += [Case(body, seed, constants) for seed in all_seeds for constants in CONSTANTS]
         if scaled:
             found += [
                 Case(body, seed, size=scale.size, stiffness=scale.stiffness, mass=scale.mass)
@@ -81,7 +92,7 @@ def cases(
 def quick_cases() -> list[Case]:
     """A few bodies for a second or less, for a test of the whole way."""
     return [
-        Case("chain2", 0, seconds=1.0),
-        Case("phantom", 0, "wrong", seconds=1.0),
-        Case("floating", 0, seconds=0.5, limit_s=5.0),
+        Case("chain2", 0, length_s=1.0),
+        Case("phantom", 0, "wrong", length_s=1.0),
+        Case("floating", 0, length_s=0.5, limit_s=5.0),
     ]

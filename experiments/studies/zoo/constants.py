@@ -10,7 +10,6 @@ from dynamics import MassSpringNetwork, NetworkError, fit_rest_lengths
 from estimators import IdentificationError, MarkMeasurement, identify_constants
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
-from experiments.simulation.bodies.zoo import make_body
 from experiments.studies.zoo.case import Case
 
 WRONG = float(np.log(1.2))
@@ -59,7 +58,7 @@ def identified_network(start: MassSpringNetwork, case: Case) -> MassSpringNetwor
     """Constants fitted from `start` on another recording of the same body, every node seen; NotIdentifiedError."""
     if len(start.springs) > MOST_SPRINGS:
         raise NotIdentifiedError(f"not identified: {len(start.springs)} springs, at most {MOST_SPRINGS}")
-    body = make_body(case.body, case.seed + OTHER_RECORDING, case.scale, case.seconds)
+    body = replace(case, seed=case.seed + OTHER_RECORDING).motion
     names = body.marked + body.hidden
     frames = [(float(t), marks) for t, marks in zip(body.times_s, measured(body, names, case.seed), strict=True)]
     try:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +16,6 @@ from estimators import MarkMeasurement, Status, TissueFilter
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
-from experiments.simulation.bodies.zoo import make_body
 from experiments.studies.zoo.case import Case
 from experiments.studies.zoo.constants import NotIdentifiedError, measured, network_of
 from experiments.studies.zoo.rivals import open_loop, spline
@@ -42,15 +42,15 @@ class Filtered:
 
 def run(case: Case) -> Record:
     """The case's figures: errors [m] of filter, open loop and spline, coverage, NEES, faults, time a frame."""
-    body = make_body(case.body, case.seed, case.scale, case.seconds)
+    body = case.motion
     marks = measured(body, body.marked, case.seed)
     hidden = [body.network.index(name) for name in body.hidden]
     truth = body.positions[:, hidden]
-    record: Record = {"cell": case.cell, **case.to_json(), "frames": len(truth), "size_m": body.size_m}
+    record: Record = {"frames": len(truth), "frames_done": 0, "size_m": body.size_m}
     try:
         network = network_of(body, case)
     except (NotIdentifiedError, NetworkError) as error:
-        return record | {"failure": str(error), "frames_done": 0}
+        return record | {"ended": str(error)}
     found = filtered(network, body, marks, limit_s=case.limit_s)
     done = len(found.status)
     compared = done or len(truth)  # rivals are scored in the frames that the filter was
@@ -58,17 +58,22 @@ def run(case: Case) -> Record:
     record |= {
         "spline_m": mean_distance(spline(body, marks)[:compared], truth[:compared]),
         "open_loop_m": None if simulated is None else mean_distance(simulated[:compared], truth[:compared]),
-        "failure": found.failure,
+        "ended": found.failure,
         "frames_done": done,
         "ms_a_frame": 1e3 * found.seconds / max(done, 1),
         "repairs": sum(found.repairs.values()),
-        "repairs_by_kind": dict(found.repairs),
-        "status": dict(Counter(found.status)),
+        "repairs_by_kind": json.dumps(found.repairs),
+        "status": json.dumps(Counter(found.status)),
     }
     if done:
         tracking = np.array([status == Status.TRACKING for status in found.status])
         record |= hidden_scores(found.means, found.covs, truth[:done], tracking=tracking, size_m=body.size_m)
     return record
+
+
+def record_of(case: Mapping[str, Any]) -> Record:
+    """As `run`, of a case that JSON made: for `run_study`."""
+    return run(Case.from_json(case))
 
 
 def filtered(

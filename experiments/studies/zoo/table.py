@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
+import pandas as pd
+
+from experiments.studies.zoo.case import Case
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,17 +53,20 @@ GOOD = Bounds(0.7, 1.05, (0.90, 0.99))
 BOUNDS = {"true": GOOD, "identified": GOOD, "wrong": Bounds(0.9, 1.15, (0.85, 1.0))}
 
 
-def cells_of(records: Iterable[Mapping[str, Any]]) -> list[Cell]:
-    """Figures of each cell, in the order of their first records."""
+def cells_of(table: pd.DataFrame) -> list[Cell]:
+    """Figures of each cell, in the order of their first runs; table: of cases, their records, failures (n_runs,)."""
     by_name: dict[str, list[Mapping[str, Any]]] = {}
-    for record in records:
-        by_name.setdefault(record["cell"], []).append(record)
+    for row in table.to_dict("records"):
+        record = {
+            str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
+        }
+        by_name.setdefault(Case.from_json(record).cell, []).append(record)
     return [_cell(name, runs) for name, runs in by_name.items()]
 
 
 def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
-    failures = [run["failure"] for run in runs if run["failure"]]
-    done = [run for run in runs if run["frames_done"]]
+    failures = [reason for run in runs if (reason := run.get("failure") or run.get("ended"))]
+    done = [run for run in runs if run.get("frames_done")]
     filter_m, loop_m, spline_m = (_mean(done, key) for key in ("error_m", "open_loop_m", "spline_m"))
     rivals = [m for m in (loop_m, spline_m) if m is not None]
     return Cell(
@@ -75,16 +81,16 @@ def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
         ratio=None if filter_m is None or not rivals else filter_m / min(rivals),
         covered=_mean(done, "covered"),
         nees=_mean(done, "nees"),
-        non_finite=sum(run["non_finite"] for run in done),
-        wrong_tracking=sum(run["wrong_tracking"] for run in done),
-        repairs=sum(run["repairs"] for run in done),
+        non_finite=int(sum(run["non_finite"] for run in done)),
+        wrong_tracking=int(sum(run["wrong_tracking"] for run in done)),
+        repairs=int(sum(run["repairs"] for run in done)),
         ms_a_frame=_mean(done, "ms_a_frame"),
     )
 
 
 def _mean(runs: Sequence[Mapping[str, Any]], key: str) -> float | None:
-    values = [run[key] for run in runs]
-    return float(np.mean(values)) if values and all(value is not None for value in values) else None
+    values = [value for run in runs if (value := run.get(key)) is not None]
+    return float(np.mean(values)) if values and len(values) == len(runs) else None
 
 
 def _mm(metres: float | None) -> float | None:
