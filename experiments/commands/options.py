@@ -19,3 +19,4 @@ Processes = Annotated[
 Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="Address of a Dask scheduler, in place of this machine.")
 ]
+Minutes = Annotated[float, typer.Option("--minutes", min=0.01, help="Ends after so long with the best until then.")]
