@@ -16,7 +16,7 @@ from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
-from estimators.identification.filter_pass import Frames, Pass, pass_through
+from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, pass_through
 from estimators.identification.groups import (
     ConstantGroup,
     constant_groups,
@@ -147,7 +147,9 @@ def identify_constants(
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
     calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
-    problem = _Problem(network, groups, group_prior_sd(groups, prior_sd), (tuple(marked), target), calm, limit)
+    dt = frame_interval(frames) if is_linear(network, len(marked)) else 0.0
+    sd = group_prior_sd(network, groups, prior_sd, dt)
+    problem = _Problem(network, groups, sd, (tuple(marked), target), calm, limit)
     try:
         return _identified(problem, frames, chosen, advance)
     except OutOfTimeError:

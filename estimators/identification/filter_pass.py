@@ -7,15 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty
+from dynamics import MassSpringNetwork, ParameterUncertainty, scale_parameters, stable_step
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
+from estimators.identification.linear_filter import filtered, predicted, quasi_static
 from estimators.tissue.estimate import MarkMeasurement, Status
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
+
+LARGEST = 60
+"""Length of the state up to which sigma points are passed through: the cost of a pass grows with its cube."""
+
+SHORTEST_STEP = 1.0 / 120.0
+"""Stable step [s] below which sigma points of a network scatter off its stiff springs."""
+
+DIFFERENCE = 1e-4
+"""Of a direction, in units of it, by which sensitivities are found: its square is below rounding of their use."""
 
 LEAST_WEIGHT = 1e-6
 """Probability of a mode below which its innovations add nothing: rounding."""
@@ -61,9 +71,49 @@ def pass_through(
     """
     marked, target = nodes
     try:
+        if is_linear(network, len(marked)):
+            return _linear_pass(network, uncertainty, frames, marked, settings, budget)
         return _passed(TissueFilter(network, target, marked, settings, uncertainty=uncertainty), frames, budget)
     except (CovarianceError, np.linalg.LinAlgError):
         return failed_pass(len(uncertainty.directions))
+
+
+def frame_interval(frames: Frames) -> float:
+    """Median time between two frames [s], 0 of a single one."""
+    times = [time_s for time_s, _ in frames]
+    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+
+
+def is_linear(network: MassSpringNetwork, n_marked: int) -> bool:
+    """Whether a network is too large or too stiff for sigma points."""
+    large = network.n_state + n_marked * network.dim > LARGEST
+    return large or stable_step(network) < SHORTEST_STEP
+
+
+def _linear_pass(
+    network: MassSpringNetwork,
+    uncertainty: ParameterUncertainty,
+    frames: Frames,
+    marked: Sequence[str],
+    settings: FilterSettings,
+    budget: Budget,
+) -> Pass:
+    dt = frame_interval(frames)
+    gains = filtered(quasi_static(network, dt), marked, settings, frames, budget)
+    base, _ = predicted(quasi_static(network, dt), gains, budget)
+    columns = []
+    for row in uncertainty.directions:
+        changed = scale_parameters(network, uncertainty.parameters, DIFFERENCE * row)
+        moved, _ = predicted(quasi_static(changed, dt), gains, budget)
+        columns.append([(a - b) / DIFFERENCE for a, b in zip(base, moved, strict=True)])
+    n = len(uncertainty.directions)
+    information, scores = np.zeros((n, n)), np.zeros((len(base), n))
+    for k, y in enumerate(base):
+        T = np.column_stack([column[k] for column in columns])
+        information += T.T @ T
+        scores[k] = T.T @ y
+    nis = np.array([float(y @ y) for y in base])
+    return Pass(scores, information, gains.log_likelihood, nis, np.array([float(len(y)) for y in base]))
 
 
 def _passed(tissue: TissueFilter, frames: Frames, budget: Budget) -> Pass:

@@ -19,10 +19,15 @@ from dynamics import (
     scale_parameters,
 )
 from estimators.arrays import Floats
+from estimators.identification.linear_filter import unresolved
 
 MOST_SINGLE = 24
 """Springs that have constants of their own at most, where no groups are given: a recording of half a minute determines
 some twenty combinations, and each costs a column of the filter."""
+
+RIGID_SD = float(np.log(3.0))
+"""Prior standard deviation of the log stiffness of a link whose own oscillation no frame shows: a third to three times
+of what stands for rigid; choice."""
 
 SAME_DIGITS = 9
 """Significant digits by which equal constants are one kind: those that a scene file keeps."""
@@ -73,9 +78,22 @@ def constant_groups(
     return tuple(groups)
 
 
-def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float]) -> Floats:
-    """Prior standard deviation of the logarithm of each group's factor, (n_groups,)."""
-    return np.array([prior_sd[group.kind] for group in groups])
+def group_prior_sd(
+    network: MassSpringNetwork, groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], dt: float
+) -> Floats:
+    """Prior standard deviation of the logarithm of each group's factor, (n_groups,), for frames dt [s] apart.
+
+    The stiffness of links whose own oscillation these frames do not show stands for a rigid link: `RIGID_SD`.
+    """
+    stiff = unresolved(network, dt)
+    return np.array(
+        [
+            max(prior_sd[group.kind], RIGID_SD)
+            if group.kind == "stiffness" and stiff[list(group.places)].all()
+            else prior_sd[group.kind]
+            for group in groups
+        ]
+    )
 
 
 def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:

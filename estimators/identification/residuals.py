@@ -35,28 +35,32 @@ def residual_covariance(found: Pass, prior_precision: Floats) -> tuple[Floats, R
     """Covariance of constants at the optimum, (n, n), inflated by what the model leaves unexplained, and the test.
 
     The sandwich H^-1 (J + prior) H^-1, H the information with the prior's, J the long-run covariance of the scores with
-    Bartlett's weights, so that correlated innovations count for fewer. Source: [newey1987]. Along directions in which
-    it exceeds H^-1 by no more than sampling makes it, H^-1 is kept.
+    Bartlett's weights, so that correlated innovations count for fewer. Source: [newey1987]. Along directions in which J
+    exceeds what white innovations of their mean square would give by no more than sampling makes it, that is kept.
     """
     H = found.information + prior_precision
-    root = np.linalg.inv(np.linalg.cholesky(H))
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
-        cov = root.T @ root
-        return cov, ResidualTest(float("nan"), 1.0, n_frames, float(n_frames), explained=True)
+        return np.asarray(np.linalg.inv(H), dtype=np.float64), ResidualTest(
+            float("nan"), 1.0, n_frames, float(n_frames), explained=True
+        )
     n_lags = int(np.sqrt(n_frames))
-    J = long_run_covariance(found.scores, n_lags)
-    ratios, axes = np.linalg.eigh(root @ (J + prior_precision) @ root.T)
+    dof = float(found.dof.sum())
+    size = float(found.nis.sum()) / dof
+    too_large = bool(size > chi2.isf(LEVEL, dof) / dof)
+    white = (size if too_large else 1.0) * found.information + prior_precision
+    root = np.linalg.cholesky(white)
+    inverse = np.linalg.inv(root)
+    J = long_run_covariance(found.scores, n_lags) + prior_precision
+    ratios, axes = np.linalg.eigh(inverse @ J @ inverse.T)
     # largest eigenvalue of a sampled identity [marchenko1967], of as many samples as Bartlett's weights leave
     edge = (1.0 + np.sqrt(n * 2.0 * n_lags / (3.0 * n_frames))) ** 2
     inflated = np.where(ratios > edge, ratios, 1.0)
-    cov = root.T @ (axes * inflated) @ axes.T @ root
-    dof = float(found.dof.sum())
-    size = float(found.nis.sum()) / dof
-    too_large = size > chi2.isf(LEVEL, dof) / dof
-    worst = float(inflated.max())
-    test = ResidualTest(size, float(np.sqrt(worst)), int(dof), dof / worst, explained=not too_large and worst == 1.0)
-    return 0.5 * (cov + cov.T), test
+    around = np.linalg.solve(H, root @ axes)
+    cov = (around * inflated) @ around.T
+    worst = float(np.linalg.eigvals(cov @ H).real.max()) if too_large or inflated.max() > 1.0 else 1.0
+    test = ResidualTest(size, float(np.sqrt(worst)), int(dof), dof / worst, explained=worst == 1.0)
+    return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
 
 
 def long_run_covariance(series: Floats, n_lags: int) -> Floats:

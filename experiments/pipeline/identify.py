@@ -214,10 +214,9 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
     if residuals.explained:
         lines += [f"Residuals are explained: mean square {residuals.size:.2f} of what the filter expects"]
     else:
-        lines += [
-            f"Residuals are not explained: mean square {residuals.size:.2f} of what the filter expects, {residuals.n} of"
-            f" them worth {residuals.n_effective:.0f}; standard errors are up to {residuals.inflation:.1f} times as large"
-        ]
+        worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
+        larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
+        lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
     if found.target_rms_m is not None and found.target_rms_before_m is not None:
         before, after = 1e3 * found.target_rms_before_m, 1e3 * found.target_rms_m
         lines += [f"Target without its mark: {before:.2f} mm rms before, {after:.2f} mm after"]
