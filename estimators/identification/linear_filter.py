@@ -203,14 +203,17 @@ def quasi_static(network: MassSpringNetwork, dt: float) -> MassSpringNetwork:
 
 def unresolved(network: MassSpringNetwork, dt: float) -> NDArray[np.bool_]:
     """Springs whose own oscillation frames dt [s] apart do not show, (n_springs,)."""
-    return np.asarray(np.sqrt(network.stiffness / _reduced_masses(network)) * dt > UNRESOLVED)
+    anchored = network.fixed[network.springs].all(axis=1)
+    return ~anchored & (np.sqrt(network.stiffness) * dt > UNRESOLVED * np.sqrt(_reduced_masses(network)))
 
 
 def _reduced_masses(network: MassSpringNetwork) -> Floats:
-    i, j = network.springs.T
-    tiny = np.finfo(float).tiny
-    inverse = np.where(network.fixed, 0.0, 1.0 / np.maximum(network.masses, tiny))
-    return np.asarray(1.0 / np.maximum(inverse[i] + inverse[j], tiny))
+    """Of the two ends of each spring [kg], (n_springs,); of an anchored one its free end's."""
+    free = ~network.fixed[network.springs]
+    masses = network.masses[network.springs]
+    both = masses.prod(axis=1) / np.maximum(masses.sum(axis=1), np.finfo(float).tiny)
+    one = np.where(free[:, 0], masses[:, 0], masses[:, 1])
+    return np.where(free.all(axis=1), both, one)
 
 
 def _factor(S: Floats) -> tuple[Floats, bool]:
