@@ -18,8 +18,8 @@ def there(_node, _shared):
 
 
 def after_impulse(_node, _shared):
-    """As far away as BEYOND, but not as FAR."""
-    return np.zeros(2), 100.0 * np.eye(2)
+    """An impulse has BEYOND on the gate, and FAR beyond it."""
+    return np.zeros(2), 99.75 * np.eye(2)
 
 
 def mark(node: str, position: np.ndarray) -> MarkMeasurement:
@@ -51,12 +51,13 @@ def nodes(gated: Gated) -> tuple[list[str], tuple[str, ...]]:
         ([BEYOND, ON_GATE], 1.0, ["B"]),  # one on the gate is within it
         ([BEYOND, BEYOND, WITHIN], 1.0, ["A", "B", "C"]),  # two of them are not
         ([BEYOND, BEYOND], 1.0, ["A", "B"]),
+        ([], 1.0, []),
     ],
 )
 def test_where_frames_are_slow_a_mark_is_believed_at_once(places, since_before_s, accepted):
     """Unless it is a single one that others contradict, or no impulse explains it."""
     marks = [mark(node, place) for node, place in zip("ABC", places, strict=False)]
-    gated = gate_marks(marks, there, after_impulse, {}, frame=at(since_before_s, 0.0))
+    gated = gate_marks(marks, there, after_impulse, {}, frame=at(4.0 + since_before_s, 4.0))
     assert nodes(gated) == (accepted, tuple(one.node for one in marks if one.node not in accepted))
 
 
