@@ -37,7 +37,7 @@ architecture-page: $(READY)  ## rewrite docs/architecture.md and its drawing fro
 	$(BIN)/python -m experiments.studies.architecture
 
 mutants: $(READY)  ## which changes of the modules that safety rests on no test notices; about an hour
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,mutants]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,mutants]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
 
@@ -49,5 +49,5 @@ clean:
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster]'
 	@touch $(READY)

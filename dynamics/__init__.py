@@ -28,6 +28,7 @@ from dynamics.equilibrium import (
 from dynamics.forces import (
     KINDS,
     LAWS,
+    OF_SPRINGS,
     SLIP_VELOCITY,
     Parameter,
     ParameterForces,
@@ -85,6 +86,7 @@ __all__ = [
     "HIDDEN",
     "KINDS",
     "LAWS",
+    "OF_SPRINGS",
     "OUTER",
     "SAME_STEP",
     "SHAFT",

@@ -21,7 +21,7 @@ def test_uv_and_pip_get_the_same_versions() -> None:
 
 def test_every_dependency_is_pinned() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    named = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    named = [line for group in (project["dependencies"], *project["optional-dependencies"].values()) for line in group]
     wanted = {re.split(r"[<>=\[ ]", line)[0].lower().replace("_", "-") for line in named}
     pinned = {pin.split("==")[0].lower().replace("_", "-") for pin in PINS}
     assert wanted <= pinned

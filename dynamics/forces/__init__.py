@@ -4,7 +4,7 @@ What may enter: another force law, in `kernels.py`, with its energy and derivati
 """
 
 from dynamics.forces.energy import kinetic_energy, node_forces, potential_energy
-from dynamics.forces.kernels import KINDS, LAWS, SLIP_VELOCITY
+from dynamics.forces.kernels import KINDS, LAWS, OF_SPRINGS, SLIP_VELOCITY
 from dynamics.forces.parameters import (
     Parameter,
     ParameterForces,
@@ -22,6 +22,7 @@ from dynamics.forces.tangent import damping_matrix, stable_step, state_matrix, s
 __all__ = [
     "KINDS",
     "LAWS",
+    "OF_SPRINGS",
     "SLIP_VELOCITY",
     "Parameter",
     "ParameterForces",

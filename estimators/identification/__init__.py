@@ -3,20 +3,28 @@
 What may enter: what is estimated once from a recording and then fixed.
 """
 
+from estimators.identification.budget import Budget, IdentificationError
 from estimators.identification.constants import (
-    IdentificationError,
     IdentificationResult,
     IdentificationSettings,
     identify_constants,
     principal_uncertainty,
 )
+from estimators.identification.groups import ConstantGroup, constant_groups, group_label, group_value
 from estimators.identification.noise_levels import TuningResult, tune_noise
+from estimators.identification.residuals import ResidualTest
 
 __all__ = [
+    "Budget",
+    "ConstantGroup",
     "IdentificationError",
     "IdentificationResult",
     "IdentificationSettings",
+    "ResidualTest",
     "TuningResult",
+    "constant_groups",
+    "group_label",
+    "group_value",
     "identify_constants",
     "principal_uncertainty",
     "tune_noise",

@@ -12,77 +12,103 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import (
-    KINDS,
-    MassSpringNetwork,
-    Parameter,
-    ParameterUncertainty,
-    independent_uncertainty,
-    parameters,
-    scale_parameters,
-)
+from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.tissue.estimate import MarkMeasurement
+from estimators.filters.unscented import CovarianceError
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
+from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, pass_through
+from estimators.identification.groups import (
+    ConstantGroup,
+    constant_groups,
+    group_directions,
+    group_prior_sd,
+    members,
+    scale_groups,
+    touched,
+)
+from estimators.identification.residuals import ResidualTest, residual_covariance
+from estimators.identification.search import from_starts, gauss_newton, starts
+from estimators.identification.stretch import affordable, liveliest
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
-
-Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
 """Prior relative standard deviations of the constants by kind; choice, its cost in docs/settings.md."""
 
-MOST_PASSES = 12
-"""Limit of the iteration: Gauss-Newton needs three to five passes."""
+START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
+"""Starts are within this of the constants given, in logarithms: a third to three times; rest lengths, which are
+measured on a picture, to a tenth; choice."""
 
-CONVERGED = 0.1
-"""Tolerance of the iteration in standard errors of a constant: it adds 0.5 % to the error at most."""
+SCREENED = 100
+"""Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
+cost time, with fewer half a swing of the phantom is left; choice."""
 
-SLACK = 1.0
-"""Tolerance of the log posterior in the line search: merging modes leaves it uneven by less. At 0 and without limit
-the same constants were found in the same number of passes."""
+PASSES_A_START = 6
+"""Of the filter, as expected for the progress and for how many frames the time allows for."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """What is kept of the covariance of identified constants.
+    """From how many starts constants are searched, and what is kept of their covariance.
 
     kept: share of the target's variance by uncertain constants that the kept directions explain; choice
+    n_starts: points from which the constants are searched, the given ones first; choice
     """
 
     kept: float = 0.995
+    n_starts: int = 4
 
     def __post_init__(self) -> None:
+        if self.n_starts < 1:
+            raise ValueError(f"identification n_starts: expected 1 or more, found {self.n_starts}")
         if not 0.0 < self.kept <= 1.0:
             raise ValueError(f"identification kept: expected more than 0, at most 1, found {self.kept}")
 
 
-class IdentificationError(ValueError):
-    """A recording from which constants cannot be found; the message gives the reason."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentificationResult:
-    """Constants of a network estimated from a calibration recording.
+    """Constants of a network estimated from a calibration recording, in groups of one factor each.
 
     network: with the constants found
-    parameters, change: which, and the log of each by what it was before, (n,)
-    cov: covariance of the logs, (n, n); prior_sd: standard deviations of the logs before, (n,)
+    groups, change: which, and the log of each group's factor, (n,)
+    cov: covariance of these logs, inflated by what the model leaves unexplained, (n, n)
+    prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
+    residuals: what is unexplained
+    log_likelihood: of the recording's innovations; before, with the constants given
+    target_rms_m: error of the target by its mark where that is not used [m]; before; None where not measured
+    n_starts, n_agreeing: starts that were followed, and how many of them led to these constants
+    n_frames: of the recording that were used
+    in_time: False where the time was too short for all frames, starts and passes
     """
 
     network: MassSpringNetwork
-    parameters: tuple[Parameter, ...]
+    groups: tuple[ConstantGroup, ...]
     change: Floats
     cov: Floats
     prior_sd: Floats
     uncertainty: ParameterUncertainty
     passes: int
     converged: bool
+    residuals: ResidualTest
+    log_likelihood: float
+    log_likelihood_before: float
+    target_rms_m: float | None
+    target_rms_before_m: float | None
+    n_starts: int
+    n_agreeing: int
+    n_frames: int
+    in_time: bool
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All constants that were estimated, group by group."""
+        return members(self.groups)
 
     @property
     def sd(self) -> Floats:
-        """Standard error of the log of each constant, (n,)."""
+        """Standard error of the log of each group's factor, (n,)."""
         return np.sqrt(np.diag(self.cov))
 
     def identifiable(self) -> tuple[Floats, Floats]:
@@ -95,13 +121,6 @@ class IdentificationResult:
         return left[::-1], directions.T[::-1]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sum:
-    information: Floats
-    gradient: Floats
-    log_likelihood: float
-
-
 def identify_constants(
     network: MassSpringNetwork,
     frames: Frames,
@@ -109,75 +128,160 @@ def identify_constants(
     target: str,
     *,
     prior_sd: Mapping[str, float] = PRIOR_SD,
+    spring_groups: Sequence[str] = (),
     settings: FilterSettings | None = None,
-    kept: IdentificationSettings | None = None,
+    search: IdentificationSettings | None = None,
+    budget: Budget | None = None,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
     """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
 
     frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
-    `advance` gets the share done. Raises IdentificationError where the target is never seen.
+    spring_groups: see `constant_groups`; budget: the time that it may take, then the best until then is returned
+    `advance` gets the share done. Raises IdentificationError where the target is never seen, where the time is too
+    short for anything, and where the constants given fit the recording as well as any that were found.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
-    settings = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
-    which = parameters(network, tuple(prior_sd))
-    sd = np.array([prior_sd[parameter.kind] for parameter in which])
-    prior = independent_uncertainty(which, sd)
+    chosen = IdentificationSettings() if search is None else search
+    limit = Budget() if budget is None else budget
+    groups = constant_groups(network, tuple(prior_sd), spring_groups)
+    calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
+    dt = frame_interval(frames) if is_linear(network, len(marked)) else 0.0
+    sd = group_prior_sd(network, groups, prior_sd, dt)
+    problem = _Problem(network, groups, sd, (tuple(marked), target), calm, limit)
+    try:
+        return _identified(problem, frames, chosen, advance)
+    except OutOfTimeError:
+        raise IdentificationError(
+            f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
+        ) from None
 
-    def at(theta: Floats) -> tuple[MassSpringNetwork, _Sum]:
-        model = scale_parameters(network, which, sd * theta)
-        tissue = TissueFilter(model, target, marked, settings, uncertainty=prior)
-        return model, _passed(tissue, frames)
 
-    theta = np.zeros(len(which))
-    model, found = at(theta)
-    passes, converged, step = 1, False, 1.0
-    while passes < MOST_PASSES and not converged:
-        advance(passes / (MOST_PASSES + 1))
-        H = found.information + np.eye(len(theta))
-        move = np.linalg.solve(H, found.gradient - theta)
-        error = np.sqrt(np.diag(np.linalg.inv(H)))
-        converged = bool(np.abs(move / error).max() < CONVERGED)
-        if converged:
-            break
-        score = found.log_likelihood - 0.5 * theta @ theta
-        while True:
-            tried = theta + step * move
-            model_tried, sum_tried = at(tried)
-            passes += 1
-            if sum_tried.log_likelihood - 0.5 * tried @ tried >= score - SLACK or passes >= MOST_PASSES:
-                break
-            step *= 0.5
-        theta, model, found, step = tried, model_tried, sum_tried, 1.0
-    cov = np.linalg.inv(found.information + np.eye(len(theta))) * np.outer(sd, sd)
-    uncertainty = principal_uncertainty(
-        model, ParameterUncertainty(which, np.linalg.cholesky(cov).T), frames, marked, target, settings, kept=kept
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    network: MassSpringNetwork
+    groups: tuple[ConstantGroup, ...]
+    sd: Floats
+    nodes: tuple[tuple[str, ...], str]
+    settings: FilterSettings
+    budget: Budget
+
+    def model(self, theta: Floats) -> MassSpringNetwork:
+        return scale_groups(self.network, self.groups, self.sd * theta)
+
+    def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
+        """Rows in the logs of the groups' factors, (k, n_groups), as directions of the constants."""
+        which = touched(self.groups)
+        return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
+
+    def at(self, theta: Floats, frames: Frames) -> Pass:
+        model = self.model(theta)
+        prior = self.directions(model, np.diag(self.sd))
+        return pass_through(model, prior, frames, self.nodes, self.settings, self.budget)
+
+    def withheld(self, model: MassSpringNetwork, uncertainty: ParameterUncertainty, frames: Frames) -> Withheld | None:
+        """None where there is no time or no finite state."""
+        try:
+            return withheld_target(model, uncertainty, frames, self.nodes, self.settings, self.budget)
+        except (OutOfTimeError, CovarianceError, np.linalg.LinAlgError):
+            return None
+
+
+def _identified(
+    problem: _Problem, frames: Frames, chosen: IdentificationSettings, advance: Callable[[float], None]
+) -> IdentificationResult:
+    n, budget, passes = len(problem.groups), problem.budget, 0
+    expected = PASSES_A_START * (chosen.n_starts + 1)
+
+    def counted(theta: Floats, through: Frames) -> Pass:
+        nonlocal passes
+        share = passes / expected
+        advance(min(0.99, max(budget.share, share)))
+        passes += 1
+        return problem.at(theta, through)
+
+    used = affordable(lambda some: problem.at(np.zeros(n), some), frames, expected, budget)
+    screened = liveliest(used, SCREENED)
+    spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
+    found = from_starts(lambda theta: counted(theta, screened), list(starts(spread, chosen.n_starts)), problem.sd)
+    first, best = found[0], max(found, key=lambda one: one.log_posterior)
+    n_agreeing = sum(best.agrees(one) for one in found)
+    before = first.at_start
+    if len(screened) < len(used):
+        before = counted(np.zeros(n), used)
+        best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
+    model = problem.model(best.theta)
+    scaled, residuals = residual_covariance(best.found, np.eye(n))
+    cov = scaled * np.outer(problem.sd, problem.sd)
+    wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
+    after = problem.withheld(model, wide, used)
+    given = problem.directions(problem.network, np.diag(problem.sd))
+    given_withheld = problem.withheld(problem.network, given, used)
     advance(1.0)
     return IdentificationResult(
-        model, which, sd * theta, np.asarray(cov, dtype=np.float64), sd, uncertainty, passes, converged
+        network=model,
+        groups=problem.groups,
+        change=problem.sd * best.theta,
+        cov=cov,
+        prior_sd=problem.sd,
+        uncertainty=wide if after is None else principal_directions(wide, after.effect, chosen.kept),
+        passes=best.passes,
+        converged=best.converged,
+        residuals=residuals,
+        log_likelihood=best.found.log_likelihood,
+        log_likelihood_before=before.log_likelihood,
+        target_rms_m=None if after is None else after.rms_m,
+        target_rms_before_m=None if given_withheld is None else given_withheld.rms_m,
+        n_starts=len(found),
+        n_agreeing=n_agreeing,
+        n_frames=len(used),
+        in_time=best.in_time and len(found) == chosen.n_starts and len(used) == len(frames),
     )
 
 
-def _passed(tissue: TissueFilter, frames: Frames) -> _Sum:
-    mixture = tissue.mixture
-    mixture.considered = False
+@dataclass(frozen=True, slots=True, eq=False)
+class Withheld:
+    """The target of frames in which its mark is not used.
+
+    effect: sum of the squared shares of each direction of uncertainty in the target's error [m²], (n, n)
+    rms_m: error by its mark [m], None where it has none
+    """
+
+    effect: Floats
+    rms_m: float | None
+
+
+def withheld_target(
+    network: MassSpringNetwork,
+    uncertainty: ParameterUncertainty,
+    frames: Frames,
+    nodes: tuple[Sequence[str], str],
+    settings: FilterSettings | None = None,
+    budget: Budget | None = None,
+) -> Withheld:
+    """What the filter makes of the target without its mark; nodes: those that may be poked, and the target."""
+    marked, target = nodes
+    limit = Budget() if budget is None else budget
+    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     n = tissue.model.n_columns
-    information, gradient, log_likelihood = np.zeros((n, n)), np.zeros(n), 0.0
+    effect, squares = np.zeros((n, n)), []
     for time_s, marks in frames:
-        started = tissue.seen_s is not None
+        limit.check()
         tissue.predict(time_s)
-        used = tissue.update(marks).marks_used
-        if not (started and used):
-            continue
-        log_likelihood += mixture.log_likelihood
-        for weight, f, T in zip(mixture.mu, mixture.filters, mixture.innovation_columns, strict=True):
-            if weight > 1e-6:
-                solved = np.linalg.solve(f.S, np.column_stack([T, f.y]))
-                information += weight * T.T @ solved[:, :-1]
-                gradient += weight * T.T @ solved[:, -1]
-    return _Sum(information, gradient, log_likelihood)
+        estimate = tissue.update([mark for mark in marks if mark.node != target])
+        columns = tissue.target.linear(tissue.mixture.mean_columns)
+        effect += columns.T @ columns
+        squares += [float(((estimate.mean - mark.position) ** 2).sum()) for mark in marks if mark.node == target]
+    return Withheld(effect, float(np.sqrt(np.mean(squares))) if squares else None)
+
+
+def principal_directions(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
+    """An uncertainty turned to the axes of its effect, (n, n), the smallest, below 1 - kept of it, left out."""
+    values, axes = np.linalg.eigh(effect)
+    values, axes = values[::-1], axes[:, ::-1]
+    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), kept)) + 1
+    return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)
 
 
 def principal_uncertainty(
@@ -196,15 +300,5 @@ def principal_uncertainty(
     1 - `kept` of it, are left out.
     """
     share = (IdentificationSettings() if kept is None else kept).kept
-    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
-    n = tissue.model.n_columns
-    effect = np.zeros((n, n))
-    for time_s, marks in frames:
-        tissue.predict(time_s)
-        tissue.update([mark for mark in marks if mark.node != target])
-        columns = tissue.target.linear(tissue.mixture.mean_columns)
-        effect += columns.T @ columns
-    values, axes = np.linalg.eigh(effect)
-    values, axes = values[::-1], axes[:, ::-1]
-    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), share)) + 1
-    return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)
+    found = withheld_target(network, uncertainty, frames, (marked, target), settings)
+    return principal_directions(uncertainty, found.effect, share)

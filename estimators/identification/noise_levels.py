@@ -10,11 +10,12 @@ from scipy.optimize import minimize
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.tissue.estimate import MarkMeasurement
+from estimators.filters.unscented import CovarianceError
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
+from estimators.identification.filter_pass import Frames
+from estimators.identification.stretch import affordable
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
-
-Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 NAMES = ("white", "poke", "marks")
 """Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by the reported one."""
@@ -34,6 +35,7 @@ class TuningResult:
     settings: with the levels found; marks: standard deviation of the marks by the reported one
     names, values, log_sd: what was tuned, its value, and the standard error of its logarithm, (3,)
     log_likelihood: of the innovations there, and with the levels from before
+    n_frames: of the recording that were used; in_time: False where the time was too short for all frames and passes
     """
 
     settings: FilterSettings
@@ -43,17 +45,49 @@ class TuningResult:
     log_sd: Floats
     log_likelihood: float
     log_likelihood_before: float
+    n_frames: int
+    in_time: bool
 
 
-def log_likelihood(tissue: TissueFilter, frames: Frames) -> float:
-    """Of the innovations of a filter through frames, (time [s], marks) in order; the first marks start it, only."""
+def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None = None) -> float:
+    """Of the innovations of a filter through frames, (time [s], marks) in order; the first marks start it, only.
+
+    Raises OutOfTimeError where the time is over.
+    """
+    limit = Budget() if budget is None else budget
     total = 0.0
     for time_s, marks in frames:
+        limit.check()
         started = tissue.seen_s is not None
         tissue.predict(time_s)
         if tissue.update(marks).marks_used and started:
             total += tissue.mixture.log_likelihood
     return total
+
+
+class _Cost:
+    """Minus the log posterior of noise levels, in logs by the levels before, (3,).
+
+    State: passes done; the least cost and where it was.
+    """
+
+    def __init__(self, run: Callable[[Floats], float], advance: Callable[[float], None]) -> None:
+        self._run, self._advance = run, advance
+        self.passes = 0
+        self.least, self.best = np.inf, np.zeros(len(NAMES))
+
+    def __call__(self, logs: Floats) -> float:
+        self.passes += 1
+        self._advance(min(1.0, self.passes / MOST_PASSES))
+        cost = prior_cost(logs) - self._run(logs)
+        if cost < self.least:
+            self.least, self.best = cost, np.array(logs)
+        return cost
+
+
+def prior_cost(logs: Floats) -> float:
+    """Minus the log of the prior density of levels, in logs by the levels before, up to a constant."""
+    return 0.5 * float(np.sum((logs / PRIOR_LOG_SD) ** 2))
 
 
 def tune_noise(
@@ -64,33 +98,42 @@ def tune_noise(
     *,
     uncertainty: ParameterUncertainty | None = None,
     settings: FilterSettings | None = None,
+    budget: Budget | None = None,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Fit the noise levels; the target's mark is used where the frames have it. `advance` gets the share done."""
-    before = FilterSettings() if settings is None else settings
-    start = np.array([before.quiet.white, before.poked.poke, 1.0])
-    passes = 0
+    """Fit the noise levels; the target's mark is used where the frames have it. `advance` gets the share done.
 
-    def cost(logs: Floats) -> float:
-        nonlocal passes
-        passes += 1
-        advance(min(1.0, passes / MOST_PASSES))
+    budget: the time that it may take, then the best until then is returned. Raises IdentificationError where it is
+    too short for anything.
+    """
+    before = FilterSettings() if settings is None else settings
+    limit = Budget() if budget is None else budget
+    start = np.array([before.quiet.white, before.poked.poke, 1.0])
+
+    def run(logs: Floats, through: Frames) -> float:
         values = start * np.exp(logs)
         tissue = TissueFilter(network, target, marked, with_noise_levels(before, values), uncertainty=uncertainty)
-        return 0.5 * float(np.sum((logs / PRIOR_LOG_SD) ** 2)) - log_likelihood(
-            tissue, with_scaled_noise(frames, values[2])
-        )
+        try:
+            return log_likelihood(tissue, with_scaled_noise(through, values[2]), limit)
+        except (CovarianceError, np.linalg.LinAlgError):
+            return -np.inf
 
-    n = len(start)
-    simplex = np.vstack([np.zeros(n), 0.3 * np.eye(n)])
-    options = {"initial_simplex": simplex, "xatol": 0.01, "fatol": 0.05, "maxfev": MOST_PASSES - 2 * n}
-    found = minimize(cost, np.zeros(n), method="Nelder-Mead", options=options)
-    # standard errors by the curvature along each axis of the search
-    step = 0.1
-    curvature = np.array([cost(found.x + step * e) + cost(found.x - step * e) - 2.0 * found.fun for e in np.eye(n)])
-    log_sd = step / np.sqrt(np.maximum(curvature, (step / PRIOR_LOG_SD) ** 2))
-    values = start * np.exp(found.x)
-    prior = 0.5 * float(np.sum((found.x / PRIOR_LOG_SD) ** 2))
+    none = np.zeros(len(start))
+    try:
+        used = affordable(lambda some: run(none, some), frames, MOST_PASSES, limit)
+        cost = _Cost(lambda logs: run(logs, used), lambda share: advance(max(share, limit.share)))
+        cost_before = cost(none)
+    except OutOfTimeError:
+        raise IdentificationError(
+            f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
+        ) from None
+    log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
+    try:
+        _search(cost)
+        log_sd = _standard_errors(cost)
+    except OutOfTimeError:
+        finished = False
+    values = start * np.exp(cost.best)
     advance(1.0)
     return TuningResult(
         with_noise_levels(before, values),
@@ -98,9 +141,25 @@ def tune_noise(
         NAMES,
         values,
         log_sd,
-        prior - float(found.fun),
-        -cost(np.zeros(n)),
+        prior_cost(cost.best) - cost.least,
+        -cost_before,
+        len(used),
+        finished and len(used) == len(frames),
     )
+
+
+def _search(cost: _Cost) -> None:
+    n = len(cost.best)
+    simplex = np.vstack([np.zeros(n), 0.3 * np.eye(n)])
+    options = {"initial_simplex": simplex, "xatol": 0.01, "fatol": 0.05, "maxfev": MOST_PASSES - 2 * n - 1}
+    minimize(cost, np.zeros(n), method="Nelder-Mead", options=options)
+
+
+def _standard_errors(cost: _Cost) -> Floats:
+    """By the curvature along each axis of the search."""
+    step, least, best = 0.1, cost.least, cost.best
+    curvature = np.array([cost(best + step * e) + cost(best - step * e) - 2.0 * least for e in np.eye(len(best))])
+    return np.asarray(step / np.sqrt(np.maximum(curvature, (step / PRIOR_LOG_SD) ** 2)))
 
 
 def with_noise_levels(settings: FilterSettings, values: Floats) -> FilterSettings:

@@ -13,3 +13,10 @@ Fps = Annotated[float | None, typer.Option("--fps", min=0.001, help="Of a folder
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+Processes = Annotated[
+    int | None, typer.Option("--processes", min=1, help="On this machine; default: one for each core.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", help="Address of a Dask scheduler, in place of this machine.")
+]
+Minutes = Annotated[float, typer.Option("--minutes", min=0.01, help="Ends after so long with the best until then.")]

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import NetworkError, fit_rest_lengths, parameter_label, parameter_value
+from dynamics import NetworkError, fit_rest_lengths
 from estimators import (
+    Budget,
     IdentificationError,
     IdentificationResult,
     MarkMeasurement,
     TuningResult,
+    group_label,
+    group_value,
     identify_constants,
     tune_noise,
 )
@@ -27,6 +30,10 @@ Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MAX_VARIANCE_LEFT = 0.5
 """Part of the prior variance left to a combination of constants above which it is undetermined; chosen."""
+
+MOST_WORSE = 1.1
+"""Ratio of the target's error without its mark, after to before, above which a scene is not written: a tenth is
+what recordings of a minute leave uncertain; chosen."""
 
 NAMED = 4
 """Constants named of such a combination, those that weigh most."""
@@ -69,36 +76,69 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
 
 
 def identified_scene(
-    recording: Recording, frames: Frames, advance: Advance = lambda _share: None
+    recording: Recording, frames: Frames, minutes: float, advance: Advance = lambda _share: None
 ) -> tuple[Scene, IdentificationResult]:
     """The scene with the constants found in a calibration recording, how well they are known, and all that was found.
 
-    Raises InputError where the hidden mark is not seen.
+    Raises InputError where the hidden mark is not seen, and where what was found fits worse than the scene.
     """
     scene = recording.scene
     try:
         found = identify_constants(
-            scene.network, frames, scene.measured_nodes, scene.target.node, settings=scene.settings, advance=advance
+            scene.network,
+            frames,
+            scene.measured_nodes,
+            scene.target.node,
+            spring_groups=scene.spring_groups,
+            settings=scene.settings,
+            budget=Budget(60.0 * minutes),
+            advance=advance,
         )
     except IdentificationError as error:
         raise InputError(f"{recording.folder}: {error}") from None
+    check_fit(recording, found)
     return replace(scene, network=found.network, uncertainty=found.uncertainty), found
 
 
+def check_fit(recording: Recording, found: IdentificationResult) -> None:
+    """Raise InputError where the constants found fit the recording worse than those of its scene."""
+    if found.log_likelihood < found.log_likelihood_before:
+        raise InputError.at(
+            recording.folder,
+            "constants that fit better than the scene's",
+            f"a log likelihood of {found.log_likelihood:.1f} after {found.log_likelihood_before:.1f}",
+        )
+    if found.target_rms_m is None or found.target_rms_before_m is None:
+        return
+    if found.target_rms_m > MOST_WORSE * found.target_rms_before_m:
+        raise InputError.at(
+            recording.folder,
+            f"constants that predict {recording.scene.target.node} without its mark as well as the scene's",
+            f"{1e3 * found.target_rms_m:.2f} mm after {1e3 * found.target_rms_before_m:.2f} mm",
+        )
+
+
 def tuned_scene(
-    recording: Recording, frames: Frames, advance: Advance = lambda _share: None
+    recording: Recording, frames: Frames, minutes: float, advance: Advance = lambda _share: None
 ) -> tuple[Scene, TuningResult]:
-    """The scene with the noise levels under which the recording is most probable, and all that was found."""
+    """The scene with the noise levels under which the recording is most probable, and all that was found.
+
+    Raises InputError where the time is too short for anything.
+    """
     scene = recording.scene
-    found = tune_noise(
-        scene.network,
-        frames,
-        scene.measured_nodes,
-        scene.target.node,
-        uncertainty=scene.uncertainty,
-        settings=scene.settings,
-        advance=advance,
-    )
+    try:
+        found = tune_noise(
+            scene.network,
+            frames,
+            scene.measured_nodes,
+            scene.target.node,
+            uncertainty=scene.uncertainty,
+            settings=scene.settings,
+            budget=Budget(60.0 * minutes),
+            advance=advance,
+        )
+    except IdentificationError as error:
+        raise InputError(f"{recording.folder}: {error}") from None
     return replace(scene, settings=found.settings), found
 
 
@@ -115,10 +155,8 @@ class Constant:
 def constants(found: IdentificationResult) -> list[Constant]:
     """What was found, constant by constant."""
     return [
-        Constant(
-            parameter_label(found.network, one), parameter_value(found.network, one), float(sd), float(np.expm1(change))
-        )
-        for one, sd, change in zip(found.parameters, found.sd, found.change, strict=True)
+        Constant(group_label(one), group_value(found.network, one), float(sd), float(np.expm1(change)))
+        for one, sd, change in zip(found.groups, found.sd, found.change, strict=True)
     ]
 
 
@@ -132,7 +170,7 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     for share, direction in zip(left, directions, strict=True):
         if share > MAX_VARIANCE_LEFT:
             most = np.argsort(-np.abs(direction))[:NAMED]
-            weights = {parameter_label(found.network, found.parameters[k]): round(float(direction[k]), 3) for k in most}
+            weights = {group_label(found.groups[k]): round(float(direction[k]), 3) for k in most}
             combinations.append({"variance_left": float(share), "weights": weights})
     return combinations
 
@@ -148,7 +186,43 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
             for c in constants(found)
         ],
         "not_told": undetermined(found),
+        "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
+        "residuals": {
+            "explained": found.residuals.explained,
+            "size": found.residuals.size,
+            "inflation": found.residuals.inflation,
+            "innovations": found.residuals.n,
+            "effective_innovations": found.residuals.n_effective,
+        },
+        "log_likelihood": found.log_likelihood,
+        "log_likelihood_before": found.log_likelihood_before,
+        "target_rms_mm": _mm(found.target_rms_m),
+        "target_rms_before_mm": _mm(found.target_rms_before_m),
+        "frames": found.n_frames,
+        "in_time": found.in_time,
     }
+
+
+def _mm(length_m: float | None) -> float | None:
+    return None if length_m is None else 1e3 * length_m
+
+
+def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
+    """How well the constants found fit the recording, a line each."""
+    residuals = found.residuals
+    lines = [f"{found.n_agreeing} of {found.n_starts} starts agree on these constants"]
+    if residuals.explained:
+        lines += [f"Residuals are explained: mean square {residuals.size:.2f} of what the filter expects"]
+    else:
+        worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
+        larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
+        lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
+    if found.target_rms_m is not None and found.target_rms_before_m is not None:
+        before, after = 1e3 * found.target_rms_before_m, 1e3 * found.target_rms_m
+        lines += [f"Target without its mark: {before:.2f} mm rms before, {after:.2f} mm after"]
+    if not found.in_time:
+        lines += [f"The best within {minutes:g} minutes, by {found.n_frames} frames: --minutes for more"]
+    return lines
 
 
 def tuning_report(found: TuningResult) -> dict[str, object]:
@@ -160,4 +234,6 @@ def tuning_report(found: TuningResult) -> dict[str, object]:
         },
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
+        "frames": found.n_frames,
+        "in_time": found.in_time,
     }

@@ -7,9 +7,7 @@ figures obtained.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -17,6 +15,8 @@ import numpy as np
 import pandas as pd
 
 from estimators import ReliabilityBin, clopper_pearson, reliability_bins
+from experiments.engine.executor import results
+from experiments.engine.workers import OWN_PROCESS, Workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import Scenario
@@ -50,23 +50,19 @@ def case_of(scenario: Scenario, *, speed_m_s: float, strength: float) -> Case:
     return Case(scenario, FIRST_SEED, speed_m_s=speed_m_s, strength=strength, warm_s=warm_s)
 
 
-def insert(case: Case, n_runs: int, radius_m: float, advance: Callable[[float], None] = lambda _share: None) -> Trials:
-    """Try every policy in n_runs worlds, on all cores. Raises InputError for a scenario that cannot be."""
+def insert(
+    case: Case,
+    n_runs: int,
+    radius_m: float,
+    advance: Callable[[float], None] = lambda _share: None,
+    *,
+    workers: Workers = OWN_PROCESS,
+) -> Trials:
+    """Try every policy in n_runs worlds. Raises InputError for a scenario that cannot be."""
     if not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
     jobs = [(replace(case, seed=case.seed + k), radius_m) for k in range(n_runs)]
-    runs = []
-    n_processes = min(len(jobs), os.cpu_count() or 1)
-    if n_processes < 2:
-        for k, job in enumerate(jobs):
-            runs.append(one_run(job))
-            advance((k + 1) / n_runs)
-        return Trials(case, radius_m, tuple(runs))
-    with ProcessPoolExecutor(n_processes) as pool:
-        for k, run in enumerate(pool.map(one_run, jobs, chunksize=4)):
-            runs.append(run)
-            advance((k + 1) / n_runs)
-    return Trials(case, radius_m, tuple(runs))
+    return Trials(case, radius_m, tuple(results(one_run, jobs, workers, advance)))
 
 
 def one_run(job: tuple[Case, float]) -> tuple[Tried, ...]:

@@ -13,10 +13,10 @@ as constant with Schmidt's own gain (added_share 0), one as the filter does by i
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,9 @@ import numpy as np
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
+from experiments.engine.executor import results
+from experiments.engine.progress import run_bar
+from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.studies.estimation.trials import Trial, seen
 from vision import Lens, PlaneCamera, Pose, posed_camera
 
@@ -132,9 +135,13 @@ def figures(runs: list[Run], name: str) -> dict[str, float]:
 
 def main() -> None:
     """Print the table."""
-    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(max_workers=2) as pool:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    add_worker_options(parser)
+    workers = chosen_workers(parser.parse_args())
+    with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
-            runs = list(pool.map(partial(run, case=case, cache=Path(folder)), SEEDS))
+            with run_bar(" ".join(map(str, case))) as advance:
+                runs = results(partial(run, case=case, cache=Path(folder)), SEEDS, workers, advance)
             for name in FILTERS:
                 row = "  ".join(f"{key} {value:.3g}" for key, value in figures(runs, name).items())
                 sys.stdout.write(f"{case[0]:6} {case[1]:6} {1e3 * case[2]:g} mm  {name:15} {row}\n")

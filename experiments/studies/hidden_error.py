@@ -9,15 +9,18 @@ experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obt
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from estimators import MarkMeasurement, coverage, normalised_error_squared
 from experiments.arrays import Floats
+from experiments.engine.executor import results
+from experiments.engine.progress import run_bar
+from experiments.engine.workers import ALL_CORES, Workers, add_worker_options, chosen_workers
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.simulation.simulate import scene_of, true_motion
@@ -59,10 +62,19 @@ def run(scenario_name: str, seed: int, mark_sd_m: float = MARK_SD_M, duration_s:
     )
 
 
-def study(scenario_name: str, seeds: range, runner: Callable[..., Run] = run) -> dict[str, float]:
+def seeded_run(case: tuple[str, int]) -> Run:
+    """`run` of a scenario and a seed."""
+    return run(*case)
+
+
+def study(
+    scenario_name: str,
+    seeds: range,
+    workers: Workers = ALL_CORES,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> dict[str, float]:
     """Figures over seeded runs: mean errors [mm], their ratio, 95 % coverage, the worst error of any frame [mm]."""
-    with ProcessPoolExecutor(max_workers=2) as pool:
-        runs = list(pool.map(runner, [scenario_name] * len(seeds), seeds))
+    runs: list[Run] = results(seeded_run, [(scenario_name, seed) for seed in seeds], workers, advance)
     errors = {m: 1e3 * np.concatenate([r.errors[m] for r in runs]) for m in (OPEN_LOOP, FILTER)}
     means = {m: float(e.mean()) for m, e in errors.items()}
     return {
@@ -78,8 +90,12 @@ def study(scenario_name: str, seeds: range, runner: Callable[..., Run] = run) ->
 
 def main() -> None:
     """Print the figures of both scenarios."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    add_worker_options(parser)
+    workers = chosen_workers(parser.parse_args())
     for scenario in ("quiet", "poked"):
-        figures = study(scenario, SEEDS)
+        with run_bar(scenario) as advance:
+            figures = study(scenario, SEEDS, workers, advance)
         sys.stdout.write(f"{scenario:8}" + "  ".join(f"{k} {v:.3g}" for k, v in figures.items()) + "\n")
 
 

@@ -22,9 +22,8 @@ import argparse
 import json
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +34,11 @@ from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_s
 from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
 from estimators.association import IdentitySettings
 from experiments.arrays import Floats
-from experiments.formats.outputs import output_folder, write_whole
+from experiments.engine.progress import run_bar
+from experiments.engine.runs import Case
+from experiments.engine.study import OWN, run_study
+from experiments.engine.workers import Workers, add_worker_options, chosen_workers
+from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from vision import Detection, Expected, associate_marks
@@ -230,16 +233,18 @@ def _of_kind(part: pd.DataFrame, rows: pd.DataFrame) -> dict[str, float]:
     return known
 
 
-def study(n_runs: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, float]]:
-    """All settings; identity.csv and identity.json in the folder."""
-    rows: list[dict[str, object]] = []
-    with ProcessPoolExecutor(n_processes) as pool:
-        for where, how in SETTINGS:
-            for k, part in enumerate(pool.map(partial(run, where=where, how=how), range(n_runs))):
-                rows += part
-                sys.stderr.write(f"\r{where} {how}: {k + 1} of {n_runs} runs ")
-            sys.stderr.write("\n")
-    table = pd.DataFrame(rows)
+def case_rows(case: Case) -> list[dict[str, object]]:
+    """The rows of `run` without the columns of the case."""
+    rows = run(case["seed"], case["where"], case["how"])
+    return [{name: value for name, value in row.items() if name not in case} for row in rows]
+
+
+def study(
+    n_runs: int, out: Path, workers: Workers, advance: Callable[[float], None] = lambda _share: None
+) -> dict[str, dict[str, float]]:
+    """All settings; identity.csv and identity.json in the folder, its runs in `runs` there."""
+    cases = [{"where": where, "how": how, "seed": seed} for where, how in SETTINGS for seed in range(n_runs)]
+    table = run_study(case_rows, cases, out / "runs", workers, advance).checked().drop(columns=list(OWN))
     table_figures = figures(table)
     write_whole(out / "identity.csv", table.to_csv(index=False, float_format="%.4f"))
     write_whole(out / "identity.json", json.dumps(table_figures, indent=1) + "\n")
@@ -250,10 +255,11 @@ def main() -> None:
     """Run the study and print its figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--runs", type=int, default=18)
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on where it stopped")
+    add_worker_options(parser)
     chosen = parser.parse_args()
-    with output_folder(chosen.out, force=True) as folder:
-        table_figures = study(chosen.runs, folder)
+    with run_bar("identity") as advance:
+        table_figures = study(chosen.runs, chosen.out, chosen_workers(chosen), advance)
     for name, row in table_figures.items():
         sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
 

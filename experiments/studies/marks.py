@@ -14,15 +14,19 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import lru_cache, partial
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from experiments.formats.outputs import output_folder, write_whole
+from experiments.engine.executor import results
+from experiments.engine.progress import run_bar
+from experiments.engine.runs import Case
+from experiments.engine.study import OWN, run_study
+from experiments.engine.workers import Workers, add_worker_options, chosen_workers
+from experiments.formats.outputs import write_whole
 from experiments.studies.px_follower import PxFollower
 from vision import (
     Disc,
@@ -201,10 +205,9 @@ def crossing(seed: int, n_frames: int = 50, settings: FinderSettings | None = No
     return lost, n_frames, n_found
 
 
-def crossings(n_runs: int, n_processes: int = 2) -> dict[str, float]:
+def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
     """Frames of lost identity in so many crossings."""
-    with ProcessPoolExecutor(n_processes) as pool:
-        outcomes = list(pool.map(crossing, range(n_runs), chunksize=5))
+    outcomes = results(crossing, range(n_runs), workers)
     return {
         "frames": sum(frames for _, frames, _ in outcomes),
         "frames_lost": sum(lost for lost, _, _ in outcomes),
@@ -212,22 +215,28 @@ def crossings(n_runs: int, n_processes: int = 2) -> dict[str, float]:
     }
 
 
-def study(seeds: Sequence[int], n_frames: int, out: Path, n_processes: int = 2) -> dict[str, dict[str, float]]:
-    """Both levels, a run for each seed; marks.csv and marks.json in the folder."""
-    by_level: dict[str, dict[str, float]] = {}
-    tables = []
-    for level in LEVELS:
-        parts = []
-        with ProcessPoolExecutor(n_processes) as pool:
-            for k, part in enumerate(pool.map(partial(run, level=level, n_frames=n_frames), seeds)):
-                parts.append(part)
-                sys.stderr.write(f"\r{level}: {k + 1} of {len(seeds)} runs ")
-        sys.stderr.write("\n")
-        rows = pd.concat(parts)
-        by_level[level] = figures(rows)
-        tables.append(rows.assign(level=level))
-    by_level["crossings"] = crossings(5 * len(seeds), n_processes)
-    write_whole(out / "marks.csv", pd.concat(tables).to_csv(index=False, float_format="%.4f"))
+def case_rows(case: Case) -> list[dict[str, object]]:
+    """The rows of `run` without the columns of the case, and without what a mark that was not found has not."""
+    rows = run(case["seed"], case["level"], case["n_frames"]).drop(columns="seed").to_dict("records")
+    return [{str(name): value for name, value in row.items() if not pd.isna(value)} for row in rows]
+
+
+def study(
+    seeds: Sequence[int],
+    n_frames: int,
+    out: Path,
+    workers: Workers,
+    *,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> dict[str, dict[str, float]]:
+    """Both levels, a run for each seed; marks.csv and marks.json in the folder, its runs in `runs` there."""
+    cases = [{"seed": seed, "level": level, "n_frames": n_frames} for level in LEVELS for seed in seeds]
+    table = run_study(case_rows, cases, out / "runs", workers, advance).checked()
+    table = table.drop(columns=["n_frames", *OWN])
+    table.insert(len(table.columns) - 1, "level", table.pop("level"))
+    by_level: dict[str, dict[str, float]] = {level: figures(table[table.level == level]) for level in LEVELS}
+    by_level |= {"crossings": crossings(5 * len(seeds), workers)}
+    write_whole(out / "marks.csv", table.to_csv(index=False, float_format="%.4f"))
     write_whole(out / "marks.json", json.dumps(by_level, indent=1) + "\n")
     return by_level
 
@@ -240,11 +249,12 @@ def main() -> None:
     parser.add_argument(
         "--first-seed", type=int, default=FIRST_SEED, help="of the runs: %(default)s; below, figures were chosen"
     )
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on where it stopped")
+    add_worker_options(parser)
     chosen = parser.parse_args()
-    with output_folder(chosen.out, force=True) as folder:
-        seeds = range(chosen.first_seed, chosen.first_seed + chosen.runs)
-        by_level = study(seeds, chosen.frames, folder)
+    seeds = range(chosen.first_seed, chosen.first_seed + chosen.runs)
+    with run_bar("marks") as advance:
+        by_level = study(seeds, chosen.frames, chosen.out, chosen_workers(chosen), advance=advance)
     for level, row in by_level.items():
         sys.stdout.write(f"{level}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
 

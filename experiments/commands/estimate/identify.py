@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import AsJson, SceneFile, SceneOut
+from experiments.commands.options import AsJson, Minutes, SceneFile, SceneOut
 from experiments.commands.terminal import print_table, progress
 
 
@@ -19,13 +19,20 @@ def identify(
     at_rest: Annotated[
         bool, typer.Option("--at-rest", help="The tissue rests: correct its rest lengths only.")
     ] = False,
+    minutes: Minutes = 5.0,
     as_json: AsJson = False,
 ) -> None:
     """Find the tissue's constants: write a scene to track with, state how well each is known."""
     from experiments.commands.console import constants_table
     from experiments.formats.recording import open_recording
     from experiments.formats.scene.scene import write_scene
-    from experiments.pipeline.identify import identification_report, identified_scene, marks_in, resting_scene
+    from experiments.pipeline.identify import (
+        fit_lines,
+        identification_report,
+        identified_scene,
+        marks_in,
+        resting_scene,
+    )
 
     opened = open_recording(recording, scene)
     with progress() as stage:
@@ -33,7 +40,7 @@ def identify(
         if at_rest:
             write_scene(resting_scene(opened, frames), out)
         else:
-            found_scene, found = identified_scene(opened, frames, stage("identify"))
+            found_scene, found = identified_scene(opened, frames, minutes, stage("identify"))
             write_scene(found_scene, out)
     if at_rest:
         print(f"Scene in {out}: it rests where the recording shows it")
@@ -41,4 +48,5 @@ def identify(
         print(json.dumps(identification_report(found), indent=2))
     else:
         print_table(constants_table(identification_report(found)))
+        print("\n".join(fit_lines(found, minutes)))
         print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out
+from experiments.commands.options import Force, Out, Processes, Scheduler
 from experiments.commands.terminal import print_table, progress
 
 
@@ -17,10 +17,13 @@ def insert(
     speed_mm_s: Annotated[float, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Of the needle.")] = 50.0,
     radius_mm: Annotated[float, typer.Option("--radius-mm", help="Of the lesion.")] = 5.0,
     strength: Annotated[float, typer.Option("--strength", min=0.01, help="Factor on pokes and breathing.")] = 1.0,
+    processes: Processes = None,
+    scheduler: Scheduler = None,
     force: Force = False,
 ) -> None:
     """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
     from experiments.commands.console import insertion_table
+    from experiments.engine.workers import Workers, workers_for
     from experiments.formats.outputs import output_folder
     from experiments.formats.scenario import read_scenario
     from experiments.plots.insertion import write_insertion_plots
@@ -29,7 +32,8 @@ def insert(
 
     case = case_of(read_scenario(scenario), speed_m_s=1e-3 * speed_mm_s, strength=strength)
     with output_folder(out, force=force) as folder, progress() as stage:
-        done = run(case, runs, 1e-3 * radius_mm, stage("insert"))
+        workers = workers_for(runs, Workers(processes, scheduler))
+        done = run(case, runs, 1e-3 * radius_mm, stage("insert"), workers=workers)
         write_insertions(done, folder)
         write_insertion_plots(done, folder)
     report = summary(done)

@@ -46,6 +46,12 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         raise SceneError(f"network: {error}") from None
 
 
+def spring_groups(table: NetworkTable) -> tuple[str, ...]:
+    """The group of each spring, (n_springs,), empty for a spring without one; none at all where no spring has one."""
+    groups = tuple(spring.group or "" for spring in table.spring)
+    return groups if any(groups) else ()
+
+
 def _constants(tables: Sequence[Strict], keys: Mapping[str, tuple[str, float]]) -> dict[str, Floats]:
     return {field: si * np.array([getattr(table, key) for table in tables]) for key, (field, si) in keys.items()}
 
@@ -79,8 +85,8 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
     return i, j
 
 
-def network_lines(network: MassSpringNetwork) -> list[str]:
-    """`[network]` of a scene file, line by line."""
+def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
+    """`[network]` of a scene file, line by line; groups: of each spring, as `spring_groups` has them."""
     lines = ["[network]", f"gravity_m_s2 = {toml_list(network.gravity)}"]
     for i, name in enumerate(network.names):
         lines += ["", "[[network.node]]", f"name = {toml_text(name)}"]
@@ -93,6 +99,8 @@ def network_lines(network: MassSpringNetwork) -> list[str]:
     for s, (i, j) in enumerate(network.springs):
         lines += ["", "[[network.spring]]", f"between = [{toml_text(network.names[i])}, {toml_text(network.names[j])}]"]
         lines += _constant_lines(network, s, SPRING_KEYS)
+        if groups and groups[s]:
+            lines += [f"group = {toml_text(groups[s])}"]
     return lines
 
 

@@ -12,7 +12,7 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.scene.cameras import camera_lines, camera_of
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_names, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
-from experiments.formats.scene.network import network_lines, network_of
+from experiments.formats.scene.network import network_lines, network_of, spring_groups
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, read_toml, toml_bool, toml_list, toml_number, toml_text
@@ -25,6 +25,8 @@ class Scene:
 
     uncertainty: how well the constants of the tissue are known, None where they are taken as exact
     settings: noise levels and pokes that the filter assumes
+    spring_groups: name of the group of each spring, whose constants are identified together, (n_springs,), empty for a
+        spring by itself; none at all where the network has no groups
     """
 
     network: MassSpringNetwork
@@ -33,6 +35,7 @@ class Scene:
     cameras: tuple[PlaneCamera, ...]
     uncertainty: ParameterUncertainty | None = None
     settings: FilterSettings = field(default_factory=FilterSettings)
+    spring_groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -113,6 +116,7 @@ def read_scene(path: Path) -> Scene:
             cameras=tuple(_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
+            spring_groups=spring_groups(file.network),
         )
     except (SceneError, NetworkError) as error:
         raise InputError(f"{path}: {error}") from None
@@ -130,7 +134,7 @@ def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
 def write_scene(scene: Scene, path: Path) -> None:
     """Write a scene as `scene.toml`, whole or not at all; raises InputError."""
     network = scene.network
-    lines = [f"version = {VERSION}", "", *network_lines(network)]
+    lines = [f"version = {VERSION}", "", *network_lines(network, scene.spring_groups)]
     for mark in scene.marks:
         lines += mark_lines(mark)
     lines += target_lines(scene.target)

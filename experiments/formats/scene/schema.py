@@ -32,6 +32,7 @@ class SpringTable(Strict):
     stiffness_N_m: Positive  # noqa: N815
     rest_length_mm: Positive
     damping_N_s_m: NotNegative = 0.0  # noqa: N815
+    group: Name | None = None
 
 
 NODE_KEYS = {"drag_N_s_m": ("drag", 1.0), "friction_N": ("friction", 1.0)}

@@ -115,7 +115,7 @@ def identified(choices: Identification, seed: int, duration_s: float) -> tuple[I
     change = np.array([PRIOR_SD[one.kind] for one in which]) * np.random.default_rng([seed, 1]).normal(size=len(which))
     wrong = scale_parameters(network, which, change)
     frames, _ = recorded(seed, duration_s)
-    found = identify_constants(wrong, frames, (NEAR,), FAR, prior_sd=choices.prior_sd, kept=choices.settings)
+    found = identify_constants(wrong, frames, (NEAR,), FAR, prior_sd=choices.prior_sd, search=choices.settings)
     return found, found.change + change
 
 

@@ -15,13 +15,14 @@ import argparse
 import inspect
 import json
 import re
-import sys
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from experiments.engine.executor import RunsFailedError, finished
+from experiments.engine.progress import run_bar
+from experiments.engine.workers import Workers, add_worker_options, chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.studies.settings.families import FAMILIES, Family, Figures
 
@@ -97,8 +98,9 @@ def variants(setting: Setting) -> dict[str, Any]:
     return found
 
 
-def _figures(family: str, path: str, value: Any) -> Figures | str:
-    """Figures of one variant, or why the record does not take it."""
+def figures_of(variant: tuple[str, str, Any]) -> Figures | str:
+    """Figures of one variant (family, path, value), or why the record does not take it."""
+    family, path, value = variant
     own = FAMILIES[family]
     try:
         return own.figures(changed(own.record, path, value) if path else own.record)
@@ -106,7 +108,14 @@ def _figures(family: str, path: str, value: Any) -> Figures | str:
         return f"not allowed: {error}"
 
 
-def study(family: str, own: Family, folder: Path, n_processes: int = 2) -> dict[str, Any]:
+def study(
+    family: str,
+    own: Family,
+    folder: Path,
+    workers: Workers,
+    *,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> dict[str, Any]:
     """Figures of the defaults and of each choice at half and at twice; kept in the folder as they come."""
     path = folder / f"{family}.json"
     known: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
@@ -114,14 +123,17 @@ def study(family: str, own: Family, folder: Path, n_processes: int = 2) -> dict[
     for setting in settings_of(own.record):
         if setting.origin == "choice":
             asked |= {f"{setting.path} {name}": (setting.path, value) for name, value in variants(setting).items()}
-    left = {name: what for name, what in asked.items() if name not in known}
-    with ProcessPoolExecutor(n_processes) as pool:
-        running = {name: pool.submit(_figures, family, *what) for name, what in left.items()}
-        for k, (name, one) in enumerate(running.items(), start=1):
-            known[name] = one.result()
+    left = [name for name in asked if name not in known]
+    failures = []
+    for k, run in enumerate(finished(figures_of, [(family, *asked[name]) for name in left], workers), start=1):
+        if run.failure is None:
+            known[left[run.index]] = run.result
             write_whole(path, json.dumps(known, indent=1) + "\n")
-            sys.stderr.write(f"\r{family}: {k} of {len(left)} ")
-    sys.stderr.write("\n")
+        else:
+            failures.append(f"{family}, {left[run.index]}: {run.failure}")
+        advance(k / len(left))
+    if failures:
+        raise RunsFailedError("; ".join(failures))
     return {name: known[name] for name in asked}
 
 
@@ -173,11 +185,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only", default=",".join(FAMILIES))
     parser.add_argument("--page", type=Path)
+    add_worker_options(parser)
     wanted = parser.parse_args()
     if wanted.out is not None:
         wanted.out.mkdir(parents=True, exist_ok=True)
         for family in wanted.only.split(","):
-            study(family, FAMILIES[family], wanted.out)
+            with run_bar(family) as advance:
+                study(family, FAMILIES[family], wanted.out, chosen_workers(wanted), advance=advance)
     if wanted.page is not None:
         write_whole(PAGE, page(wanted.page))
 

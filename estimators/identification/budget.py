@@ -1,0 +1,46 @@
+"""The time that an estimation from a recording may take, and what is raised where there is no result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+UNLIMITED = float("inf")
+"""As many seconds as it takes."""
+
+
+class IdentificationError(ValueError):
+    """A recording from which nothing can be estimated; the message gives the reason."""
+
+
+class OutOfTimeError(Exception):
+    """The time that an estimation may take is over."""
+
+
+class Budget:
+    """Seconds that may be spent from now on.
+
+    State: when it began, by a clock that never goes back.
+    """
+
+    def __init__(self, seconds: float = UNLIMITED, clock: Callable[[], float] = time.monotonic) -> None:
+        if not seconds > 0.0:
+            raise ValueError(f"seconds: expected more than 0, found {seconds}")
+        self.seconds = seconds
+        self._clock = clock
+        self._began = clock()
+
+    @property
+    def spent_s(self) -> float:
+        """Seconds gone."""
+        return self._clock() - self._began
+
+    @property
+    def share(self) -> float:
+        """Part of it that is gone, at most 1."""
+        return min(1.0, self.spent_s / self.seconds)
+
+    def check(self) -> None:
+        """Raise OutOfTimeError where it is over."""
+        if self.spent_s > self.seconds:
+            raise OutOfTimeError

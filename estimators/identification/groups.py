@@ -1,0 +1,181 @@
+"""Groups of constants that have one factor in common: one stiffness for each tissue or kind of link."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics import (
+    KINDS,
+    OF_SPRINGS,
+    MassSpringNetwork,
+    Parameter,
+    parameter_label,
+    parameter_value,
+    parameters,
+    scale_parameters,
+)
+from estimators.arrays import Floats
+from estimators.identification.linear_filter import unresolved
+
+MOST_SINGLE = 24
+"""Springs that have constants of their own at most, where no groups are given: a recording of half a minute determines
+some twenty combinations, and each costs a column of the filter."""
+
+RIGID_SD = float(np.log(3.0))
+"""Prior standard deviation of the log stiffness of a link whose own oscillation no frame shows: a third to three times
+of what stands for rigid; choice."""
+
+SAME_DIGITS = 9
+"""Significant digits by which equal constants are one kind: those that a scene file keeps."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantGroup:
+    """Constants of one kind that are multiplied by one factor: their places among springs or nodes, and a name."""
+
+    kind: str
+    places: tuple[int, ...]
+    name: str
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The constants themselves."""
+        return tuple(Parameter(self.kind, place) for place in self.places)
+
+
+def constant_groups(
+    network: MassSpringNetwork, kinds: Sequence[str] = KINDS, spring_groups: Sequence[str] = ()
+) -> tuple[ConstantGroup, ...]:
+    """The groups in which the positive constants of these kinds are estimated, kind by kind.
+
+    spring_groups: name of each spring's group, empty for a spring by itself, (n_springs,), or none at all
+    Without any name, springs of equal constants are one kind where the network has more than `MOST_SINGLE` springs,
+    and all are one where there are more kinds than that; nodes of equal drag or friction likewise.
+    """
+    if len(spring_groups) not in (0, len(network.springs)):
+        raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
+    groups: list[ConstantGroup] = []
+    for kind in KINDS:
+        if kind in kinds:
+            own = parameters(network, (kind,))
+            names = _spring_names(network, spring_groups) if kind in OF_SPRINGS else _node_names(network, own)
+            gathered: dict[str | int, list[Parameter]] = {}
+            for one in own:
+                # a constant without a group is one by itself, whatever its name: two springs may join the same nodes
+                gathered.setdefault(names.get(one.index, one.index), []).append(one)
+            groups += [
+                ConstantGroup(
+                    kind,
+                    tuple(one.index for one in group),
+                    f"{kind} {name}" if isinstance(name, str) else parameter_label(network, group[0]),
+                )
+                for name, group in gathered.items()
+            ]
+    return tuple(groups)
+
+
+def group_prior_sd(
+    network: MassSpringNetwork, groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], dt: float
+) -> Floats:
+    """Prior standard deviation of the logarithm of each group's factor, (n_groups,), for frames dt [s] apart.
+
+    The stiffness of links whose own oscillation these frames do not show stands for a rigid link: `RIGID_SD`.
+    """
+    stiff = unresolved(network, dt)
+    return np.array(
+        [
+            max(prior_sd[group.kind], RIGID_SD)
+            if group.kind == "stiffness" and stiff[list(group.places)].all()
+            else prior_sd[group.kind]
+            for group in groups
+        ]
+    )
+
+
+def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
+    """The constants of all groups, each once, group by group."""
+    return tuple(one for group in groups for one in group.parameters)
+
+
+def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
+    """The constants that the factors of these groups change: their own, and rest lengths of shared stiffness."""
+    rest = (Parameter("rest_length", s) for group in groups if _shares_stiffness(group) for s in group.places)
+    return tuple(dict.fromkeys([*members(groups), *rest]))
+
+
+def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
+    """The network with all constants of each group times exp(change), (n_groups,).
+
+    Springs that share a stiffness keep, where the network is drawn, the tension that they have there: a tissue that
+    rests where it is drawn then does so at any stiffness.
+    """
+    logs = np.asarray(change, dtype=float)
+    which = members(groups)
+    by_member = np.repeat(logs, [len(group.places) for group in groups])
+    found = scale_parameters(network, which, by_member)
+    rest = found.rest_lengths.copy()
+    drawn = _drawn_lengths(network)
+    for group, log in zip(groups, logs, strict=True):
+        if _shares_stiffness(group):
+            own = np.array(group.places)
+            strain = drawn[own] / network.rest_lengths[own] - 1.0
+            rest[own] *= np.exp(-strain * np.expm1(-log))
+    return scale_parameters(
+        found,
+        [Parameter("rest_length", s) for s in range(len(rest))],
+        np.log(rest / found.rest_lengths),
+    )
+
+
+def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup], which: Sequence[Parameter]) -> Floats:
+    """What one unit of the logarithm of each group's factor adds to the log of each constant, (n_groups, n)."""
+    column = {one: k for k, one in enumerate(which)}
+    drawn = _drawn_lengths(network)
+    directions = np.zeros((len(groups), len(which)))
+    for row, group in zip(directions, groups, strict=True):
+        row[[column[one] for one in group.parameters]] = 1.0
+        if _shares_stiffness(group):
+            for s in group.places:
+                if (one := Parameter("rest_length", s)) in column:
+                    row[column[one]] += drawn[s] / network.rest_lengths[s] - 1.0
+    return directions
+
+
+def group_label(group: ConstantGroup) -> str:
+    """Its name: `stiffness M1-M2` of one constant, `stiffness skin (24)` of several."""
+    return group.name if len(group.places) == 1 else f"{group.name} ({len(group.places)})"
+
+
+def group_value(network: MassSpringNetwork, group: ConstantGroup) -> float:
+    """Geometric mean of its constants, in SI."""
+    return float(np.exp(np.mean([np.log(parameter_value(network, one)) for one in group.parameters])))
+
+
+def _shares_stiffness(group: ConstantGroup) -> bool:
+    return group.kind == "stiffness" and len(group.places) > 1
+
+
+def _drawn_lengths(network: MassSpringNetwork) -> Floats:
+    i, j = network.springs.T
+    return np.asarray(np.linalg.norm(network.positions[j] - network.positions[i], axis=1))
+
+
+def _spring_names(network: MassSpringNetwork, spring_groups: Sequence[str]) -> dict[int, str]:
+    n = len(network.springs)
+    if any(spring_groups):
+        return {s: name for s, name in enumerate(spring_groups) if name}
+    if n <= MOST_SINGLE:
+        return {}
+    kinds = [f"{value:.{SAME_DIGITS}g} N/m" for value in network.stiffness]
+    return dict(enumerate(kinds if len(set(kinds)) <= MOST_SINGLE else ["all springs"] * n))
+
+
+def _node_names(network: MassSpringNetwork, own: Sequence[Parameter]) -> dict[int, str]:
+    if len(own) <= MOST_SINGLE:
+        return {}
+    kinds = {one.index: f"{parameter_value(network, one):.{SAME_DIGITS}g}" for one in own}
+    return kinds if len(set(kinds.values())) <= MOST_SINGLE else dict.fromkeys(kinds, "all nodes")

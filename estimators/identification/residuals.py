@@ -1,0 +1,76 @@
+"""What innovations are left with that the model does not explain, and standard errors that allow for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from estimators.arrays import Floats
+from estimators.identification.filter_pass import Pass
+
+LEVEL = 1e-3
+"""Probability by which a fitting model's residuals are called unexplained; choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualTest:
+    """The innovations at the constants found, tested; of a right model both ratios are 1, but for sampling.
+
+    size: mean square of the normalised innovations [1]
+    inflation: largest ratio of a standard error with model error to one without, over all directions [1]
+    n, n_effective: innovations, and how many independent ones would determine the constants as well
+    explained: whether neither is larger than sampling makes it
+    """
+
+    size: float
+    inflation: float
+    n: int
+    n_effective: float
+    explained: bool
+
+
+def residual_covariance(found: Pass, prior_precision: Floats) -> tuple[Floats, ResidualTest]:
+    """Covariance of constants at the optimum, (n, n), inflated by what the model leaves unexplained, and the test.
+
+    The sandwich H^-1 (J + prior) H^-1, H the information with the prior's, J the long-run covariance of the scores with
+    Bartlett's weights, so that correlated innovations count for fewer. Source: [newey1987]. Along directions in which J
+    exceeds what white innovations of their mean square would give by no more than sampling makes it, that is kept.
+    """
+    H = found.information + prior_precision
+    n_frames, n = found.scores.shape
+    if n_frames < 3 or not n:
+        return np.asarray(np.linalg.inv(H), dtype=np.float64), ResidualTest(
+            float("nan"), 1.0, n_frames, float(n_frames), explained=True
+        )
+    n_lags = int(np.sqrt(n_frames))
+    dof = float(found.dof.sum())
+    size = float(found.nis.sum()) / dof
+    too_large = bool(size > chi2.isf(LEVEL, dof) / dof)
+    white = (size if too_large else 1.0) * found.information + prior_precision
+    root = np.linalg.cholesky(white)
+    inverse = np.linalg.inv(root)
+    J = long_run_covariance(found.scores, n_lags) + prior_precision
+    ratios, axes = np.linalg.eigh(inverse @ J @ inverse.T)
+    # largest eigenvalue of a sampled identity [marchenko1967], of as many samples as Bartlett's weights leave
+    edge = (1.0 + np.sqrt(n * 2.0 * n_lags / (3.0 * n_frames))) ** 2
+    inflated = np.where(ratios > edge, ratios, 1.0)
+    around = np.linalg.solve(H, root @ axes)
+    cov = (around * inflated) @ around.T
+    worst = float(np.linalg.eigvals(cov @ H).real.max()) if too_large or inflated.max() > 1.0 else 1.0
+    test = ResidualTest(size, float(np.sqrt(worst)), int(dof), dof / worst, explained=worst == 1.0)
+    return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
+
+
+def long_run_covariance(series: Floats, n_lags: int) -> Floats:
+    """Covariance of the sum of a series (k, n) that is correlated over up to n_lags steps, (n, n).
+
+    Source: [newey1987], equation (5).
+    """
+    z = series - series.mean(axis=0)
+    total = z.T @ z
+    for lag in range(1, n_lags + 1):
+        cross = z[lag:].T @ z[:-lag]
+        total += (1.0 - lag / (n_lags + 1.0)) * (cross + cross.T)
+    return np.asarray(total)

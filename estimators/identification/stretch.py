@@ -1,0 +1,51 @@
+"""Which frames of a recording are used where the time does not do for all: the liveliest ones in a row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from estimators.identification.budget import Budget, OutOfTimeError
+from estimators.identification.filter_pass import Frames
+
+LEAST_FRAMES = 10
+"""Frames with fewer of which no constant or noise level is estimated."""
+
+PROBED = 3
+"""Frames through which a pass is timed, after as many in which compiled code is loaded."""
+
+
+def liveliest(frames: Frames, n: int) -> Frames:
+    """The n frames in a row in which the marks move the most, by the sum of their squared steps."""
+    if n >= len(frames):
+        return frames
+    steps = np.zeros(len(frames))
+    last: dict[str, np.ndarray] = {}
+    for k, (_, marks) in enumerate(frames):
+        for mark in marks:
+            if mark.node in last:
+                steps[k] += float(((mark.position - last[mark.node]) ** 2).sum())
+            last[mark.node] = mark.position
+    total = np.concatenate([[0.0], np.cumsum(steps)])
+    first = int(np.argmax(total[n:] - total[:-n]))
+    return frames[first : first + n]
+
+
+def affordable(run: Callable[[Frames], object], frames: Frames, n_passes: int, budget: Budget) -> Frames:
+    """The frames, or as many of them as the time allows for so many passes.
+
+    Raises OutOfTimeError where it allows for fewer than `LEAST_FRAMES`.
+    """
+    if not np.isfinite(budget.seconds):
+        return frames
+    run(frames[:PROBED])
+    before_s = budget.spent_s
+    run(frames[:PROBED])
+    frame_s = (budget.spent_s - before_s) / min(PROBED, len(frames))
+    if frame_s <= 0.0:
+        return frames
+    n = int((budget.seconds - budget.spent_s) / (n_passes * frame_s))
+    if n < min(LEAST_FRAMES, len(frames)):
+        raise OutOfTimeError
+    return liveliest(frames, n)

@@ -1,0 +1,41 @@
+"""Repeat one run that failed, from the record that its study left: `python -m experiments.engine FAILURE.json`.
+
+Prints what it returns; what it raises is shown in full, with exit code 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from experiments.engine.runs import named_work
+from experiments.errors import InputError, read_text
+
+
+def repeat(path: Path) -> object:
+    """What the run of a record returns. Raises InputError for a file that is no record, and what the run raises."""
+    try:
+        record = json.loads(read_text(path))
+        work, case = named_work(record["work"]), record["case"]
+    except (ValueError, KeyError, TypeError, ImportError, AttributeError) as error:
+        reason = " ".join(str(error).split())
+        raise InputError.at(path, "a record in `failures/` of a study", reason) from None
+    return work(case)
+
+
+def main() -> None:
+    """Repeat the run that is named."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("record", type=Path)
+    try:
+        result = repeat(parser.parse_args().record)
+    except InputError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(2)
+    sys.stdout.write(f"{result}\n")
+
+
+if __name__ == "__main__":
+    main()

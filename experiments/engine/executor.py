@@ -1,0 +1,158 @@
+"""Runs as they finish: in this process, or by Dask in batches of bounded time, dead workers replaced.
+
+A batch ends after BATCH_S, whatever is left of it; what is left is sent again. A batch whose workers die is done run by
+run, nothing else beside it, at the end; a run whose workers then die again is a failure.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from experiments.engine.runs import Run, Work, importable, last_line, perform
+from experiments.engine.workers import NO_WORKER_S, Workers, connected
+from experiments.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+BATCH_S = 0.5
+"""How long a batch takes [s]: to send and gather one costs some 5 ms, a hundredth of it; chosen."""
+
+AHEAD = 2
+"""Batches sent for each worker: one is done while the next one waits at the scheduler."""
+
+COUNTED_EACH_S = 2.0
+"""How often the workers of a cluster are counted [s]: they come and go."""
+
+DIED = "KilledWorker: the worker processes of this run died in all tries, for want of memory or by a fault of its code"
+
+
+class RunsFailedError(Exception):
+    """Runs of a study failed; the message counts them and has the first failure."""
+
+
+def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
+    """What came of each job, as they finish; a job and its result can be pickled, if not done in this process."""
+    if workers.own_process:
+        for index, job in enumerate(jobs):
+            yield perform(work, index, job)
+    elif jobs:
+        shared = importable(work)
+        with connected(workers) as client:
+            yield from _Sending(shared, jobs, client, local=workers.scheduler is None).runs()
+
+
+def results(
+    work: Work, jobs: Sequence[Any], workers: Workers, advance: Callable[[float], None] = lambda _share: None
+) -> list[Any]:
+    """The result of each job, in the order of the jobs. Raises RunsFailedError when all are done."""
+    runs: dict[int, Run] = {}
+    for run in finished(work, jobs, workers):
+        runs[run.index] = run
+        advance(len(runs) / len(jobs))
+    failed = [run for run in runs.values() if run.failure is not None]
+    if failed:
+        first = min(failed, key=lambda run: run.index)
+        raise RunsFailedError(
+            f"{len(failed)} of {len(jobs)} runs failed, first {jobs[first.index]}: {first.failure}\n{first.trace}"
+        )
+    return [runs[index].result for index in range(len(jobs))]
+
+
+def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -> list[Run]:
+    """Runs of a batch, at least one, until BATCH_S is over; results pickled."""
+    began = time.perf_counter()
+    runs = []
+    for index, job in zip(indices, jobs, strict=True):
+        run = perform(work, index, job)
+        try:
+            runs.append(replace(run, result=pickle.dumps(run.result)))
+        except Exception as fault:
+            runs.append(Run(index, run.seconds, failure=last_line(fault)))
+        if time.perf_counter() - began > BATCH_S:
+            break
+    return runs
+
+
+class _Sending:
+    """Jobs on their way: those waiting, those to be done alone, and the batches that are sent.
+
+    local: without workers it ends after a time; a cluster may get its workers later
+    """
+
+    def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
+        self.work, self.jobs, self.client, self.local = work, jobs, client, local
+        self.waiting, self.alone = deque(range(len(jobs))), deque[int]()
+        self.sent: dict[Future, list[int]] = {}
+        self.arriving: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        self.run_s = math.inf  # of a run of the last batch
+        self.n_threads, self.counted, self.had_workers = 1, -math.inf, time.monotonic()
+
+    def runs(self) -> Iterator[Run]:
+        """What came of each job, as the batches arrive."""
+        while self.waiting or self.alone or self.sent:
+            self.count_workers()
+            while self.waiting and len(self.sent) < AHEAD * self.n_threads:
+                n_left = math.ceil(len(self.waiting) / (AHEAD * self.n_threads))
+                n = max(1, min(n_left, round(BATCH_S / self.run_s) if self.run_s > 0.0 else n_left))
+                self.send([self.waiting.popleft() for _ in range(n)])
+            singly = not self.sent
+            if singly:
+                self.send([self.alone.popleft()])
+            future = self.arrival()
+            yield from self.arrived(future, self.sent.pop(future), singly=singly)
+
+    def arrival(self) -> Future:
+        """The next batch that comes back."""
+        while True:
+            try:
+                return self.arriving.get(timeout=COUNTED_EACH_S)
+            except queue.Empty:
+                self.count_workers()
+
+    def count_workers(self) -> None:
+        """Take notice of workers that came or went. Raises InputError where there is none for long."""
+        now = time.monotonic()
+        if now - self.counted <= COUNTED_EACH_S:
+            return
+        n_threads = sum(self.client.nthreads().values())
+        self.n_threads, self.counted = max(1, n_threads), now
+        if n_threads:
+            self.had_workers = now
+        elif self.local and now - self.had_workers > NO_WORKER_S:
+            raise InputError.at("--processes", "worker processes that start", f"none for {NO_WORKER_S:g} s")
+
+    def send(self, indices: list[int]) -> None:
+        """Send a batch."""
+        jobs = [self.jobs[index] for index in indices]
+        future = self.client.submit(_perform_batch, self.work, indices, jobs, pure=False)
+        self.sent[future] = indices
+        future.add_done_callback(self.arriving.put)
+
+    def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
+        """The runs of a batch that came back; what it left is put where it waits again."""
+        from distributed import CancelledError, KilledWorker
+
+        try:
+            runs: list[Run] = future.result()
+        except KilledWorker:
+            if singly:
+                return [Run(indices[0], math.nan, failure=DIED)]
+            self.alone.extend(indices)
+            return []
+        except (CancelledError, OSError) as fault:
+            raise InputError.at(
+                "--scheduler", "a scheduler until the last run", f"{last_line(fault)}; run again to go on"
+            ) from fault
+        except Exception as fault:  # such as a module that the worker does not have
+            return [Run(index, math.nan, failure=last_line(fault)) for index in indices]
+        self.waiting.extendleft(reversed(indices[len(runs) :]))
+        self.run_s = sum(run.seconds for run in runs) / len(runs)
+        return [replace(run, result=None if run.failure else pickle.loads(run.result)) for run in runs]

@@ -1,0 +1,77 @@
+"""Rows of runs kept in Parquet files that are each written whole, so that a kill costs the last seconds only."""
+
+from __future__ import annotations
+
+import io
+import secrets
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.formats.outputs import write_whole
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+KEPT = "kept"
+"""The folder of the parts, in that of a study."""
+
+KEEP_S, KEEP_SHARE = 2.0, 0.005
+"""A part is written when the last is so old [s], and as old as this share of the time since the first: after a day
+some thousand parts; chosen."""
+
+
+class Parts:
+    """Rows that wait for the next part.
+
+    folder: of the parts; rows: not yet written; began, written: when the first came and the last part was written [s]
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.rows: list[Mapping[str, Any]] = []
+        self.began = self.written = time.monotonic()
+
+    def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Keep the rows of a run, in a part with those that come soon after."""
+        self.rows.extend(rows)
+        now = time.monotonic()
+        if now - self.written >= max(KEEP_S, KEEP_SHARE * (now - self.began)):
+            self.write()
+
+    def write(self) -> None:
+        """Write the rows that wait; none where there are none."""
+        if self.rows:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            write_whole(self.folder / f"{secrets.token_hex(8)}.parquet", parquet(table_of(self.rows)))
+        self.rows, self.written = [], time.monotonic()
+
+
+def table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Rows as a table, their columns in the order in which they come; a value that a row has not is null."""
+    import pyarrow as pa
+
+    columns = dict.fromkeys(name for row in rows for name in row)
+    try:
+        return pa.table({name: [row.get(name) for row in rows] for name in columns})
+    except pa.ArrowException as error:
+        raise TypeError(f"results of runs: expected one kind of value in a column: {error}") from error
+
+
+def parquet(table: pa.Table) -> bytes:
+    """The content of a Parquet file."""
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def read_parts(folder: Path) -> pa.Table | None:
+    """The rows of all parts, whole numbers as real ones where another part has these; None where there is no part."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    parts = [pq.read_table(path) for path in sorted(folder.glob("*.parquet"))]
+    return pa.concat_tables(parts, promote_options="permissive") if parts else None

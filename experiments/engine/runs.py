@@ -1,0 +1,91 @@
+"""One run of a study: a function on a job, what came of it, the key it is kept by and its record if it failed."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+Case = Mapping[str, Any]
+"""A run's own record, of what JSON can hold: its seed and its parameters."""
+
+Work = Callable[[Any], Any]
+"""What a run does: a function of a module, or a `functools.partial` of one with keywords that change no result."""
+
+KEY_DIGITS = 16
+"""Hexadecimal digits of a key: 64 bit, among a million runs two share one with a probability of 3e-8."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """What came of one job.
+
+    index: of the job; seconds: of the function alone, its last try; result: what it returned, None where it failed
+    failure: last line of the traceback, None where there was none; trace: all of it
+    """
+
+    index: int
+    seconds: float
+    result: Any = None
+    failure: str | None = None
+    trace: str = ""
+
+
+def perform(work: Work, index: int, job: object) -> Run:
+    """The function on one job; whatever it raises, except an interrupt, becomes a failure."""
+    began = time.perf_counter()
+    try:
+        result = work(job)
+    except (Exception, SystemExit) as fault:
+        seconds = time.perf_counter() - began
+        return Run(index, seconds, failure=last_line(fault), trace="".join(traceback.format_exception(fault)))
+    return Run(index, time.perf_counter() - began, result)
+
+
+def last_line(fault: BaseException) -> str:
+    """Kind and message of an exception, on one line."""
+    return " ".join("".join(traceback.format_exception_only(fault)).split())
+
+
+def importable(work: Work) -> Work:
+    """The same function by the name under which other processes import it. Raises ValueError where there is none.
+
+    A study run by `python -m` is `__main__` in its own process only.
+    """
+    if isinstance(work, partial):
+        if work.args:
+            raise ValueError(f"{work}: expected keywords, found positional arguments")
+        return partial(importable(work.func), **work.keywords)
+    name, module = getattr(work, "__qualname__", ""), getattr(work, "__module__", "")
+    if module == "__main__":
+        spec = getattr(sys.modules["__main__"], "__spec__", None)
+        module = "" if spec is None else spec.name
+    if not name.isidentifier() or not module:
+        raise ValueError(f"{work}: expected a function at the top of a module that can be imported")
+    found: Work = getattr(importlib.import_module(module), name)
+    return found
+
+
+def name_of(work: Work) -> str:
+    """`module:function` of an importable function."""
+    return name_of(work.func) if isinstance(work, partial) else f"{work.__module__}:{work.__qualname__}"
+
+
+def named_work(name: str) -> Work:
+    """The function of a name `module:function`. Raises ImportError, AttributeError."""
+    module, _, function = name.partition(":")
+    found: Work = getattr(importlib.import_module(module), function)
+    return found
+
+
+def key_of(work: Work, case: Case) -> str:
+    """The key of a run, made from its function's name and its case; raises TypeError for what JSON cannot hold."""
+    text = json.dumps([name_of(work), case], sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()[:KEY_DIGITS]

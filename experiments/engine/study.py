@@ -1,0 +1,164 @@
+"""A study: one function on many cases, its runs kept as they finish, and continued where it was ended.
+
+The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases: the case's own
+numbers and texts, the result's, `seconds`, `failure`, `command`, `key`; `failures/`, a file for each run that failed,
+and `kept/`, all runs that were ever done in it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from experiments.engine.executor import RunsFailedError, finished
+from experiments.engine.parts import KEPT, Parts, parquet, read_parts, table_of
+from experiments.engine.runs import Case, Run, Work, importable, key_of, name_of
+from experiments.engine.workers import Workers, require_extra
+from experiments.formats.outputs import write_whole
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+RUNS = "runs.parquet"
+FAILURES = "failures"
+OWN = ("seconds", "failure", "command", "key")
+"""Columns of the engine, beside those of the case and of its result."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Study:
+    """The runs of a study.
+
+    table: as in runs.parquet; n_runs, n_done: of the study, and how many of them were done now
+    failures: one line for each run that failed, with the command that repeats it
+    """
+
+    table: pd.DataFrame
+    n_runs: int
+    n_done: int
+    failures: tuple[str, ...]
+
+    def checked(self) -> pd.DataFrame:
+        """The table, if no run failed. Raises RunsFailedError."""
+        if self.failures:
+            n = len(self.failures)
+            raise RunsFailedError(f"{n} of {self.n_runs} runs failed; the others are kept. First: {self.failures[0]}")
+        return self.table
+
+
+def run_study(
+    work: Work,
+    cases: Sequence[Case],
+    folder: Path,
+    workers: Workers,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> Study:
+    """Do the runs that the folder does not have yet, failed ones again, and write its table.
+
+    work: gives one mapping of columns, or a list of them, of numbers, texts, booleans, lists of numbers
+    cases: mappings that JSON can hold, no two alike; numbers and texts at their top are columns
+    advance: gets the share done
+
+    Raises InputError for a missing extra or scheduler, ValueError for two cases alike.
+    """
+    require_extra("studies")
+    shared = importable(work)
+    keys = [key_of(shared, case) for case in cases]
+    if len(set(keys)) < len(keys):
+        again = next(case for k, case in enumerate(cases) if keys[k] in keys[:k])
+        raise ValueError(f"cases: expected no two alike, found {again} twice")
+    known = read_parts(folder / KEPT)
+    done = set() if known is None else set(_keys_done(known))
+    left = [k for k, key in enumerate(keys) if key not in done]
+    parts = Parts(folder / KEPT)
+    n_done = len(keys) - len(left)
+    advance(n_done / max(1, len(keys)))
+    try:
+        for run in finished(partial(rows_of, work=shared), [cases[k] for k in left], workers):
+            k = left[run.index]
+            parts.add(_kept_rows(run, cases[k], keys[k], _noted(run, cases[k], keys[k], folder, name_of(shared))))
+            n_done += 1
+            advance(n_done / len(keys))
+    finally:
+        parts.write()
+    table = _in_order(read_parts(folder / KEPT), keys)
+    write_whole(folder / RUNS, parquet(table))
+    frame = table.to_pandas()
+    failed = frame[frame["failure"].notna()] if len(frame) else frame
+    lines = [f"{row.failure}; repeat: {row.command}" for row in failed.itertuples()]
+    return Study(frame, len(keys), len(left), tuple(lines))
+
+
+def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
+    """The rows of a run. Raises ValueError for none, or for columns of the case or of the engine in them."""
+    result = work(case)
+    rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
+    if not rows:
+        raise ValueError("result: expected one or more rows, found none")
+    taken = {*columns_of(case), *OWN}
+    for name in (name for row in rows for name in row):
+        if name in taken:
+            raise ValueError(f"result: expected columns that the case does not have, found {name}")
+    return rows
+
+
+def columns_of(case: Case) -> dict[str, Any]:
+    """The numbers and texts at the top of a case."""
+    return {name: value for name, value in case.items() if isinstance(value, str | int | float)}
+
+
+def _keys_done(known: pa.Table) -> list[str]:
+    return [key for key, failure in zip(*_columns(known, "key", "failure"), strict=True) if failure is None]
+
+
+def _columns(table: pa.Table, *names: str) -> list[list[Any]]:
+    return [table.column(name).to_pylist() for name in names]
+
+
+def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | None:
+    """The command that repeats a failed run, its record written; None for one that did not fail, its record removed."""
+    path = folder / FAILURES / f"{key}.json"
+    if run.failure is None:
+        path.unlink(missing_ok=True)
+        return None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    record = {"work": name, "case": case, "failure": run.failure, "trace": run.trace.splitlines()}
+    write_whole(path, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    return f"python -m experiments.engine {shlex.quote(str(path))}"
+
+
+def _kept_rows(run: Run, case: Case, key: str, command: str | None) -> list[dict[str, Any]]:
+    seconds = None if math.isnan(run.seconds) else run.seconds
+    own = {"seconds": seconds, "failure": run.failure, "command": command, "key": key}
+    return [{**columns_of(case), **row, **own} for row in run.result or [{}]]
+
+
+def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
+    """Rows of these runs, in their order; of a run that was done twice those of one time, a success before a failure.
+
+    Rows of a run stand together in a part, as its function gave them.
+    """
+    if kept is None:
+        return table_of([])
+    rows: dict[str, list[int]] = {}
+    good: set[str] = set()
+    before = None
+    for place, (key, failure) in enumerate(zip(*_columns(kept, "key", "failure"), strict=True)):
+        if key == before and (failure is None) == (key in good) and failure is None:
+            rows[key].append(place)
+        elif key not in good:
+            rows[key] = [place]
+            if failure is None:
+                good.add(key)
+        before = key
+    table = kept.take([place for key in keys for place in rows.get(key, [])])
+    names = [name for name in table.column_names if name not in OWN]
+    return table.select([*names, *OWN])

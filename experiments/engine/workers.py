@@ -1,0 +1,147 @@
+"""Where runs are done: in this process, in processes of this machine, or on a Dask cluster."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from experiments.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
+
+EXTRA = 'the packages of the extra "cluster" (pip install "softaim[cluster]")'
+
+ONE_THREAD = dict.fromkeys(
+    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), 1
+)
+"""Environment of a worker process: as many processes as cores, so that more threads of a library only wait."""
+
+DEATHS = 2
+"""Workers of this machine that may die of a batch before its runs are done one by one, and of a run before it counts
+as a failure; chosen: one death may come from outside."""
+
+REACHED_S = 30.0
+"""A scheduler that has not answered within this time is not there [s]."""
+
+FEW_RUNS = 10
+"""Fewer runs of an insertion, a second each, are done before the workers have started; chosen."""
+
+NO_WORKER_S = 300.0
+"""Without any worker process for so long a study on this machine ends [s]; one starts within some seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Where runs are done.
+
+    n_processes: 1 is this process, None one for each core
+    scheduler: address of a Dask scheduler, `tcp://host:8786`; n_processes is not used then
+    """
+
+    n_processes: int | None = None
+    scheduler: str | None = None
+
+    @property
+    def own_process(self) -> bool:
+        """Whether runs are done here, without Dask."""
+        return self.scheduler is None and self.n_processes == 1
+
+    @property
+    def n_local(self) -> int:
+        """Processes on this machine."""
+        return len(os.sched_getaffinity(0)) if self.n_processes is None else self.n_processes
+
+
+OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
+
+
+def is_installed() -> bool:
+    """Whether the extra is there, so that runs can be done on several processes."""
+    return all(importlib.util.find_spec(name) is not None for name in ("dask", "distributed", "pyarrow"))
+
+
+def require_extra(asked_by: str) -> None:
+    """InputError with pip's command where the extra is missing."""
+    if not is_installed():
+        raise InputError.at(asked_by, EXTRA, "none")
+
+
+def workers_for(n_runs: int, wanted: Workers) -> Workers:
+    """The workers of a command that does not need the extra: as wanted, this process for few runs or without it."""
+    if wanted != ALL_CORES:
+        return wanted
+    if n_runs >= FEW_RUNS and not is_installed():
+        sys.stderr.write(f"softaim: one core is used; for all of them: {EXTRA}\n")
+    return ALL_CORES if n_runs >= FEW_RUNS and is_installed() else OWN_PROCESS
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """`--processes` and `--scheduler` of a study."""
+    parser.add_argument("--processes", type=_count, help="on this machine; default: one for each core")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler, in place of this machine")
+
+
+def _count(text: str) -> int:
+    count = int(text)
+    if count < 1:
+        raise ValueError
+    return count
+
+
+def chosen_workers(chosen: argparse.Namespace) -> Workers:
+    """What was chosen by the options of `add_worker_options`."""
+    return Workers(chosen.processes, chosen.scheduler)
+
+
+@contextmanager
+def connected(workers: Workers) -> Iterator[Client]:
+    """A client of a local cluster of these processes, closed at the end, or of the scheduler. Raises InputError."""
+    require_extra("--processes" if workers.scheduler is None else "--scheduler")
+    from distributed import Client
+
+    if workers.scheduler is not None:
+        try:
+            client = Client(workers.scheduler, timeout=REACHED_S)
+        except (OSError, ValueError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise InputError.at(f"--scheduler {workers.scheduler}", "a Dask scheduler", reason) from error
+        with client:
+            yield client
+        return
+    with local_cluster(workers.n_local) as cluster, Client(cluster) as client:
+        yield client
+
+
+@contextmanager
+def local_cluster(n_processes: int) -> Iterator[LocalCluster]:
+    """Worker processes on this machine, each with one thread, replaced when they die; closed at the end."""
+    import dask
+    from distributed import LocalCluster
+
+    settings = {
+        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+        "distributed.scheduler.allowed-failures": DEATHS - 1,
+        # no second batch waits on a worker, where it would share the blame if the worker died
+        "distributed.scheduler.worker-saturation": 1.0,
+        # on a busy machine a worker takes longer to come back than the 15 s after which it would be given up
+        "distributed.deploy.lost-worker-timeout": NO_WORKER_S,
+    }
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=n_processes,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+    ):
+        yield cluster

@@ -1,0 +1,98 @@
+"""A body in motion: the network that stands for it, which of its nodes are seen, and where all of them truly were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork
+from experiments.arrays import Floats
+
+GRAVITY_M_S2 = 9.81
+
+MARK_SD_M = 0.5e-3
+"""Standard deviation of a mark, each axis, before bodies of size 1 [m]; of other sizes in proportion."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Factors on a body's size, stiffness and mass; gravity, seconds and frames stay as they are.
+
+    Another size is the same shape under gravity: masses go with its cube, stiffnesses with its square, so that it
+    sags by the same share. Dashpots go along so that damping ratios stay.
+    """
+
+    size: float = 1.0
+    stiffness: float = 1.0
+    mass: float = 1.0
+
+    @property
+    def k(self) -> float:
+        """Factor on the stiffness of a spring [1]."""
+        return self.stiffness * self.size**2
+
+    @property
+    def m(self) -> float:
+        """Factor on a mass [1]."""
+        return self.mass * self.size**3
+
+    @property
+    def c(self) -> float:
+        """Factor on a dashpot [1]."""
+        return float(np.sqrt(self.k * self.m))
+
+    @property
+    def oscillation(self) -> float:
+        """Factor on the time of an oscillation of its springs [1]."""
+        return float(np.sqrt(self.m / self.k))
+
+    @property
+    def swing(self) -> float:
+        """Factor on the time of a swing under gravity [1]."""
+        return float(np.sqrt(self.size))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A body in motion.
+
+    network: its best-known constants, drawn in a shape that a user would draw
+    times_s: of the frames, (n_frames,); positions: of all nodes [m], (n_frames, n_nodes, dim)
+    marked: names of the nodes seen, to mark_sd_m an axis [m]
+    at_rest: whether the drawn shape is one at rest, so that rest lengths follow from it
+    in_line: whether the nodes follow each other along a line, the first to the last
+    led: those of the marked nodes that a hand leads
+    """
+
+    network: MassSpringNetwork
+    times_s: Floats
+    positions: Floats
+    marked: tuple[str, ...]
+    mark_sd_m: float
+    at_rest: bool = False
+    in_line: bool = False
+    led: tuple[str, ...] = ()
+
+    @property
+    def hidden(self) -> tuple[str, ...]:
+        """Names of the free nodes that are never seen."""
+        names = (self.network.names[i] for i in self.network.free)
+        return tuple(name for name in names if name not in self.marked)
+
+    @property
+    def size_m(self) -> float:
+        """Largest distance of two nodes as drawn [m]."""
+        places = self.network.positions
+        return float(np.linalg.norm(places[:, None] - places[None], axis=2).max())
+
+
+def node_names(n: int) -> tuple[str, ...]:
+    """Names of n nodes."""
+    return tuple(f"n{i}" for i in range(n))
+
+
+def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
+    """Distance between the two nodes of each spring [m], (n_springs,)."""
+    return np.asarray(np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1))

@@ -1,0 +1,176 @@
+"""Chains of rigid links that start in motion, and cables that are held at one end and led at the other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from experiments.arrays import Floats
+from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names
+from experiments.simulation.bodies.simulate import compiled, motion
+
+LINKS_M = (0.0917, 0.0693, 0.080)
+MASSES_KG = (0.030, 0.012, 0.020)
+LINK_N_M, LINK_N_S_M = 2000.0, 0.5
+"""What a user writes for a link that does not stretch."""
+
+HINGE_N_M_S = 1e-5
+SPEED_RAD_S = 3.0
+
+SEGMENTS, SEGMENT_M, SEGMENT_KG = 12, 0.1, 0.012
+BEND_N_M, BEND_N_M_S = 0.02, 0.0008
+"""A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
+
+BEND_RAD = 0.2
+"""Bend at which a spring over two segments has the energy of the joint, for springs have none of a small one; the root
+mean square of these cables' bends, at either speed."""
+
+DRAG_N_S_M = 0.002
+HIDDEN_OF_CABLE = (5, 6, 7)
+"""Side by side, as behind something that covers the middle."""
+
+
+def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
+    """A pendulum of so many rigid links in the plane, its outer end seen at 100 Hz.
+
+    Links are springs in the truth, too, where mass or stiffness is scaled: of a rigid one neither matters.
+    """
+    rng = np.random.default_rng([seed, 0])
+    lengths = scale.size * np.array(LINKS_M[:n_links])
+    masses = scale.m * np.array(MASSES_KG[:n_links])
+    hinge = HINGE_N_M_S * scale.m * scale.size**2 / scale.swing
+    model, data = compiled(_chain_xml(lengths, masses, hinge, _stretch("0 0 1", scale)))
+    turning = np.array([k for k in range(model.njnt) if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE])
+    data.qpos[turning] = rng.uniform(-1.5, 1.5, n_links)
+    data.qvel[turning] = rng.normal(0.0, SPEED_RAD_S / scale.swing, n_links)
+    mujoco.mj_forward(model, data)
+    times = np.arange(round(100 * seconds)) / 100.0
+    places = motion(model, data, lambda d: d.geom_xpos[:, [0, 2]], times_s=times, longest_s=_step_s(scale, 5e-4))
+    anchored = np.concatenate([np.zeros((len(times), 1, 2)), places], axis=1)
+    drawn = np.zeros((n_links + 1, 2))
+    drawn[1:, 1] = -np.cumsum(lengths)
+    network = MassSpringNetwork(
+        names=node_names(n_links + 1),
+        positions=drawn,
+        masses=np.r_[scale.m, masses],
+        fixed=np.arange(n_links + 1) == 0,
+        drag=np.zeros(n_links + 1),
+        friction=np.zeros(n_links + 1),
+        springs=np.array([(i, i + 1) for i in range(n_links)]),
+        stiffness=np.full(n_links, LINK_N_M * scale.k),
+        rest_lengths=lengths,
+        damping=np.full(n_links, LINK_N_S_M * scale.c),
+        gravity=np.array([0.0, -GRAVITY_M_S2]),
+    )
+    return Body(network, times, anchored, (f"n{n_links}",), MARK_SD_M * scale.size, in_line=True)
+
+
+def _stretch(axis: str, scale: Scale) -> str:
+    """A joint along the link where its stiffness matters."""
+    if scale.stiffness == scale.mass == 1.0:
+        return ""
+    return (
+        f'<joint type="slide" axis="{axis}" stiffness="{LINK_N_M * scale.k}" damping="{LINK_N_S_M * scale.c}"'
+        ' springref="0"/>'
+    )
+
+
+def _step_s(scale: Scale, longest_s: float) -> float:
+    return longest_s * min(1.0, scale.oscillation, scale.swing)
+
+
+def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> str:
+    opened, closed, above = "", "", 0.0
+    for length, mass in zip(lengths, masses, strict=True):
+        opened += (
+            f'<body pos="0 0 {-above}"><joint type="hinge" axis="0 1 0" damping="{hinge}"/>{stretch}'
+            f'<geom type="sphere" size="{0.05 * lengths[0]}" pos="0 0 {-length}" mass="{mass}"/>'
+        )
+        closed += "</body>"
+        above = length
+    return f"""<mujoco><option integrator="RK4"/><default><geom contype="0" conaffinity="0"/></default>
+        <worldbody>{opened}{closed}</worldbody></mujoco>"""
+
+
+def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
+    """A cable of twelve segments in space, one end held, the other led by a hand; its middle hidden.
+
+    speed: of the hand, factor; at 1 it moves at up to 1 m/s
+    """
+    rng = np.random.default_rng([seed, 0])
+    n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m
+    bend, slow = BEND_N_M * scale.k * scale.size**2, BEND_N_M_S * scale.c * scale.size**2
+    model, data = compiled(_cable_xml(length, mass, (bend, slow), _stretch("1 0 0", scale)))
+    hand = _HandPath(rng, n * length, speed / scale.swing, 1.5 * scale.swing)
+    before = 2.0 * max(1.0, scale.swing)
+    times = np.arange(round(before * 33) + round(33 * seconds)) / 33.0
+
+    def led(time_s: float, data: Any) -> None:
+        data.mocap_pos[0] = hand.at(time_s)
+
+    led(0.0, data)
+    places = motion(
+        model,
+        data,
+        lambda d: np.vstack([np.zeros(3), d.site_xpos[1:]]),
+        times_s=times,
+        longest_s=2.5e-4 * min(1.0, scale.swing),
+        act=led,
+    )[round(before * 33) :]
+    times = np.arange(len(places)) / 33.0
+    pairs = [(i, i + 1) for i in range(n)] + [(i, i + 2) for i in range(n - 1)]
+    # energy of a joint bent by b, k_b b² / 2, as that of a spring over two segments, shortened by L b² / 4
+    over_two = 16.0 * bend / (length * BEND_RAD) ** 2
+    network = MassSpringNetwork(
+        names=node_names(n + 1),
+        positions=places[0],
+        masses=np.r_[1.0, np.full(n - 1, mass), 0.5 * mass],
+        fixed=np.arange(n + 1) == 0,
+        drag=np.full(n + 1, DRAG_N_S_M * scale.c),
+        friction=np.zeros(n + 1),
+        springs=np.array(pairs),
+        stiffness=np.r_[np.full(n, LINK_N_M * scale.k), np.full(n - 1, over_two)],
+        rest_lengths=np.r_[np.full(n, length), np.full(n - 1, 2.0 * length)],
+        damping=np.r_[np.full(n, LINK_N_S_M * scale.c), np.full(n - 1, over_two * slow / bend)],
+        gravity=np.array([0.0, 0.0, -GRAVITY_M_S2]),
+    )
+    marked = tuple(f"n{i}" for i in range(1, n + 1) if i not in HIDDEN_OF_CABLE)
+    return Body(network, times, places, marked, MARK_SD_M * scale.size, in_line=True, led=(f"n{n}",))
+
+
+class _HandPath:
+    """A smooth random path about a place where the cable is slack, reached within rise_s from a straight cable."""
+
+    def __init__(self, rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> None:
+        n_waves = 6
+        self.w = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, (n_waves, 3))
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, (n_waves, 3))
+        self.amplitude = length_m / 1.2 * rng.uniform(0.03, 0.12, (n_waves, 3)) * 2.0 / np.sqrt(n_waves)
+        self.straight = np.array([length_m, 0.0, 0.0])
+        self.home = length_m * np.array([0.8, 0.0, -0.1 / 1.2])
+        self.rise_s = rise_s
+
+    def at(self, time_s: float) -> Floats:
+        """Where the hand is [m], (3,)."""
+        rise = min(1.0, time_s / self.rise_s)
+        rise = rise * rise * (3.0 - 2.0 * rise)
+        swaying = self.home + (self.amplitude * np.sin(self.w * time_s + self.phase)).sum(axis=0)
+        return np.asarray((1.0 - rise) * self.straight + rise * swaying)
+
+
+def _cable_xml(length: float, mass: float, bend: tuple[float, float], stretch: str) -> str:
+    opened, closed = "", ""
+    for k in range(SEGMENTS):
+        opened += (
+            f'<body pos="{length if k else 0} 0 0"><joint type="ball" stiffness="{bend[0]}" damping="{bend[1]}"/>'
+            f'{stretch}<geom type="capsule" fromto="0 0 0 {length} 0 0" size="{0.04 * length}" mass="{mass}"/>'
+            f'<site name="s{k}" pos="{length} 0 0"/>'
+        )
+        closed += "</body>"
+    return f"""<mujoco><option integrator="implicitfast"/><default><geom contype="0" conaffinity="0"/></default>
+        <worldbody><body name="hand" mocap="true" pos="{SEGMENTS * length} 0 0"><site name="h"/></body>
+        {opened}{closed}</worldbody>
+        <equality><connect site1="s{SEGMENTS - 1}" site2="h"/></equality></mujoco>"""

@@ -1,0 +1,298 @@
+"""Elastic bodies by finite elements: blocks that are pressed and let go, blocks that float, sheets that are pulled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork, fit_rest_lengths
+from experiments.arrays import Floats
+from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names, spring_lengths
+from experiments.simulation.bodies.simulate import compiled, motion, settled
+
+FRAMES_PER_S = 30
+BLOCK_M, BLOCK_PA, BLOCK_KG_M3 = 0.06, 30e3, 1000.0
+SHEET_M, SHEET_N_M, SHEET_KG_M2 = (0.20, 0.25), 100.0, 0.2
+"""Sides [m], Young's modulus times thickness [N/m], mass by area."""
+
+SHEET_NODES = (5, 6)
+THICKNESS_M = 1e-3
+POISSON = 0.3
+RAYLEIGH_S = 0.02
+"""Damping by stiffness [s]."""
+
+PRESS, FINGER = 0.04, 0.35
+"""Largest force on the top of a block, by Young's modulus and its area, and the finger's radius by the side."""
+
+PULL = 0.2
+"""Largest force on a node of a sheet, by the sheet's weight."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Push:
+    """Constant forces [N] on nodes, (n_nodes, 3), between two times [s]."""
+
+    start_s: float
+    end_s: float
+    forces: Floats
+
+
+def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
+    """A soft block standing on its base, top nodes pressed and let go; its surface is seen, its inside hidden."""
+    side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
+    young = BLOCK_PA * scale.k / scale.size
+    spacing = side / (per_side - 1)
+    model, data = compiled(_block_xml(per_side, spacing, mass, _Material(young, RAYLEIGH_S * scale.oscillation)))
+    grid = data.flexvert_xpos.copy()
+    _settle(model, data, scale)
+    drawn = data.flexvert_xpos.copy()
+    rng = np.random.default_rng([seed, 0])
+    top = np.flatnonzero(grid[:, 2] > grid[:, 2].max() - 0.1 * spacing)
+
+    def pressed() -> Floats:
+        away = np.linalg.norm(grid - grid[rng.choice(top)], axis=1) / (FINGER * side)
+        share = np.where(np.isin(np.arange(len(grid)), top), np.exp(-0.5 * away**2), 0.0)
+        force = PRESS * young * side**2 * rng.uniform(0.3, 1.0) * _mostly_down(rng)
+        return np.outer(share / share.sum(), force)
+
+    pushes = _pushes(rng, seconds, pressed)
+    times, places = _moved(model, data, seconds, scale, _pushing(model, pushes))
+    springs, shared = _lattice(grid, spacing)
+    stiffness = 0.4 * young * spacing * shared
+    inside = ~_on_hull(grid)
+    fixed = grid[:, 2] < grid[:, 2].min() + 0.1 * spacing
+    network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
+    marked = tuple(f"n{i}" for i in np.flatnonzero(~fixed & ~inside))
+    resting = fit_rest_lengths(network, drawn)
+    return Body(resting, times, places, marked, MARK_SD_M * scale.size, at_rest=True)
+
+
+def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
+    """A soft block that nothing holds, afloat, its faces led about by springs; corners and face centres are seen."""
+    per_side = 3
+    side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
+    young = BLOCK_PA / 3.0 * scale.k / scale.size
+    spacing = side / (per_side - 1)
+    material = _Material(young, RAYLEIGH_S * scale.oscillation)
+    model, data = compiled(_block_xml(per_side, spacing, mass, material, afloat=True))
+    grid = data.flexvert_xpos.copy()
+    rng = np.random.default_rng([seed, 0])
+    off_center = np.abs(np.round((grid - grid.mean(axis=0)) / spacing)).sum(axis=1)
+    faces, seen = np.flatnonzero(off_center == 1), np.isin(off_center, (1, 3))
+    leading = _Leading(rng, grid, faces, stiffness=0.5 * young * side, damping=0.05 * scale.oscillation)
+    times, places = _moved(model, data, seconds, scale, leading.act(model))
+    springs, shared = _lattice(grid, spacing)
+    network = _network(
+        grid,
+        springs,
+        0.4 * young * spacing * shared,
+        RAYLEIGH_S * scale.oscillation,
+        masses=_masses(model),
+        fixed=np.zeros(len(grid), dtype=bool),
+        gravity=0.0,
+    )
+    marked = tuple(f"n{i}" for i in np.flatnonzero(seen))
+    return Body(network, times, places, marked, MARK_SD_M * scale.size)
+
+
+def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
+    """A cloth that hangs from its upper edge, pulled at nodes of its rim and let go; its inside is hidden."""
+    sides = scale.size * np.array(SHEET_M)
+    mass = SHEET_KG_M2 * SHEET_M[0] * SHEET_M[1] * scale.m
+    stretch = SHEET_N_M * scale.k
+    spacing = sides[0] / (SHEET_NODES[0] - 1)
+    thickness = THICKNESS_M * scale.size
+    material = _Material(stretch / thickness, RAYLEIGH_S * scale.oscillation)
+    model, data = compiled(_sheet_xml(spacing, mass, thickness, material))
+    grid = data.flexvert_xpos.copy()
+    _settle(model, data, scale)
+    drawn = data.flexvert_xpos.copy()
+    fixed = grid[:, 2] > grid[:, 2].max() - 0.1 * spacing
+    flat = grid[:, [0, 2]]
+    rim = _on_hull(flat) & ~fixed
+    rng = np.random.default_rng([seed, 0])
+
+    def pulled() -> Floats:
+        forces = np.zeros_like(grid)
+        strength = PULL * mass * GRAVITY_M_S2 * rng.uniform(0.3, 1.0)
+        forces[rng.choice(np.flatnonzero(rim))] = strength * _mostly_across(rng)
+        return forces
+
+    pushes = _pushes(rng, seconds, pulled)
+    times, places = _moved(model, data, seconds, scale, _pushing(model, pushes))
+    springs, shared = _lattice(grid, spacing)
+    # a square lattice with diagonals of half the stiffness is isotropic: k = 3/4 E t along its edges
+    diagonal = spring_lengths(grid, springs) > 1.2 * spacing
+    stiffness = 0.75 * stretch * np.where(diagonal, 0.5, shared)
+    network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
+    # lengths as cut, not as drawn: of those drawn some springs would be pressed and the sheet fold out of its plane
+    network = replace(network, rest_lengths=spring_lengths(grid, springs))
+    marked = tuple(f"n{i}" for i in np.flatnonzero(rim))
+    return Body(network, times, places, marked, MARK_SD_M * scale.size)
+
+
+@dataclass(frozen=True, slots=True)
+class _Material:
+    """Young's modulus [Pa] and damping by stiffness [s]."""
+
+    young: float
+    rayleigh_s: float
+
+    @property
+    def xml(self) -> str:
+        return f'young="{self.young}" poisson="{POISSON}" damping="{self.rayleigh_s}"'
+
+
+OPTION = '<option integrator="discrete" solver="CG" {gravity}/>'
+CONTACT = '<contact selfcollide="none" contype="0" conaffinity="0"/>'
+
+
+def _block_xml(n: int, spacing: float, mass: float, material: _Material, *, afloat: bool = False) -> str:
+    pin = "" if afloat else f'<pin gridrange="0 0 0 {n - 1} {n - 1} 0"/>'
+    option = OPTION.format(gravity='gravity="0 0 0"' if afloat else "")
+    return f"""<mujoco>{option}<worldbody>
+        <flexcomp name="b" type="grid" count="{n} {n} {n}" spacing="{spacing} {spacing} {spacing}" dim="3"
+         radius="{0.01 * spacing}" mass="{mass}"><edge equality="false"/><elasticity {material.xml}/>{CONTACT}{pin}
+        </flexcomp></worldbody></mujoco>"""
+
+
+def _sheet_xml(spacing: float, mass: float, thickness: float, material: _Material) -> str:
+    across, down = SHEET_NODES
+    top = " ".join(f"{i} {down - 1}" for i in range(across))
+    return f"""<mujoco>{OPTION.format(gravity="")}<worldbody>
+        <flexcomp name="b" type="grid" count="{across} {down} 1" spacing="{spacing} {spacing} {spacing}" dim="2"
+         radius="{0.5 * thickness}" mass="{mass}" euler="90 0 0"><edge equality="false"/>
+        <elasticity {material.xml} thickness="{thickness}" elastic2d="both"/>{CONTACT}<pin grid="{top}"/>
+        </flexcomp></worldbody></mujoco>"""
+
+
+def _step_s(scale: Scale) -> float:
+    return 1e-3 * min(1.0, scale.oscillation)
+
+
+def _settle(model: Any, data: Any, scale: Scale) -> None:
+    seconds = 2.0 * max(scale.oscillation, scale.swing)
+    settled(model, data, seconds=seconds, step_s=2e-3 * min(1.0, scale.oscillation), kept=0.98)
+
+
+def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Callable[[float, Any], None]) -> Any:
+    times = np.arange(round(FRAMES_PER_S * seconds)) / FRAMES_PER_S
+    places = motion(model, data, lambda d: d.flexvert_xpos, times_s=times, longest_s=_step_s(scale), act=act)
+    return times, places
+
+
+def _pushes(rng: np.random.Generator, seconds: float, forces: Callable[[], Floats]) -> list[Push]:
+    """One after the other, with pauses in which the body swings out."""
+    found, start = [], float(rng.uniform(0.2, 0.5))
+    while start < seconds:
+        lasts = float(rng.uniform(0.2, 0.8))
+        found.append(Push(start, start + lasts, forces()))
+        start += lasts + float(rng.uniform(0.2, 0.8))
+    return found
+
+
+def _pushing(model: Any, pushes: Sequence[Push]) -> Callable[[float, Any], None]:
+    own = model.flex_vertbodyid > 0
+    bodies = model.flex_vertbodyid[own]
+
+    def act(time_s: float, data: Any) -> None:
+        data.xfrc_applied[:] = 0.0
+        for push in pushes:
+            if push.start_s <= time_s < push.end_s:
+                data.xfrc_applied[bodies, :3] += push.forces[own]
+
+    return act
+
+
+class _Leading:
+    """Springs and dashpots that lead nodes along smooth random paths about where they are drawn."""
+
+    def __init__(
+        self, rng: np.random.Generator, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping: float
+    ) -> None:
+        self.nodes, self.home = nodes, grid[nodes]
+        side = float(np.ptp(grid[:, 0]))
+        self.w = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3)
+        self.phase = rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
+        self.amplitude = 0.12 * side
+        self.together = self.amplitude * rng.normal(size=3)
+        self.stiffness, self.damping = stiffness, stiffness * damping
+
+    def act(self, model: Any) -> Callable[[float, Any], None]:
+        """For `motion`."""
+        bodies = model.flex_vertbodyid[self.nodes]
+        at = np.array([model.body_dofadr[b] for b in bodies])[:, None] + np.arange(3)
+
+        def act(time_s: float, data: Any) -> None:
+            rise = min(1.0, time_s)
+            own = self.amplitude * (np.sin(self.w * time_s + self.phase) - np.sin(self.phase))
+            wanted = self.home + rise * (own + self.together * np.sin(self.w * time_s))
+            away = wanted - data.flexvert_xpos[self.nodes]
+            data.xfrc_applied[bodies, :3] = self.stiffness * away - self.damping * data.qvel[at]
+
+        return act
+
+
+def _mostly_down(rng: np.random.Generator) -> Floats:
+    x, y = rng.normal(0.0, 0.4, 2)
+    return np.array([x, y, -1.0 if rng.random() < 0.7 else 0.7])
+
+
+def _mostly_across(rng: np.random.Generator) -> Floats:
+    x, z = rng.normal(0.0, 0.3, 2)
+    return np.array([x, rng.choice([-1.0, 1.0]), z])
+
+
+def _on_hull(grid: Floats) -> NDArray[np.bool_]:
+    """Which nodes of a grid lie on its surface, (n,)."""
+    near = 1e-6 * np.ptp(grid, axis=0)
+    return ((grid < grid.min(axis=0) + near) | (grid > grid.max(axis=0) - near)).any(axis=1)
+
+
+def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
+    """Edges and face diagonals of a grid, (n_springs, 2), and what share of each lies inside the body, (n_springs,)."""
+    pairs = np.array(list(combinations(range(len(grid)), 2)))
+    lengths = spring_lengths(grid, pairs)
+    pairs = pairs[lengths < 1.5 * spacing]
+    varied = np.ptp(grid, axis=0) > 1e-6 * spacing
+    near = 1e-6 * spacing
+    low, high = grid.min(axis=0), grid.max(axis=0)
+    a, b = grid[pairs[:, 0]], grid[pairs[:, 1]]
+    on_face = (np.abs(a - b) < near) & ((np.abs(a - low) < near) | (np.abs(a - high) < near)) & varied
+    return pairs, 0.5 ** on_face.sum(axis=1)
+
+
+def _masses(model: Any) -> Floats:
+    masses = model.body_mass[model.flex_vertbodyid]
+    return np.where(masses > 0.0, masses, masses.max())
+
+
+def _network(
+    drawn: Floats,
+    springs: NDArray[np.int64],
+    stiffness: Floats,
+    damping_s: float,
+    *,
+    masses: Floats,
+    fixed: NDArray[np.bool_],
+    gravity: float = GRAVITY_M_S2,
+) -> MassSpringNetwork:
+    n = len(drawn)
+    return MassSpringNetwork(
+        names=node_names(n),
+        positions=drawn,
+        masses=masses,
+        fixed=fixed,
+        drag=np.zeros(n),
+        friction=np.zeros(n),
+        springs=springs,
+        stiffness=stiffness,
+        rest_lengths=spring_lengths(drawn, springs),
+        damping=damping_s * stiffness,
+        gravity=np.array([0.0, 0.0, -gravity]),
+    )

@@ -1,0 +1,53 @@
+"""Motion of a MuJoCo model, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from experiments.arrays import Floats
+
+Act = Callable[[float, Any], None]
+"""Sets forces or led places in MuJoCo's data for the step that begins at this time [s]."""
+
+
+def compiled(xml: str) -> tuple[Any, Any]:
+    """MuJoCo's model and data of this text, its positions computed."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def motion(
+    model: Any, data: Any, read: Callable[[Any], Floats], *, times_s: Floats, longest_s: float, act: Act | None = None
+) -> Floats:
+    """What `read` finds at each of these equally spaced times [s], (n_frames, ...), from the data as they are.
+
+    longest_s: of a step [s]; steps divide the frame interval
+    """
+    interval = float(times_s[1] - times_s[0])
+    n_steps = int(np.ceil(interval / longest_s - 1e-9))
+    model.opt.timestep = interval / n_steps
+    seen = []
+    for time_s in times_s:
+        mujoco.mj_forward(model, data)  # a step leaves places as they were before it
+        seen.append(np.array(read(data)))
+        for step in range(n_steps):
+            if act is not None:
+                act(float(time_s) + step * model.opt.timestep, data)
+            mujoco.mj_step(model, data)
+    return np.array(seen)
+
+
+def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float) -> None:
+    """Let the model come to rest, its velocities multiplied by `kept` each step."""
+    model.opt.timestep = step_s
+    for _ in range(int(seconds / step_s)):
+        mujoco.mj_step(model, data)
+        data.qvel[:] *= kept
+    data.qvel[:] = 0.0
+    mujoco.mj_forward(model, data)

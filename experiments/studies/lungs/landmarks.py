@@ -1,0 +1,101 @@
+"""Landmarks of breathing lungs read from tables, a table a person, and parted into left and right."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.tables import Table, read_table
+
+COLUMNS = ("landmark", "phase", "x_mm", "y_mm", "z_mm")
+PHASE_S = 0.4
+"""A tenth of a breath [s]: the phases are that far apart."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lung:
+    """One lung of a person.
+
+    name: of the file and the side; positions: of its landmarks [m], (n_phases, n, 3)
+    hull, inner: which of them lie on the convex hull of the first phase, and which inside, in order
+    """
+
+    name: str
+    positions: Floats
+    hull: NDArray[np.int64]
+    inner: NDArray[np.int64]
+
+    @property
+    def times_s(self) -> Floats:
+        """Of the phases, (n_phases,)."""
+        return np.arange(len(self.positions)) * np.float64(PHASE_S)
+
+    def seen(self, n: int | None) -> NDArray[np.int64]:
+        """So many landmarks of the hull, far from each other, the first of the hull first; None: all of them."""
+        if n is None or n >= len(self.hull):
+            return self.hull
+        places = self.positions[0][self.hull]
+        chosen = [0]
+        while len(chosen) < n:
+            nearest = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)
+            chosen.append(int(nearest.argmax()))
+        return self.hull[chosen]
+
+
+def read_lungs(folder: Path) -> list[Lung]:
+    """Two lungs of each `case*.csv` of the folder, by name; raises InputError."""
+    paths = sorted(folder.glob("case*.csv"))
+    if not paths:
+        raise InputError.at(folder, "case1.csv and others", "none" if folder.is_dir() else "no folder")
+    return [lung for path in paths for lung in read_person(path)]
+
+
+def read_person(path: Path) -> list[Lung]:
+    """The two lungs of a table, parted at the widest gap along x; raises InputError."""
+    table = read_table(path, COLUMNS)
+    positions = _by_phase(table)
+    x = np.sort(positions[0, :, 0])
+    gap = int(np.diff(x).argmax())
+    right = positions[0, :, 0] <= 0.5 * (x[gap] + x[gap + 1])
+    return [_lung(path, side, positions[:, own]) for side, own in (("right", right), ("left", ~right))]
+
+
+def _by_phase(table: Table) -> Floats:
+    """Positions [m], (n_phases, n_landmarks, 3), both counted from 0 and every pair of them there once."""
+    numbers = table.numbers
+    if table.n_rows == 0:
+        raise InputError.at(table.path, "a row for each landmark in each phase", "none")
+    for column in ("landmark", "phase"):
+        values = numbers[column]
+        table.check(column, (values >= 0) & (values == np.round(values)), "a whole number, 0 or more")
+    landmark, phase = numbers["landmark"].astype(int), numbers["phase"].astype(int)
+    counts = np.zeros((phase.max() + 1, landmark.max() + 1), dtype=int)
+    np.add.at(counts, (phase, landmark), 1)
+    if len(counts) < 2:
+        raise InputError.at(f"{table.path}: phase", "two phases or more", "one")
+    for p, k in np.argwhere(counts != 1):
+        found = "none" if counts[p, k] == 0 else f"{counts[p, k]}"
+        raise InputError.at(f"{table.path}: landmark {k}, phase {p}", "one row", found)
+    positions = np.empty((*counts.shape, 3))
+    for axis, column in enumerate(COLUMNS[2:]):
+        positions[phase, landmark, axis] = 1e-3 * numbers[column]
+    return positions
+
+
+def _lung(path: Path, side: str, positions: Floats) -> Lung:
+    name = f"{path.stem} {side}"
+    n = positions.shape[1]
+    try:
+        hull = np.unique(ConvexHull(positions[0]).simplices).astype(np.int64)
+    except (QhullError, ValueError):
+        raise InputError.at(f"{path}: {side} lung", "landmarks that span a volume", f"{n} that do not") from None
+    inner = np.setdiff1d(np.arange(n), hull)
+    if not len(inner):
+        raise InputError.at(f"{path}: {side} lung", "landmarks inside its hull", "none")
+    return Lung(name, positions, hull, inner)

@@ -1,0 +1,57 @@
+"""A lung as a network without anchors: springs along the edges of a Delaunay mesh of its landmarks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+from dynamics import MassSpringNetwork
+from experiments.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class LungConstants:
+    """What all lungs have in common; chosen once, never for a person or a landmark.
+
+    strand_n: stiffness of a spring times its length [N]: strands of 20 mm x 20 mm of 2 kPa; choice
+    damping_s: dashpot of a spring by its stiffness [s]: air and blood follow slowly; choice
+    mass_kg: of a lung, spread evenly over its landmarks [kg]; choice
+    reading_sd_m: scatter of a landmark's reading, each axis [m]; source: readers scatter by about 1 mm
+    """
+
+    strand_n: float = 0.8
+    damping_s: float = 0.1
+    mass_kg: float = 0.5
+    reading_sd_m: float = 1e-3
+
+
+def edges_of(points: Floats) -> NDArray[np.int64]:
+    """Edges of the Delaunay tetrahedra of points (n, 3), each once, (n_edges, 2)."""
+    tetrahedra = Delaunay(points).simplices
+    pairs = np.concatenate([tetrahedra[:, pair] for pair in combinations(range(4), 2)])
+    return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int64)
+
+
+def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
+    """The network of landmarks at the end of inhaling [m], (n, 3), at rest there, weightless: the chest bears it."""
+    n = len(points)
+    springs = edges_of(points)
+    lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
+    stiffness = constants.strand_n / lengths
+    return MassSpringNetwork(
+        names=tuple(f"L{i}" for i in range(n)),
+        positions=points,
+        masses=np.full(n, constants.mass_kg / n),
+        fixed=np.zeros(n, dtype=bool),
+        drag=np.zeros(n),
+        friction=np.zeros(n),
+        springs=springs,
+        stiffness=stiffness,
+        rest_lengths=lengths,
+        damping=constants.damping_s * stiffness,
+        gravity=np.zeros(3),
+    )

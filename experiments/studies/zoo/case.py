@@ -1,0 +1,98 @@
+"""Cases of the zoo: a body, its constants, a scale and a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import lru_cache
+from typing import Any
+
+from experiments.simulation.bodies.body import Body, Scale
+from experiments.simulation.bodies.zoo import BODIES, make_body
+
+CONSTANTS = ("true", "wrong", "identified")
+"""Best-known ones; each 20 % wrong, one standard deviation; fitted on another recording of the same body."""
+
+SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
+
+REPORT_SEEDS = range(1000, 1020)
+"""Those that the table reports on; 0 to 19 are for development."""
+
+N_SCALED = 5
+"""Seeds of a scaled body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run of the zoo.
+
+    body: its name in `BODIES`; constants: one of `CONSTANTS`
+    length_s: of the recording [s], 0 for the body's own
+    limit_s: processor time after which the filter is stopped [s]
+    """
+
+    body: str
+    seed: int
+    constants: str = "true"
+    size: float = 1.0
+    stiffness: float = 1.0
+    mass: float = 1.0
+    length_s: float = 0.0
+    limit_s: float = 60.0
+
+    @property
+    def scale(self) -> Scale:
+        """Factors on the body."""
+        return Scale(self.size, self.stiffness, self.mass)
+
+    @property
+    def cell(self) -> str:
+        """What the seeds of a cell have in common."""
+        factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
+        scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
+        return ", ".join([self.body, *(scaled or [self.constants])])
+
+    @property
+    def motion(self) -> Body:
+        """The body as it moves; cases of one motion that follow each other share it."""
+        return _body(self.body, self.seed, self.scale, self.length_s)
+
+    def to_json(self) -> dict[str, Any]:
+        """As a table that JSON can write."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Case:
+        """As `to_json` made it; other columns are left out."""
+        return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
+
+
+@lru_cache(maxsize=2)
+def _body(name: str, seed: int, scale: Scale, length_s: float) -> Body:
+    return make_body(name, seed, scale, length_s or None)
+
+
+def cases(
+    bodies: Sequence[str] = tuple(BODIES), seeds: Iterable[int] = REPORT_SEEDS, *, scaled: bool = True
+) -> list[Case]:
+    """All cases of these bodies, cell by cell; scaled bodies with the first five seeds."""
+    all_seeds = list(seeds)
+    found = []
+    for body in bodies:
+        found += [Case(body, seed, constants) for seed in all_seeds for constants in CONSTANTS]
+        if scaled:
+            found += [
+                Case(body, seed, size=scale.size, stiffness=scale.stiffness, mass=scale.mass)
+                for scale in SCALES
+                for seed in all_seeds[:N_SCALED]
+            ]
+    return found
+
+
+def quick_cases() -> list[Case]:
+    """A few bodies for a second or less, for a test of the whole way."""
+    return [
+        Case("chain2", 0, length_s=1.0),
+        Case("phantom", 0, "wrong", length_s=1.0),
+        Case("floating", 0, length_s=0.5, limit_s=5.0),
+    ]

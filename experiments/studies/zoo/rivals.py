@@ -1,0 +1,62 @@
+"""What the filter is compared with: the paper's open loop, and a spline through the seen marks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline, RBFInterpolator
+
+from dynamics import MassSpringNetwork, NetworkError
+from estimators import MarkMeasurement, OpenLoop
+from experiments.arrays import Floats
+from experiments.simulation.bodies.body import Body
+
+FLAT = 1e-3
+"""A body is flat in a direction in which it extends by less than this share of its size."""
+
+
+def open_loop(network: MassSpringNetwork, body: Body, marks: Sequence[Sequence[MarkMeasurement]]) -> Floats | None:
+    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None where it has no shape to start from."""
+    try:
+        method = OpenLoop(network, body.hidden[0])
+    except NetworkError:
+        return None
+    nodes = [network.index(name) for name in body.hidden]
+    places = []
+    with np.errstate(all="ignore"):  # it may run away; that is then its error
+        for time_s, seen in zip(body.times_s, marks, strict=True):
+            method.update(float(time_s), seen)
+            places.append(method.positions[nodes].copy())
+    return np.array(places)
+
+
+def spline(body: Body, marks: Sequence[Sequence[MarkMeasurement]]) -> Floats:
+    """Hidden nodes by a spline through the seen ones and the anchors [m], (n_frames, n_hidden, dim).
+
+    Of a body in a line a cubic one along its length; else a thin-plate spline of the displacement from the drawn shape.
+    """
+    network = body.network
+    anchors = np.flatnonzero(network.fixed)
+    seen = [network.index(name) for name in body.marked]
+    hidden = [network.index(name) for name in body.hidden]
+    known = np.r_[anchors, seen]
+    fixed = network.positions[anchors]
+    places = np.array([np.vstack([fixed, [mark.position for mark in frame]]) for frame in marks])
+    drawn = network.positions
+    if body.in_line:
+        along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(drawn, axis=0), axis=1))]
+        order = np.argsort(along[known])
+        line = CubicSpline(along[known][order], places[:, order], axis=1)
+        return np.asarray(line(along[hidden]))
+    weights = thin_plate_weights(drawn[known], drawn[hidden])
+    return drawn[hidden] + np.einsum("hk,tkd->thd", weights, places - drawn[known])
+
+
+def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
+    """Weights of known displacements in those wanted, (n_wanted, n_known), by a thin-plate spline, (n, dim) each."""
+    center = known.mean(axis=0)
+    _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
+    kept = axes[extents > FLAT * extents[0]]
+    found = RBFInterpolator((known - center) @ kept.T, np.eye(len(known)), kernel="thin_plate_spline")
+    return np.asarray(found((wanted - center) @ kept.T))

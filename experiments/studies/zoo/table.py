@@ -1,0 +1,172 @@
+"""Figures of each cell of the zoo, the bounds they are held to, and both as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.studies.zoo.case import Case
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A body with one kind of constants or scale, over its seeds; errors are means over runs [mm].
+
+    runs, failed: how many, and how many ended early or not at all; failure: why the first of those did
+    ratio: filter's error by that of the better of open loop and spline; None where nothing was estimated
+    covered: share of truths in 95 % regions; nees: mean by degree of freedom
+    non_finite, wrong_tracking, repairs: counts over all runs; ms_a_frame: mean
+    """
+
+    name: str
+    constants: str
+    runs: int
+    failed: int
+    failure: str
+    filter_mm: float | None
+    open_loop_mm: float | None
+    spline_mm: float | None
+    ratio: float | None
+    covered: float | None
+    nees: float | None
+    non_finite: int
+    wrong_tracking: int
+    repairs: int
+    ms_a_frame: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What the cells of a kind of constants are held to: geometric mean and largest ratio, least and most covered."""
+
+    mean_ratio: float
+    worst_ratio: float
+    covered: tuple[float, float]
+
+
+GOOD = Bounds(0.7, 1.05, (0.90, 0.99))
+BOUNDS = {"true": GOOD, "identified": GOOD, "wrong": Bounds(0.9, 1.15, (0.85, 1.0))}
+
+
+def cells_of(table: pd.DataFrame) -> list[Cell]:
+    """Figures of each cell, in the order of their first runs; table: of cases, their records, failures (n_runs,)."""
+    by_name: dict[str, list[Mapping[str, Any]]] = {}
+    for row in table.to_dict("records"):
+        record = {
+            str(key): None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
+        }
+        by_name.setdefault(Case.from_json(record).cell, []).append(record)
+    return [_cell(name, runs) for name, runs in by_name.items()]
+
+
+def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
+    failures = [reason for run in runs if (reason := run.get("failure") or run.get("ended"))]
+    done = [run for run in runs if run.get("frames_done")]
+    filter_m, loop_m, spline_m = (_mean(done, key) for key in ("error_m", "open_loop_m", "spline_m"))
+    rivals = [m for m in (loop_m, spline_m) if m is not None]
+    return Cell(
+        name=name,
+        constants=runs[0]["constants"],
+        runs=len(runs),
+        failed=len(failures),
+        failure=failures[0] if failures else "",
+        filter_mm=_mm(filter_m),
+        open_loop_mm=_mm(loop_m),
+        spline_mm=_mm(spline_m),
+        ratio=None if filter_m is None or not rivals else filter_m / min(rivals),
+        covered=_mean(done, "covered"),
+        nees=_mean(done, "nees"),
+        non_finite=int(sum(run["non_finite"] for run in done)),
+        wrong_tracking=int(sum(run["wrong_tracking"] for run in done)),
+        repairs=int(sum(run["repairs"] for run in done)),
+        ms_a_frame=_mean(done, "ms_a_frame"),
+    )
+
+
+def _mean(runs: Sequence[Mapping[str, Any]], key: str) -> float | None:
+    values = [value for run in runs if (value := run.get(key)) is not None]
+    return float(np.mean(values)) if values and len(values) == len(runs) else None
+
+
+def _mm(metres: float | None) -> float | None:
+    return None if metres is None else 1e3 * metres
+
+
+def geometric_mean(ratios: Sequence[float]) -> float:
+    """Of positive numbers."""
+    return float(np.exp(np.mean(np.log(ratios))))
+
+
+def faults(cell: Cell) -> list[str]:
+    """Which bounds the cell does not keep."""
+    bounds = BOUNDS[cell.constants]
+    low, high = bounds.covered
+    found = [] if cell.failed == 0 else [f"{cell.failed} of {cell.runs} failed"]
+    if cell.ratio is None or not cell.ratio <= bounds.worst_ratio:
+        found.append("ratio")
+    if cell.covered is None or not low <= cell.covered <= high:
+        found.append("covered")
+    if cell.non_finite:
+        found.append("non-finite")
+    if cell.wrong_tracking:
+        found.append("tracking")
+    return found
+
+
+def summary(cells: Sequence[Cell]) -> list[str]:
+    """One line for each kind of constants: geometric mean of the ratios, the worst cell, how many keep every bound."""
+    lines = []
+    ordered = sorted(cells, key=lambda cell: list(BOUNDS).index(cell.constants))
+    for constants, group in groupby(ordered, key=lambda cell: cell.constants):
+        own = list(group)
+        rated = [(cell.ratio, cell.name) for cell in own if cell.ratio is not None and np.isfinite(cell.ratio)]
+        kept = sum(not faults(cell) for cell in own)
+        bounds = BOUNDS[constants]
+        text = f"constants {constants}: {kept} of {len(own)} cells keep every bound"
+        if rated:
+            worst, name = max(rated)
+            text += (
+                f"; ratio, geometric mean of {len(rated)}: {geometric_mean([r for r, _ in rated]):.2f}"
+                f" (bound {bounds.mean_ratio}), worst {worst:.2f} (bound {bounds.worst_ratio}): {name}"
+            )
+        lines.append(text)
+    return lines
+
+
+HEAD = (
+    "cell",
+    "runs",
+    "filter [mm]",
+    "open loop [mm]",
+    "spline [mm]",
+    "ratio",
+    "covered",
+    "NEES",
+    "non-finite",
+    "wrong tracking",
+    "repairs",
+    "ms a frame",
+    "beyond its bounds",
+)
+
+
+def markdown(cells: Sequence[Cell]) -> str:
+    """The table, and the summary below it."""
+    rows = [HEAD, tuple("---" if k == 0 else "---:" for k in range(len(HEAD)))]
+    for cell in cells:
+        shown = (_number(cell.filter_mm), _number(cell.open_loop_mm), _number(cell.spline_mm), _number(cell.ratio, 2))
+        covered = "" if cell.covered is None else f"{100 * cell.covered:.1f} %"
+        counts = (str(cell.non_finite), str(cell.wrong_tracking), str(cell.repairs), _number(cell.ms_a_frame))
+        fault = ", ".join(faults(cell)) + (f" ({cell.failure})" if cell.failure else "")
+        rows.append((cell.name, str(cell.runs), *shown, covered, _number(cell.nees, 2), *counts, fault))
+    table = "\n".join("| " + " | ".join(entry.replace("|", "/") for entry in row) + " |" for row in rows)
+    return table + "\n\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    return "" if value is None else f"{value:.{digits}g}" if value < 1e4 else f"{value:.1e}"

@@ -1,0 +1,41 @@
+"""Splines through the seen marks: exact where they must be."""
+
+import numpy as np
+import pytest
+
+from experiments.simulation.bodies.body import Scale
+from experiments.simulation.bodies.zoo import make_body
+from experiments.studies.zoo.constants import measured
+from experiments.studies.zoo.rivals import open_loop, spline, thin_plate_weights
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_thin_plate_spline_follows_an_affine_motion_exactly(flat):
+    rng = np.random.default_rng(7)
+    known, wanted = rng.normal(size=(12, 3)), rng.normal(size=(5, 3))
+    if flat:
+        known[:, 1] = wanted[:, 1] = 0.2
+    A, b = rng.normal(size=(3, 3)), rng.normal(size=3)
+    weights = thin_plate_weights(known, wanted)
+    assert weights @ (known @ A + b) == pytest.approx(wanted @ A + b, abs=1e-9)
+
+
+def test_one_link_of_two_is_put_on_the_straight_line_to_the_end():
+    body = make_body("chain2", 0, seconds=0.1)
+    marks = measured(body, body.marked, 0)
+    first, second = body.network.rest_lengths
+    ends = np.array([frame[0].position for frame in marks])
+    assert spline(body, marks)[:, 0] == pytest.approx(ends * first / (first + second))
+
+
+def test_the_open_loop_holds_a_phantom_at_rest_where_it_is():
+    """Marks to 0.5 mm: the hidden mass stays within that of where it hangs."""
+    body = make_body("phantom", 0, Scale(), seconds=0.2)
+    simulated = open_loop(body.network, body, measured(body, body.marked, 0))
+    assert simulated is not None
+    assert np.linalg.norm(simulated[:, 0] - body.positions[:, 1], axis=1).max() < 5e-4
+
+
+def test_a_body_without_a_rest_has_no_open_loop():
+    body = make_body("floating", 0, seconds=0.1)
+    assert open_loop(body.network, body, measured(body, body.marked, 0)) is None
