@@ -16,6 +16,7 @@ Names to start with:
 """
 
 from dynamics.equilibrium import (
+    carried,
     elbow_parts,
     equilibrium_with_fixed,
     fit_rest_lengths,
@@ -106,6 +107,7 @@ __all__ = [
     "Stepper",
     "advance_steered",
     "all_positions",
+    "carried",
     "damping_matrix",
     "derivative",
     "distributed_force",

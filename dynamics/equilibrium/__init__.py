@@ -4,10 +4,11 @@ What may enter: what does not depend on time.
 """
 
 from dynamics.equilibrium.mirrored import elbow_parts, mirror_through, mirrored_shapes
-from dynamics.equilibrium.rest import equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape
+from dynamics.equilibrium.rest import carried, equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape
 from dynamics.equilibrium.reversal import inverted_springs
 
 __all__ = [
+    "carried",
     "elbow_parts",
     "equilibrium_with_fixed",
     "fit_rest_lengths",

@@ -21,6 +21,9 @@ RESIDUAL = 1e-9
 """Largest force left on a node at rest, relative to weights and spring tensions."""
 
 
+RIGID = 1e-9
+"""Stiffness, by the largest, below which it is rounding: that against motion as a rigid body."""
+
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
 """Largest relative change of a rest length: beyond it springs leave the range for which the stability limit is made."""
 
@@ -32,14 +35,21 @@ CONVERGED = 1e-11
 """Largest change of a relative rest length in the last pass: a hundred times what rounding leaves of it."""
 
 
+def carried(network: MassSpringNetwork) -> MassSpringNetwork:
+    """The network, without its weight where it has no anchor: what carries it then acts on every node alike."""
+    return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
+
+
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
 
     force: a constant force on the free nodes [N], (n_free, dim), default none
+    A network without anchors is `carried`, and rests where it is drawn, but for its own shape.
     A mass-spring network has several rest shapes; the drawn one selects which. Raises NetworkError where
     the energy has no stable minimum to be found there.
     """
-    shape = (len(network.free), network.dim)
+    network = carried(network)
+    shape, anchored = (len(network.free), network.dim), bool(network.fixed.any())
     constant = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
 
     def everywhere(q: Floats) -> Floats:
@@ -60,9 +70,11 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     q = np.asarray(found.x)
     for _ in range(3):  # Newton's last digits, which a trust region on the energy cannot see
         K = stiffness_matrix(network, everywhere(q))
-        if np.linalg.eigvalsh(K)[0] <= 0:
+        stiffnesses = np.linalg.eigvalsh(K)
+        if stiffnesses[0] <= (0.0 if anchored else -RIGID * stiffnesses[-1]):
             raise NetworkError("rest shape: expected a stable equilibrium near the drawn shape, found none")
-        q = q - np.linalg.solve(K, gradient(q))
+        # without anchors nothing resists motion as a rigid body: the smallest step leaves that as it is
+        q = q - (np.linalg.solve(K, gradient(q)) if anchored else np.linalg.lstsq(K, gradient(q), rcond=RIGID)[0])
     scale = np.abs(network.stiffness * network.rest_lengths).max()
     left = np.abs(gradient(q)).max()
     if not left <= RESIDUAL * scale:
@@ -87,7 +99,7 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """How far each node can be from the anchor that is nearest along springs at rest [m], (n_nodes,); 0 of an anchor.
 
-    Without anchors: how far from the node that is nearest to all.
+    Without anchors: how far each can be from any other node.
     """
     n, by_length = network.n_nodes, np.argsort(network.rest_lengths)
     pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
@@ -95,7 +107,7 @@ def reaches(network: MassSpringNetwork) -> Floats:
     paths = dijkstra(csr_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(n, n)), directed=False)
     if network.fixed.any():
         return np.asarray(paths[network.fixed].min(axis=0))
-    return np.asarray(paths[paths.max(axis=1).argmin()])
+    return np.asarray(paths.max(axis=1))
 
 
 def fit_rest_lengths(

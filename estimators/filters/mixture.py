@@ -224,8 +224,8 @@ class InteractingMixture(filterpy.IMMEstimator):
                 HF = H @ F
                 S = H @ f.P @ H.T + R
                 about[k] = mean + P @ HF.T @ np.linalg.solve(S, z - H @ f.x)
-                moved = np.abs(about[k] - cycle.about[k])
-                settled = settled and bool((moved <= SETTLED * np.sqrt(np.diag(P))).all())
+                squared = (about[k] - cycle.about[k]) ** 2
+                settled = settled and bool((squared <= SETTLED**2 * np.maximum(np.diag(P), 0.0)).all())
             if settled or not np.isfinite(about).all():
                 return
             if self.trace:

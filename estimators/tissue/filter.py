@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape
+from dynamics import MassSpringNetwork, ParameterUncertainty, carried, rest_shape
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
@@ -41,8 +41,9 @@ class TissueFilter:
 
     target: the node that is meant, by name, or a point beside it or between several; as an attribute, its map from the
         state, by which every output is made
-    n_calibration: how many directions the `shared` of marks has, if these, the errors of the camera's calibration, are
-        the same in every frame and considered; at 0 they are taken to be drawn again in each
+    network: one without anchors hangs on its marks, and its weight is left out
+    n_calibration: directions that the `shared` of marks has, if these, errors of the camera's calibration, are the same
+        in every frame and considered; at 0 they are taken to be drawn again in each
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
     points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a
@@ -65,10 +66,8 @@ class TissueFilter:
         self.settings = FilterSettings() if settings is None else settings
         if self.settings.one_of not in (0, len(marked)):
             raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
-        self.n_calibration = n_calibration
-        self.model = TissueModel(
-            network, marked, uncertainty=uncertainty, bias=self.settings.fix_bias, n_calibration=n_calibration
-        )
+        self.n_calibration, network, bias = n_calibration, carried(network), self.settings.fix_bias
+        self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=bias, n_calibration=n_calibration)
         if has_led_links(self.model):
             self.settings = self.settings.for_links()
         self.target = target_map(network, target)
@@ -320,7 +319,7 @@ class TissueFilter:
         kept but that the tissue rests as the marks hold it.
         """
         again = self._refuted_s is not None and time_s - self._refuted_s <= self.settings.lost_s
-        again = again or self.mixture.move.linear is not None
+        again |= self.mixture.move.linear is not None  # straight lines to far marks would stretch links
         self._refuted_s = time_s
         self.repairs["restarted" if again else "inflated"] += 1
         if again:

@@ -150,11 +150,14 @@ def inflate(mixture: InteractingMixture, added_cov: Floats, stacked: StackedMark
 def within_reach(cov: Floats, network: MassSpringNetwork) -> Floats:
     """The covariance (dim_x, dim_x) of a state that is besides known to lie within the network's reach.
 
-    As after a measurement of each position at its mean, with the variance of a point anywhere in its `reach`.
+    As after a measurement of each position at its mean, with the variance of a point anywhere in its `reach`; in
+    Joseph's form, for a body without anchors may be metres away after lost_s of forces on it.
     """
     half = network.n_state // 2
     reach = np.repeat(reaches(network)[network.free], network.dim)
     anywhere = np.diag(reach**2 / (network.dim + 2))
-    gain = np.linalg.solve(cov[:half, :half] + anywhere, cov[:half])
-    bounded = cov - cov[:, :half] @ gain
+    gain = np.linalg.solve(cov[:half, :half] + anywhere, cov[:half]).T
+    keep = np.eye(len(cov))
+    keep[:, :half] -= gain
+    bounded = keep @ cov @ keep.T + gain @ anywhere @ gain.T
     return 0.5 * (bounded + bounded.T)

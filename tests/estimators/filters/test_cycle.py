@@ -1,0 +1,118 @@
+"""A mixture whose motion is linearised: Kalman's equations, and Gauss-Newton's where the motion bends."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from estimators.filters.mixture import InteractingMixture
+from estimators.filters.motion import LinearMotion, Move
+from estimators.filters.unscented import UnscentedKalmanFilter
+
+DT, SD = 0.1, 0.2
+F = np.array([[1.0, DT], [0.0, 1.0]])
+Q = np.diag([1e-4, 1e-2])
+H = np.array([[1.0, 0.0]])
+R = np.array([[SD**2]])
+RATES = np.array([[-1.0, 1.0], [2.0, -2.0]])
+
+
+def mixture_of(motion, passes=3):
+    """Two modes that differ by nothing but their odds, moved by this motion of states (k, n)."""
+    filters = [UnscentedKalmanFilter(2, lambda points, _dt: points) for _ in range(2)]
+    move = Move(points=lambda points, _dt: points, linear=lambda _k, _dt: (motion, passes))
+    mixture = InteractingMixture(filters, np.array([0.5, 0.5]), RATES, move)
+    mixture.restart(np.array([1.0, 2.0]), np.eye(2), np.zeros((2, 0)))
+    return mixture
+
+
+def straight(about):
+    """A motion that is the same wherever it is linearised."""
+    k = len(about)
+    return LinearMotion(about @ F.T, np.tile(F, (k, 1, 1)), np.tile(Q, (k, 1, 1)), np.zeros((k, 2, 0)))
+
+
+def turning(about):
+    """A pendulum's angle and rate, (k, 2): the velocity gains -10 sin(angle) a second; no noise."""
+    k, angle = len(about), about[:, 0]
+    ends = np.column_stack([angle + DT * about[:, 1], about[:, 1] - 10.0 * DT * np.sin(angle)])
+    tangent = np.tile(F, (k, 1, 1))
+    tangent[:, 1, 0] = -10.0 * DT * np.cos(angle)
+    return LinearMotion(ends, tangent, np.tile(1e-6 * np.eye(2), (k, 1, 1)), np.zeros((k, 2, 0)))
+
+
+def test_a_linear_motion_is_kalmans():
+    """Against the textbook's equations, ten steps: how often it is linearised changes nothing. Rounding."""
+    mixture, x, P = mixture_of(straight), np.array([1.0, 2.0]), np.eye(2)
+    for z in np.random.default_rng(1).normal(size=10):
+        mixture.predict(DT)
+        x, P = F @ x, F @ P @ F.T + Q
+        np.testing.assert_allclose(mixture.P, P, rtol=1e-12)
+        mixture.update_linear(np.array([z]), H, R)
+        K = P @ H.T / (H @ P @ H.T + R)
+        x, P = x + K @ (z - H @ x), (np.eye(2) - K @ H) @ P
+        np.testing.assert_allclose(mixture.x, x, rtol=1e-10)
+        np.testing.assert_allclose(mixture.P, P, rtol=1e-10)
+
+
+def test_an_update_is_the_most_probable_path_where_the_motion_bends():
+    """The start and the end of the least squares of prior, noise and measurement, found here by a search over starts.
+
+    A wide start, an exact measurement of the end's velocity: about the mean of the start the motion has another slope.
+    """
+    prior, mean, z, noise = np.diag([1.0, 1e-4]), np.array([0.3, 0.0]), -0.8, 1e-4
+    found = {}
+    for passes in (1, 20):
+        mixture = mixture_of(turning, passes=passes)
+        mixture.restart(mean, prior, np.zeros((2, 0)))
+        mixture.predict(DT)
+        mixture.update_linear(np.array([z]), np.array([[0.0, 1.0]]), np.array([[noise]]))
+        found[passes] = mixture.x[0]
+
+    def cost(start):
+        angle, rate = start
+        ended = turning(start[None]).ends[0]
+        # noise of 1e-6 between the motion's end and the place that is measured
+        return (angle - mean[0]) ** 2 + rate**2 / 1e-4 + (ended[1] - z) ** 2 / (noise + 1e-6)
+
+    best = minimize(cost, [0.9, 0.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x
+    end = turning(best[None]).ends[0, 0]
+    assert found[20] == pytest.approx(end, abs=0.01)
+    assert abs(found[1] - end) > 0.05
+
+
+def test_only_the_update_after_a_prediction_repeats_it():
+    """A second measurement at the same time finds the first one's state, and changes it as Kalman's update does."""
+    asked = []
+
+    def counted(about):
+        asked.append(len(about))
+        return turning(about)
+
+    mixture = mixture_of(counted)
+    mixture.predict(DT)
+    mixture.update_linear(np.array([3.0]), H, R)
+    n = len(asked)
+    assert n > 1
+    x, P = mixture.filters[0].x.copy(), mixture.filters[0].P.copy()
+    mixture.update_linear(np.array([2.5]), H, R)
+    assert len(asked) == n
+    K = P @ H.T / (H @ P @ H.T + R)
+    np.testing.assert_allclose(mixture.filters[0].x, x + K @ (2.5 - H @ x), rtol=1e-12)
+
+
+def test_a_smoother_is_given_the_transition_as_it_was_linearised_last():
+    """One transition for each prediction, whose F is that about the start after the update."""
+    mixture = mixture_of(turning)
+    mixture.trace = []
+    mixture.predict(DT)
+    first = mixture.trace[0].F[0, 1, 0]
+    mixture.predict(DT)
+    mixture.update_linear(np.array([3.0]), H, R)
+    assert len(mixture.trace) == 2
+    assert mixture.trace[0].F[0, 1, 0] == first
+    np.testing.assert_allclose(
+        mixture.trace[1].F[0] @ mixture.trace[1].covs[0] @ mixture.trace[1].F[0].T + 1e-6 * np.eye(2),
+        mixture.trace[1].arrived.covs[0],
+        rtol=1e-12,
+    )
+    assert abs(mixture.trace[1].F[0, 1, 0] + 10.0 * DT * np.cos(mixture.trace[1].means[0, 0])) > 1e-3
