@@ -79,7 +79,15 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     left = np.abs(gradient(q)).max()
     if not left <= RESIDUAL * scale:
         raise NetworkError(f"rest shape: expected forces to balance, found {left:.3g} N left over")
-    return everywhere(q)
+    return everywhere(q) if anchored else _aligned(everywhere(q), network.positions)
+
+
+def _aligned(shape: Floats, drawn: Floats) -> Floats:
+    """A shape (n_nodes, dim) moved as a rigid body to where it is nearest to the drawn one. Source: [kabsch1976]."""
+    middle = shape.mean(axis=0)
+    left, _, right = np.linalg.svd((shape - middle).T @ (drawn - drawn.mean(axis=0)))
+    left[:, -1] *= np.sign(np.linalg.det(left @ right))
+    return (shape - middle) @ left @ right + drawn.mean(axis=0)
 
 
 def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, ArrayLike]) -> Floats:

@@ -127,7 +127,7 @@ def test_the_reach_of_a_node_is_the_shortest_way_to_an_anchor(build):
 
 
 def test_without_an_anchor_a_reach_is_the_longest_way(build):
-    """A chain of three links of 1 dm and one of 2 dm: the ends are 5 dm apart, the third of five nodes 3 dm from one."""
+    """A chain of three links of 1 dm and one of 2 dm: the ends are 5 dm apart, the third node 3 dm from one of them."""
     chain = [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.5, 0.0]]
     loose = build(chain, [(0, 1), (1, 2), (2, 3), (3, 4)], [])
     np.testing.assert_allclose(reaches(loose), [0.5, 0.4, 0.3, 0.3, 0.5], rtol=0, atol=1e-15)
