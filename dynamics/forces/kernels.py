@@ -342,41 +342,53 @@ NEWTON = 2
 
 
 @njit(cache=True, nogil=True)
-def _newton(now, target, weight, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
-    """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
+def _solve_definite(M, right):  # type: ignore[no-untyped-def]
+    """Overwrite `right` (n,) by M^-1 right, M (n, n) positive definite."""
+    n = len(right)
+    L = np.linalg.cholesky(M)
+    for i in range(n):
+        entry = right[i]
+        for k in range(i):
+            entry -= L[i, k] * right[k]
+        right[i] = entry / L[i, i]
+    for i in range(n - 1, -1, -1):
+        right[i] /= L[i, i]
+        for k in range(i):
+            right[k] -= L[i, k] * right[i]
 
-    renew: whether tangents are made at each iteration; if not, those in `scratch` serve
-    """
-    x, v, force, pull, square, K, C, inverse = scratch
+
+@njit(cache=True, nogil=True)
+def _newton(now, target, weight, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
+    """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten."""
+    x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
-    accelerated = np.empty(n_half)
+    changed = np.empty(n_half)
     for _ in range(NEWTON):
         for r in range(n_half):
             x[free[r // dim], r % dim, 0] = now[r]
             v[free[r // dim], r % dim, 0] = now[n_half + r]
-        if renew:
-            definite_tangents(x, v, p, place, K, C)
-            M = weight * C + (weight * weight) * K
-            for r in range(n_half):
-                M[r, r] += masses[r]
-            inverse[:] = np.linalg.inv(M)
+        definite_tangents(x, v, p, place, K, C)
         spring_forces(x, v, p, pull, square, force)
+        missing = target[:n_half] + weight * now[n_half:] - now[:n_half]
+        along = K @ missing
         for r in range(n_half):
-            accelerated[r] = force[free[r // dim], r % dim, 0] + outside[r]
-        missing_q = target[:n_half] + weight * now[n_half:] - now[:n_half]
-        missing_v = masses * (target[n_half:] - now[n_half:]) + weight * accelerated
-        changed = inverse @ (missing_v - weight * (K @ missing_q))
-        now[:n_half] += missing_q + weight * changed
+            pushed = force[free[r // dim], r % dim, 0] + outside[r] - along[r]
+            changed[r] = masses[r] * (target[n_half + r] - now[n_half + r]) + weight * pushed
+        M = weight * C + (weight * weight) * K
+        for r in range(n_half):
+            M[r, r] += masses[r]
+        _solve_definite(M, changed)
+        now[:n_half] += missing + weight * changed
         now[n_half:] += changed
 
 
 @njit(cache=True, nogil=True)
-def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
+def implicit_steps(states, outside, dt, n_steps, nodes, free, masses, p):  # type: ignore[no-untyped-def]
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
-    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,); renew: whether tangents are made anew
-    at each iteration, or once for all steps. Of second order, and stable with `definite_tangents` however stiff springs
-    are: two stages, the trapezoidal rule and the backward differentiation formula, each solved by Newton's method.
+    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,). Of second order, and stable with
+    `definite_tangents` however stiff springs are: two stages, the trapezoidal rule and the backward differentiation
+    formula, each solved by Newton's method.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -385,8 +397,9 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
     place = np.full(n_nodes, -1)
     for f in range(free.shape[0]):
         place[free[f]] = f * dim
-    K, C, inverse = (np.empty((n_half, n_half)), np.empty((n_half, n_half)), np.empty((n_half, n_half)))
-    scratch = (x, v, force, np.empty(1), np.empty(1), K, C, inverse)
+    K, C = np.empty((n_half, n_half)), np.empty((n_half, n_half))
+    pull, square = np.empty(1), np.empty(1)
+    scratch = (x, v, force, pull, square, K, C)
     ended = states.copy()
     g = TR_BDF2
     weight = 0.5 * g * dt
@@ -397,27 +410,21 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
             x[i, d, 0] = nodes[i, d]
     for q in range(n_points):
         now = ended[q]
-        for step in range(n_steps):
+        for _ in range(n_steps):
             for r in range(n_half):
                 x[free[r // dim], r % dim, 0] = now[r]
                 v[free[r // dim], r % dim, 0] = now[n_half + r]
-            if step == 0 and not renew:
-                definite_tangents(x, v, p, place, K, C)
-                M = weight * C + (weight * weight) * K
-                for r in range(n_half):
-                    M[r, r] += masses[r]
-                inverse[:] = np.linalg.inv(M)
-            spring_forces(x, v, p, scratch[3], scratch[4], force)
+            spring_forces(x, v, p, pull, square, force)
             before[:] = now
             for r in range(n_half):
                 target[r] = now[r] + weight * now[n_half + r]
                 pushed = force[free[r // dim], r % dim, 0] + outside[q, r]
                 target[n_half + r] = now[n_half + r] + weight * pushed / masses[r]
             now[:n_half] += g * dt * before[n_half:]
-            _newton(now, target, weight, renew, place, nodes, free, masses, p, outside[q], scratch)
+            _newton(now, target, weight, place, nodes, free, masses, p, outside[q], scratch)
             target[:] = second * now - first * before
             now[:n_half] += (1.0 - g) * dt * now[n_half:]
-            _newton(now, target, weight, renew, place, nodes, free, masses, p, outside[q], scratch)
+            _newton(now, target, weight, place, nodes, free, masses, p, outside[q], scratch)
     return ended
 
 

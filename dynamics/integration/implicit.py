@@ -30,11 +30,10 @@ class ImplicitStepper:
     """Moves states of one network ahead by compiled steps of TR-BDF2, at most LONGEST_STEP long.
 
     L-stable: no stiffness shortens the step; what it does not resolve, it damps. Source: [bank1985].
-    soft: whether tangents at the start of an interval serve for all its steps
     """
 
-    def __init__(self, network: MassSpringNetwork, *, soft: bool = False) -> None:
-        self.network, self.soft = network, soft
+    def __init__(self, network: MassSpringNetwork) -> None:
+        self.network = network
         self._packed = packed(network)
         self._masses = np.repeat(network.masses[network.free], network.dim)
 
@@ -46,8 +45,7 @@ class ImplicitStepper:
         """States (n_points, n_state) dt [s] later under constant forces on the free coordinates [N]."""
         n, nodes = self.n_steps(dt), self.network.positions
         points, outside = np.ascontiguousarray(states), np.ascontiguousarray(forces)
-        free, renew = self.network.free, not self.soft
-        return implicit_steps(points, outside, dt / n, n, renew, nodes, free, self._masses, self._packed)
+        return implicit_steps(points, outside, dt / n, n, nodes, self.network.free, self._masses, self._packed)
 
     def linearised(self, states: Floats, dt: float) -> Linearised:
         """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there."""

@@ -46,7 +46,7 @@ class LinearisedTissue:
     def __init__(self, model: TissueModel) -> None:
         self.model = model
         self._once = not has_led_links(model)
-        self.stepper = ImplicitStepper(model.network, soft=self._once)
+        self.stepper = ImplicitStepper(model.network)
         self.passes = 1 if self._once else PASSES
 
     def __call__(self, about: Floats, dt: float, modes: Sequence[ForceMode], push: KnownForce | None) -> LinearMotion:

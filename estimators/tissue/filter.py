@@ -12,7 +12,7 @@ from dynamics import MassSpringNetwork, ParameterUncertainty, carried, rest_shap
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
-from estimators.process.linear_motion import has_led_links
+from estimators.process.linear_motion import is_linearised
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetPoint, target_map
@@ -68,7 +68,7 @@ class TissueFilter:
             raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
         self.n_calibration, network, bias = n_calibration, carried(network), self.settings.fix_bias
         self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=bias, n_calibration=n_calibration)
-        if has_led_links(self.model):
+        if is_linearised(self.model):
             self.settings = self.settings.for_links()
         self.target = target_map(network, target)
         self.time_s: float | None = None

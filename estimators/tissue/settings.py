@@ -84,11 +84,6 @@ class FilterSettings:
         return (self.quiet, self.quiet, *one, *led)
 
     @property
-    def strongest(self) -> ForceMode:
-        """The mode of the strongest forces."""
-        return self.poked if self.led is None else self.led
-
-    @property
     def rates(self) -> Floats:
         """How often each mode turns into each other [1/s], (n_modes, n_modes), rows summing to zero."""
         n = len(self.modes)

@@ -45,9 +45,9 @@ def _at_rest(model: TissueModel, settings: FilterSettings, shape: Floats) -> tup
     mean = np.zeros(model.dim_x)
     mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
     if is_linearised(model):
-        cov = LinearisedTissue(model).noise_after(mean, settings.strongest, settings.lost_s)
+        cov = LinearisedTissue(model).noise_after(mean, settings.poked, settings.lost_s)
     else:
-        cov = accumulated_noise(*model.linearised(shape, settings.strongest), settings.lost_s)
+        cov = accumulated_noise(*model.linearised(shape, settings.poked), settings.lost_s)
     if settings.fix_bias is not None:
         cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
     return mean, within_reach(cov, network)
