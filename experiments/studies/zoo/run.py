@@ -53,11 +53,11 @@ def run(case: Case) -> Record:
         return record | {"ended": str(error)}
     found = filtered(model, body, marks, limit_s=case.limit_s)
     done = len(found.status)
-    compared = done or len(truth)  # rivals are scored in the frames that the filter was
-    simulated = open_loop(model.network, body, marks)
+    compared = slice(done or None)  # rivals are scored in the frames that the filter was
+    simulated = open_loop(model.network, body, marks[compared])
     record |= {
-        "spline_m": mean_distance(spline(body, marks)[:compared], truth[:compared]),
-        "open_loop_m": None if simulated is None else mean_distance(simulated[:compared], truth[:compared]),
+        "spline_m": mean_distance(spline(body, marks[compared]), truth[compared]),
+        "open_loop_m": None if simulated is None else mean_distance(simulated, truth[compared]),
         "ended": found.failure,
         "frames_done": done,
         "ms_a_frame": 1e3 * found.seconds / max(done, 1),
