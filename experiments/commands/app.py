@@ -11,6 +11,7 @@ import typer
 
 from experiments.commands.assess.bench import bench
 from experiments.commands.assess.demo import demo
+from experiments.commands.assess.sweep import sweep
 from experiments.commands.estimate.compare import compare
 from experiments.commands.estimate.identify import identify
 from experiments.commands.estimate.live import live
@@ -38,6 +39,7 @@ COMMANDS = (
     live,
     record,
     hue,
+    sweep,
     bench,
 )
 """In the order in which help lists them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
@@ -93,6 +93,17 @@ def demo_table(figures: Figures) -> Table:
     table.add_row(
         "filter: in its 95 % region", *(_number(rows["filter"]["coverage95"], ".1%") for rows in figures.values())
     )
+    return table
+
+
+def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
+    """The summary of a sweep: a row for each combination and method, its heads first."""
+    table = Table(title="Error of the hidden target, over runs")
+    for head in cells[0]:
+        broken = head.replace(".", ".\n")  # keys of a grid are long
+        table.add_column(broken, justify="left" if head == "method" else "right")
+    for row in cells[1:]:
+        table.add_row(*row)
     return table
 
 

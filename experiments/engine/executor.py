@@ -15,15 +15,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from experiments.engine.runs import Run, Work, importable, last_line, perform
+from experiments.engine.runs import Run, Work, importable, last_line, module_of, perform
 from experiments.engine.workers import NO_WORKER_S, Workers, connected
 from experiments.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-BATCH_S = 0.5
-"""How long a batch takes [s]: to send and gather one costs some 5 ms, a hundredth of it; chosen."""
+BATCH_S = 1.0
+"""How long a batch takes [s]: to send and gather one costs some 10 ms, a hundredth of it; chosen."""
 
 AHEAD = 2
 """Batches sent for each worker: one is done while the next one waits at the scheduler."""
@@ -45,7 +45,7 @@ def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]
             yield perform(work, index, job)
     elif jobs:
         shared = importable(work)
-        with connected(workers) as client:
+        with connected(workers, module_of(shared)) as client:
             yield from _Sending(shared, jobs, client, local=workers.scheduler is None).runs()
 
 

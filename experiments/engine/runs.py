@@ -78,6 +78,14 @@ def name_of(work: Work) -> str:
     return name_of(work.func) if isinstance(work, partial) else f"{work.__module__}:{work.__qualname__}"
 
 
+def module_of(work: Work) -> str:
+    """The module that has to be imported for a function, that of the innermost work where one is given another."""
+    if isinstance(work, partial):
+        inner = [value for value in work.keywords.values() if callable(value)]
+        return module_of(inner[0] if inner else work.func)
+    return work.__module__
+
+
 def named_work(name: str) -> Work:
     """The function of a name `module:function`. Raises ImportError, AttributeError."""
     module, _, function = name.partition(":")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import logging
+import multiprocessing
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from experiments.errors import InputError
@@ -23,6 +25,14 @@ ONE_THREAD = dict.fromkeys(
     ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), 1
 )
 """Environment of a worker process: as many processes as cores, so that more threads of a library only wait."""
+
+SELDOM = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+}
+"""What Dask looks after many times a second: as it comes that takes 12 % of a core, so 1 %; nobody sees it here."""
 
 DEATHS = 2
 """Workers of this machine that may die of a batch before its runs are done one by one, and of a run before it counts
@@ -102,8 +112,11 @@ def chosen_workers(chosen: argparse.Namespace) -> Workers:
 
 
 @contextmanager
-def connected(workers: Workers) -> Iterator[Client]:
-    """A client of a local cluster of these processes, closed at the end, or of the scheduler. Raises InputError."""
+def connected(workers: Workers, module: str) -> Iterator[Client]:
+    """A client of a local cluster of these processes, closed at the end, or of the scheduler. Raises InputError.
+
+    module: of what will be run, imported once for all local processes
+    """
     require_extra("--processes" if workers.scheduler is None else "--scheduler")
     from distributed import Client
 
@@ -116,32 +129,63 @@ def connected(workers: Workers) -> Iterator[Client]:
         with client:
             yield client
         return
-    with local_cluster(workers.n_local) as cluster, Client(cluster) as client:
+    with local_cluster(workers.n_local, module) as cluster, Client(cluster) as client:
         yield client
 
 
 @contextmanager
-def local_cluster(n_processes: int) -> Iterator[LocalCluster]:
+def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
     """Worker processes on this machine, each with one thread, replaced when they die; closed at the end."""
     import dask
     from distributed import LocalCluster
 
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     settings = {
+        "distributed.worker.multiprocessing-method": method,
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
         "distributed.scheduler.allowed-failures": DEATHS - 1,
         # no second batch waits on a worker, where it would share the blame if the worker died
         "distributed.scheduler.worker-saturation": 1.0,
         # on a busy machine a worker takes longer to come back than the 15 s after which it would be given up
         "distributed.deploy.lost-worker-timeout": NO_WORKER_S,
+        **SELDOM,
     }
-    with (
-        dask.config.set(settings),
-        LocalCluster(
+    with dask.config.set(settings):
+        if method == "forkserver":
+            _start_forkserver(module)
+        with LocalCluster(
             n_workers=n_processes,
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-    ):
-        yield cluster
+        ) as cluster:
+            yield cluster
+
+
+def _needed_by(module: str) -> list[str]:
+    """The module; of a study that was run by `python -m` what it imports: it is run again in each worker itself."""
+    main = sys.modules["__main__"]
+    spec = getattr(main, "__spec__", None)
+    if spec is None or spec.name != module:
+        return [module]
+    names = {getattr(value, "__module__", None) for value in vars(main).values()}
+    return sorted(name for name in names if isinstance(name, str) and not name.startswith("__"))
+
+
+def _start_forkserver(module: str) -> None:
+    """Start the process that workers are forked from, one for this process's life, with what they need imported.
+
+    Without it each worker would import for seconds, and again when it is replaced.
+    """
+    from distributed.utils import get_mp_context
+
+    context = get_mp_context()
+    context.set_forkserver_preload(["distributed", *_needed_by(module)])
+    before = dict(os.environ)
+    os.environ.update({name: str(value) for name, value in ONE_THREAD.items() if name not in before})
+    try:
+        forkserver.ensure_running()
+    finally:
+        for name in ONE_THREAD.keys() - before.keys():
+            del os.environ[name]

@@ -56,10 +56,15 @@ def read_toml(path: Path, model: type[Model]) -> Model:
     version = data.get("version")
     if type(version) is not int or version != VERSION:
         raise InputError.at(f"{path}: version", str(VERSION), "none" if version is None else shown(version))
+    return validated(data, model, f"{path}: ")
+
+
+def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
+    """A table as the model has it; raises InputError for the first fault, its key after `place`."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path}: {_reported(error.errors(include_url=False)[0])}") from None
+        raise InputError(f"{place}{_reported(error.errors(include_url=False)[0])}") from None
 
 
 def _not_toml(path: Path, text: str, message: str) -> InputError:

@@ -106,7 +106,11 @@ class Scene:
 
 def read_scene(path: Path) -> Scene:
     """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
-    file = read_toml(path, SceneFile)
+    return scene_of_tables(read_toml(path, SceneFile), path)
+
+
+def scene_of_tables(file: SceneFile, path: Path) -> Scene:
+    """The scene of a file's tables; raises InputError."""
     try:
         network = network_of(file.network)
         return Scene(

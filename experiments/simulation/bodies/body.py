@@ -64,6 +64,7 @@ class Body:
     at_rest: whether the drawn shape is one at rest, so that rest lengths follow from it
     in_line: whether the nodes follow each other along a line, the first to the last
     led: those of the marked nodes that a hand leads
+    kinds: the kind of each spring, of which one factor is identified; none: each spring is its own
     """
 
     network: MassSpringNetwork
@@ -74,6 +75,7 @@ class Body:
     at_rest: bool = False
     in_line: bool = False
     led: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ()
 
     @property
     def hidden(self) -> tuple[str, ...]:

@@ -138,7 +138,8 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
         gravity=np.array([0.0, 0.0, -GRAVITY_M_S2]),
     )
     marked = tuple(f"n{i}" for i in range(1, n + 1) if i not in HIDDEN_OF_CABLE)
-    return Body(network, times, places, marked, MARK_SD_M * scale.size, in_line=True, led=(f"n{n}",))
+    kinds = ("segment",) * n + ("bend",) * (n - 1)
+    return Body(network, times, places, marked, MARK_SD_M * scale.size, in_line=True, led=(f"n{n}",), kinds=kinds)
 
 
 class _HandPath:

@@ -69,7 +69,8 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
     marked = tuple(f"n{i}" for i in np.flatnonzero(~fixed & ~inside))
     resting = fit_rest_lengths(network, drawn)
-    return Body(resting, times, places, marked, MARK_SD_M * scale.size, at_rest=True)
+    kinds = _kinds(grid, springs, spacing)
+    return Body(resting, times, places, marked, MARK_SD_M * scale.size, at_rest=True, kinds=kinds)
 
 
 def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
@@ -97,7 +98,7 @@ def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
         gravity=0.0,
     )
     marked = tuple(f"n{i}" for i in np.flatnonzero(seen))
-    return Body(network, times, places, marked, MARK_SD_M * scale.size)
+    return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
 
 
 def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
@@ -127,13 +128,12 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     times, places = _moved(model, data, seconds, scale, _pushing(model, pushes))
     springs, shared = _lattice(grid, spacing)
     # a square lattice with diagonals of half the stiffness is isotropic: k = 3/4 E t along its edges
-    diagonal = spring_lengths(grid, springs) > 1.2 * spacing
-    stiffness = 0.75 * stretch * np.where(diagonal, 0.5, shared)
+    stiffness = 0.75 * stretch * np.where(_diagonal(grid, springs, spacing), 0.5, shared)
     network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
     # lengths as cut, not as drawn: of those drawn some springs would be pressed and the sheet fold out of its plane
     network = replace(network, rest_lengths=spring_lengths(grid, springs))
     marked = tuple(f"n{i}" for i in np.flatnonzero(rim))
-    return Body(network, times, places, marked, MARK_SD_M * scale.size)
+    return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +265,14 @@ def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
     a, b = grid[pairs[:, 0]], grid[pairs[:, 1]]
     on_face = (np.abs(a - b) < near) & ((np.abs(a - low) < near) | (np.abs(a - high) < near)) & varied
     return pairs, 0.5 ** on_face.sum(axis=1)
+
+
+def _diagonal(grid: Floats, springs: NDArray[np.int64], spacing: float) -> NDArray[np.bool_]:
+    return spring_lengths(grid, springs) > 1.2 * spacing
+
+
+def _kinds(grid: Floats, springs: NDArray[np.int64], spacing: float) -> tuple[str, ...]:
+    return tuple("diagonal" if one else "edge" for one in _diagonal(grid, springs, spacing))
 
 
 def _masses(model: Any) -> Floats:

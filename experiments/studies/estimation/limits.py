@@ -12,8 +12,19 @@ from numpy.typing import NDArray
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
 from estimators import ForceMode, ParticleFilter, TargetEstimate, TissueFilter, coverage, posterior_bound
 from experiments.arrays import Floats
+from experiments.engine.runs import Case
 from experiments.studies.estimation.runs import Row, Study, figures
-from experiments.studies.estimation.trials import KNOTS_PER_S, Model, Outcome, Trial, run, seen, truth
+from experiments.studies.estimation.trials import (
+    KNOTS_PER_S,
+    Model,
+    Outcome,
+    Trial,
+    outcome_of,
+    outcome_row,
+    run,
+    seen,
+    truth,
+)
 
 TREMOR = 0.05
 """Of the shipped scenarios, white acceleration on each free node [m/s²/sqrt(Hz)]."""
@@ -44,7 +55,8 @@ def hard_trial(k: int) -> Trial:
 
 def hard(study: Study) -> dict[str, Row]:
     """1,000 runs of 6 s over frame rates 5 to 120, 0.5 to 8 mm, 30 % of the marks lost, pokes up to 1.5 times."""
-    outcomes = study.all(run, [(hard_trial(k), Model()) for k in range(10 * study.n_runs)])
+    cases = [{"seed": k} for k in range(10 * study.n_runs)]
+    outcomes = [outcome_of(row) for row in study.rows("hard", hard_row, cases)]
     upright = [one for one in outcomes if not one.turned]
     rows = {"upright": figures(upright) | _far(upright)}
     if over := [one for one in outcomes if one.turned]:
@@ -52,20 +64,33 @@ def hard(study: Study) -> dict[str, Row]:
     return rows
 
 
+def hard_row(case: Case, cache: Path) -> dict[str, Any]:
+    """One of the thousand."""
+    return outcome_row(run(hard_trial(case["seed"]), Model(), cache))
+
+
 def overturned(study: Study) -> dict[str, Row]:
     """Pokes so strong that the truth turns over: whether the filter follows, or reports that it does not."""
     rows: dict[str, Row] = {}
-    for strength in (1.5, 2.0, 3.0):
-        outcomes = study.all(run, [(Trial("shoved", 3000 + seed, strength=strength), Model()) for seed in study.seeds])
+    strengths = (1.5, 2.0, 3.0)
+    cases = [{"strength": strength, "seed": 3000 + seed} for strength in strengths for seed in study.seeds]
+    found = study.rows("overturned", overturned_row, cases)
+    for strength in strengths:
+        outcomes = [outcome_of(row) for row in found if row["strength"] == strength]
         over = [one for one in outcomes if one.turned]
         if over:
             rows[f"{10 * strength:g} m/s²"] = figures(over) | _far(over)
     return rows
 
 
-def bound_run(seed: int, cache: Path) -> dict[str, Any]:
+def overturned_row(case: Case, cache: Path) -> dict[str, Any]:
+    """One run of strong pokes."""
+    return outcome_row(run(Trial("shoved", case["seed"], strength=case["strength"]), Model(), cache))
+
+
+def bound_row(case: Case, cache: Path) -> dict[str, Any]:
     """Squared error of the filter in a quiet run, and what the posterior Cramér-Rao bound leaves, each (n_frames,)."""
-    network, trial = four_mass_phantom(), Trial("quiet", seed)
+    network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
     states = pack(positions, np.gradient(positions, dt, axis=0))
@@ -82,7 +107,7 @@ def bound_run(seed: int, cache: Path) -> dict[str, Any]:
 
 def bound(study: Study) -> dict[str, Row]:
     """Nobody pokes, constants known: RMSE by the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
-    runs = study.all(bound_run, [(seed,) for seed in study.seeds])
+    runs = study.rows("bound", bound_row, [{"seed": seed} for seed in study.seeds])
     rows: dict[str, Row] = {}
     for label, first in (("from the first frame", 0), ("after 2 s", 60)):
         squared, least = (float(np.mean([one[key][first:] for one in runs])) for key in ("squared", "bound"))
@@ -95,8 +120,9 @@ def bound(study: Study) -> dict[str, Row]:
     return rows
 
 
-def optimum_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
+def optimum_row(case: Case, cache: Path) -> dict[str, Any]:
     """Squared errors of the filter and of a particle filter of mode histories on the same marks, each (n_frames,)."""
+    scenario, seed = case["scenario"], case["seed"]
     network, trial = four_mass_phantom(), Trial(scenario, seed)
     frames, hidden = seen(trial, cache, np.random.default_rng([seed, 4]))
     frames, hidden = frames[: 5 * trial.frames_per_s], hidden[: 5 * trial.frames_per_s]
@@ -114,8 +140,10 @@ def optimum_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
 def optimum(study: Study) -> dict[str, Row]:
     """Poked, constants known: RMSE by that of a particle filter of mode histories; 5 s at 4.14 mm, 30 frames/s."""
     rows: dict[str, Row] = {}
-    for name in ("poked", "shoved"):
-        runs = study.all(optimum_run, [(name, seed) for seed in study.seeds])
+    names = ("poked", "shoved")
+    found = study.rows("optimum", optimum_row, _cases(names, study))
+    for name in names:
+        runs = [row for row in found if row["scenario"] == name]
         ours, best = (float(np.mean([one[key] for one in runs])) for key in ("filter", "particles"))
         rows[name] = {
             "runs": len(runs),
@@ -126,8 +154,13 @@ def optimum(study: Study) -> dict[str, Row]:
     return rows
 
 
-def lost_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
+def _cases(scenarios: Sequence[str], study: Study) -> list[Case]:
+    return [{"scenario": name, "seed": seed} for name in scenarios for seed in study.seeds]
+
+
+def lost_row(case: Case, cache: Path) -> dict[str, Any]:
     """All marks lost from 3 to 5 s: statuses meanwhile, growth of sigma, and error and NEES half a second after."""
+    scenario, seed = case["scenario"], case["seed"]
     network, trial = four_mass_phantom(), Trial(scenario, seed)
     frames, hidden = seen(trial, cache, np.random.default_rng([seed, 6]))
     tissue = TissueFilter(network, HIDDEN, OUTER)
@@ -150,8 +183,10 @@ def lost_run(scenario: str, seed: int, cache: Path) -> dict[str, Any]:
 def lost(study: Study) -> dict[str, Row]:
     """All marks lost for 2 s, pokes going on, and half a second of them after; 4.14 mm, 30 frames/s."""
     rows: dict[str, Row] = {}
-    for name in ("quiet", "poked", "shoved"):
-        runs = study.all(lost_run, [(name, seed) for seed in study.seeds])
+    names = ("quiet", "poked", "shoved")
+    found = study.rows("lost", lost_row, _cases(names, study))
+    for name in names:
+        runs = [row for row in found if row["scenario"] == name]
         rows[name] = {
             "runs": len(runs),
             "coasted_then_lost": sum(one["coasted_then_lost"] for one in runs),

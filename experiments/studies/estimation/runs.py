@@ -1,11 +1,9 @@
-"""Seeded runs by the hundred: on several processes, their truths kept in a folder, their figures in rows."""
+"""Seeded runs by the hundred, kept as they finish with their truths beside them, and their figures in rows."""
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,6 +12,10 @@ from typing import Any
 import numpy as np
 
 from estimators import coverage
+from experiments.engine.progress import run_bar
+from experiments.engine.runs import Case
+from experiments.engine.study import run_study
+from experiments.engine.workers import ALL_CORES, Workers
 from experiments.studies.estimation.trials import Outcome
 
 Row = dict[str, float | int | str]
@@ -21,11 +23,11 @@ Row = dict[str, float | int | str]
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """Where a study keeps its truths, how many runs each figure takes, and on how many processes."""
+    """Where a study keeps its runs and truths, how many runs each figure takes, and where they are done."""
 
     folder: Path
     n_runs: int
-    n_processes: int = 2
+    workers: Workers = ALL_CORES
 
     @property
     def seeds(self) -> list[int]:
@@ -37,19 +39,12 @@ class Study:
         """Where truths are kept."""
         return self.folder / "truth"
 
-    def all(self, work: Callable[..., Outcome | dict[str, object]], jobs: Sequence[tuple[object, ...]]) -> list[Any]:
-        """The results of work(*job, cache) in the order of the jobs, counted on standard error as they come."""
-        results = []
-        with ProcessPoolExecutor(self.n_processes) as pool:
-            for k, result in enumerate(pool.map(partial(_call, work, self.cache), jobs, chunksize=1)):
-                results.append(result)
-                sys.stderr.write(f"\r{k + 1} of {len(jobs)} runs ")
-        sys.stderr.write("\n")
-        return results
-
-
-def _call(work: Callable[..., object], cache: Path, job: tuple[object, ...]) -> object:
-    return work(*job, cache)
+    def rows(self, part: str, work: Callable[..., Any], cases: Sequence[Case]) -> list[dict[str, Any]]:
+        """The rows of work(case, cache=...) of all cases, in their order, kept in the folder `runs/PART`."""
+        kept = self.folder / "runs" / part
+        with run_bar(part) as advance:
+            table = run_study(partial(work, cache=self.cache), cases, kept, self.workers, advance).checked()
+        return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def figures(outcomes: Iterable[Outcome]) -> Row:

@@ -6,10 +6,12 @@ Truth is DOP853's (`experiments.simulation.simulate`), kept in a folder so that 
 from __future__ import annotations
 
 import io
+import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,10 @@ KNOTS_PER_S = 120
 """Truth is kept this often [1/s]; frame rates must divide it."""
 MISPLACED_M = (0.03, 0.15)
 """How far from its place an outlier is [m]."""
+
+
+SERIES = ("times_s", "open_loop", "filtered", "nees", "sigma")
+"""Fields of an outcome that have a number for each frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +77,21 @@ class Outcome:
     rejected: Counter[str]
     repairs: Counter[str]
     turned: bool
+
+
+def outcome_row(outcome: Outcome) -> dict[str, Any]:
+    """An outcome as a row of a table: series as lists, counts as JSON."""
+    series = {name: getattr(outcome, name) for name in SERIES}
+    counts = {name: json.dumps(getattr(outcome, name)) for name in ("rejected", "repairs")}
+    return {**series, "status": list(outcome.status), **counts, "turned": outcome.turned}
+
+
+def outcome_of(row: Mapping[str, Any]) -> Outcome:
+    """The outcome of a row that `outcome_row` made."""
+    rejected, repairs = (Counter(json.loads(row[name])) for name in ("rejected", "repairs"))
+    series: dict[str, Any] = {name: row[name] for name in SERIES}
+    status, over = tuple(row["status"]), bool(row["turned"])
+    return Outcome(**series, status=status, rejected=rejected, repairs=repairs, turned=over)
 
 
 def truth(trial: Trial, cache: Path) -> Floats:

@@ -25,6 +25,7 @@ from experiments.studies.lungs.estimate import SEEN, Inner, errors_table, inner_
 from experiments.studies.lungs.landmarks import Lung, read_lungs
 from experiments.studies.lungs.model import LungConstants
 from experiments.studies.lungs.table import lungs_figure, markdown
+from experiments.studies.zoo.page import rewrite_page
 
 
 def run(job: tuple[Lung, str]) -> Inner:
@@ -41,6 +42,7 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("folder", type=Path, help="of case1.csv and others")
     parser.add_argument("--out", type=Path, help="folder to write table.md, errors.csv and lungs.png into")
     parser.add_argument("--force", action="store_true", help="write into a folder that is not empty")
+    parser.add_argument("--page", action="store_true", help="rewrite the table of docs/zoo.md")
     add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))
     try:
@@ -50,6 +52,8 @@ def main(arguments: Iterable[str] | None = None) -> int:
         errors = errors_table(found)
         page = markdown(errors, found)
         sys.stdout.write(page)
+        if given.page:
+            rewrite_page("lungs table", page)
         if given.out is not None:
             with output_folder(given.out, force=given.force, inputs=[given.folder]) as folder:
                 picture = io.BytesIO()

@@ -14,7 +14,7 @@ import argparse
 import io
 import sys
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pandas as pd
@@ -26,6 +26,7 @@ from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.simulation.bodies.zoo import BODIES
 from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
+from experiments.studies.zoo.page import rewrite_page
 from experiments.studies.zoo.picture import zoo_figure
 from experiments.studies.zoo.run import record_of
 from experiments.studies.zoo.table import cells_of, markdown
@@ -71,6 +72,10 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument(
         "--out", type=Path, required=True, help="a study that was ended goes on; another filter needs another folder"
     )
+    parser.add_argument(
+        "--limit-s", type=float, default=60.0, help="processor time of the filter in a run: %(default)s"
+    )
+    parser.add_argument("--page", action="store_true", help="rewrite the table and the picture of docs/zoo.md")
     add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))
     try:
@@ -79,11 +84,13 @@ def main(arguments: Iterable[str] | None = None) -> int:
             if given.quick
             else cases(_bodies(given.bodies), _seeds(given.seeds), scaled=not given.unscaled)
         )
+        tables = [replace(case, limit_s=given.limit_s).to_json() for case in chosen]
         with run_bar("zoo") as advance:
-            done = run_study(
-                record_of, [case.to_json() for case in chosen], given.out / "runs", chosen_workers(given), advance
-            )
-        sys.stdout.write(write_results(done.table, given.out))
+            done = run_study(record_of, tables, given.out / "runs", chosen_workers(given), advance)
+        page = write_results(done.table, given.out)
+        sys.stdout.write(page)
+        if given.page:
+            rewrite_page("zoo table", page, (given.out / "zoo.png").read_bytes())
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 2

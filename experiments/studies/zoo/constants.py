@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import time
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, NetworkError, fit_rest_lengths
-from estimators import IdentificationError, MarkMeasurement, identify_constants
+from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, fit_rest_lengths
+from estimators import CovarianceError, IdentificationError, MarkMeasurement, identify_constants
+from estimators.identification.budget import Budget
+from estimators.identification.constants import PRIOR_SD
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
 from experiments.studies.zoo.case import Case
@@ -18,20 +21,28 @@ WRONG = float(np.log(1.2))
 OTHER_RECORDING = 100_000
 """Added to a seed: the recording on which constants are identified."""
 
-MOST_SPRINGS = 0
-"""Networks of more springs are not identified: a pass takes minutes with a sensitivity for each constant."""
+BUDGET_S = 20.0
+"""Processor time that an identification may take [s]."""
 
 
 class NotIdentifiedError(Exception):
     """Constants could not be found; the message gives the reason."""
 
 
-def network_of(body: Body, case: Case) -> MassSpringNetwork:
+@dataclass(frozen=True, slots=True, eq=False)
+class Assumed:
+    """What a run assumes of the body: its network, and which of its constants are uncertain, where that is known."""
+
+    network: MassSpringNetwork
+    uncertainty: ParameterUncertainty | None = None
+
+
+def assumed(body: Body, case: Case) -> Assumed:
     """The body's network with the constants of the case; raises NotIdentifiedError."""
     if case.constants == "true":
-        return body.network
-    wrong = wrong_network(body, np.random.default_rng([case.seed, 2]))
-    return wrong if case.constants == "wrong" else identified_network(wrong, case)
+        return Assumed(body.network)
+    rng = np.random.default_rng([case.seed, 2])
+    return Assumed(wrong_network(body, rng)) if case.constants == "wrong" else identified(body, case, rng)
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
@@ -54,17 +65,43 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
     return fit_rest_lengths(wrong, network.positions) if body.at_rest else wrong
 
 
-def identified_network(start: MassSpringNetwork, case: Case) -> MassSpringNetwork:
-    """Constants fitted from `start` on another recording of the same body, every node seen; NotIdentifiedError."""
-    if len(start.springs) > MOST_SPRINGS:
-        raise NotIdentifiedError(f"not identified: {len(start.springs)} springs, at most {MOST_SPRINGS}")
-    body = replace(case, seed=case.seed + OTHER_RECORDING).motion
-    names = body.marked + body.hidden
-    frames = [(float(t), marks) for t, marks in zip(body.times_s, measured(body, names, case.seed), strict=True)]
+def identified(body: Body, case: Case, rng: np.random.Generator) -> Assumed:
+    """Constants fitted on another recording of the same body in which every node is seen; raises NotIdentifiedError.
+
+    It starts from stiffnesses and dashpots that are wrong kind by kind, masses are known. Rest lengths are fitted, too,
+    where they do not follow from the drawing.
+    """
+    factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
+    by_spring = np.array([factors[kind] for kind in _kinds(body)])
+    start = replace(
+        body.network,
+        stiffness=body.network.stiffness * by_spring[:, 0],
+        damping=body.network.damping * by_spring[:, 1],
+    )
+    if body.at_rest:
+        start = fit_rest_lengths(start, body.network.positions)
+    other = replace(case, seed=case.seed + OTHER_RECORDING).motion
+    names = other.marked + other.hidden
+    seen = measured(other, names, case.seed + OTHER_RECORDING)
+    frames = [(float(time_s), marks) for time_s, marks in zip(other.times_s, seen, strict=True)]
+    prior = {kind: sd for kind, sd in PRIOR_SD.items() if kind != "rest_length" or not body.at_rest}
     try:
-        return identify_constants(start, frames, body.marked, body.hidden[0]).network
-    except (IdentificationError, NetworkError, np.linalg.LinAlgError) as error:
+        found = identify_constants(
+            start,
+            frames,
+            body.marked,
+            body.hidden[0],
+            prior_sd=prior,
+            spring_groups=body.kinds,
+            budget=Budget(BUDGET_S, time.process_time),
+        )
+    except (IdentificationError, NetworkError, CovarianceError, np.linalg.LinAlgError) as error:
         raise NotIdentifiedError(f"not identified: {error}") from error
+    return Assumed(found.network, found.uncertainty)
+
+
+def _kinds(body: Body) -> tuple[str, ...]:
+    return body.kinds or tuple(str(spring) for spring in range(len(body.network.springs)))
 
 
 def measured(body: Body, names: tuple[str, ...], seed: int) -> list[list[MarkMeasurement]]:

@@ -17,7 +17,10 @@ FLAT = 1e-3
 
 
 def open_loop(network: MassSpringNetwork, body: Body, marks: Sequence[Sequence[MarkMeasurement]]) -> Floats | None:
-    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None where it has no shape to start from."""
+    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None where it has no shape to start from.
+
+    marks: of each of the first n_frames
+    """
     try:
         method = OpenLoop(network, body.hidden[0])
     except NetworkError:
@@ -25,7 +28,7 @@ def open_loop(network: MassSpringNetwork, body: Body, marks: Sequence[Sequence[M
     nodes = [network.index(name) for name in body.hidden]
     places = []
     with np.errstate(all="ignore"):  # it may run away; that is then its error
-        for time_s, seen in zip(body.times_s, marks, strict=True):
+        for time_s, seen in zip(body.times_s, marks, strict=False):
             method.update(float(time_s), seen)
             places.append(method.positions[nodes].copy())
     return np.array(places)

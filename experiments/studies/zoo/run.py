@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, NetworkError
+from dynamics import NetworkError
 from estimators import MarkMeasurement, Status, TissueFilter
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
 from experiments.studies.zoo.case import Case
-from experiments.studies.zoo.constants import NotIdentifiedError, measured, network_of
+from experiments.studies.zoo.constants import Assumed, NotIdentifiedError, assumed, measured
 from experiments.studies.zoo.rivals import open_loop, spline
 from experiments.studies.zoo.scores import hidden_scores, mean_distance
 
@@ -48,16 +48,16 @@ def run(case: Case) -> Record:
     truth = body.positions[:, hidden]
     record: Record = {"frames": len(truth), "frames_done": 0, "size_m": body.size_m}
     try:
-        network = network_of(body, case)
+        model = assumed(body, case)
     except (NotIdentifiedError, NetworkError) as error:
         return record | {"ended": str(error)}
-    found = filtered(network, body, marks, limit_s=case.limit_s)
+    found = filtered(model, body, marks, limit_s=case.limit_s)
     done = len(found.status)
-    compared = done or len(truth)  # rivals are scored in the frames that the filter was
-    simulated = open_loop(network, body, marks)
+    compared = slice(done or None)  # rivals are scored in the frames that the filter was
+    simulated = open_loop(model.network, body, marks[compared])
     record |= {
-        "spline_m": mean_distance(spline(body, marks)[:compared], truth[:compared]),
-        "open_loop_m": None if simulated is None else mean_distance(simulated[:compared], truth[:compared]),
+        "spline_m": mean_distance(spline(body, marks[compared]), truth[compared]),
+        "open_loop_m": None if simulated is None else mean_distance(simulated, truth[compared]),
         "ended": found.failure,
         "frames_done": done,
         "ms_a_frame": 1e3 * found.seconds / max(done, 1),
@@ -76,17 +76,16 @@ def record_of(case: Mapping[str, Any]) -> Record:
     return run(Case.from_json(case))
 
 
-def filtered(
-    network: MassSpringNetwork, body: Body, marks: Sequence[Sequence[MarkMeasurement]], *, limit_s: float
-) -> Filtered:
+def filtered(model: Assumed, body: Body, marks: Sequence[Sequence[MarkMeasurement]], *, limit_s: float) -> Filtered:
     """One run of the filter with its default settings: all hidden nodes are read from its state."""
+    network = model.network
     dim, n_hidden = network.dim, len(body.hidden)
     means, covs = [], []
     found = Filtered(np.empty((0, n_hidden, dim)), np.empty((0, n_hidden, dim, dim)), [])
     start_s = time.process_time()
     try:
         with np.errstate(all="ignore"):  # a state that overflows is counted as such
-            tissue = TissueFilter(network, body.hidden[0], body.marked)
+            tissue = TissueFilter(network, body.hidden[0], body.marked, uncertainty=model.uncertainty)
             maps = [target_map(network, name) for name in body.hidden]
             for time_s, seen in zip(body.times_s, marks, strict=True):
                 tissue.predict(float(time_s))

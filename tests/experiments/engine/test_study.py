@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(scope="module")
 def three():
     """Three workers, as a cluster of somebody else's."""
-    with workers.local_cluster(3) as cluster:
+    with workers.local_cluster(3, small_runs.__name__) as cluster:
         yield Workers(scheduler=cluster.scheduler_address)
 
 

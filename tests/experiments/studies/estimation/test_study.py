@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from experiments.engine.workers import OWN_PROCESS
 from experiments.studies.estimation import page as estimation_page
 from experiments.studies.estimation.limits import bound, hard_trial
 from experiments.studies.estimation.page import PAGE, TABLES, rewritten
@@ -18,7 +19,7 @@ from experiments.studies.estimation.trials import Model, Trial, run
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     (folder / "truth").mkdir()
-    return Study(folder, n_runs=1, n_processes=1)
+    return Study(folder, n_runs=1, workers=OWN_PROCESS)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,150 @@
+"""Sweep files: a scenario, a tissue, methods, seeds and a grid of parameters that `softaim sweep` runs through."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, create_model
+
+from dynamics import KINDS
+from experiments.errors import InputError, shown
+from experiments.formats.scenario import Scenario, read_scenario, shipped
+from experiments.formats.scene.schema import FilterTable
+from experiments.formats.toml_file import Name, Positive, Strict, read_toml, validated
+
+MOST_RUNS = 1_000_000
+"""Most runs of a sweep: more are a misprint."""
+
+MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing")
+"""Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have keys of their own."""
+
+
+GROUPS = ("scenario", "filter", "marks", "model")
+"""First parts of the keys of a grid."""
+
+
+class SeenMarks(Strict):
+    """How the marks are seen.
+
+    sd_mm: standard deviation of a mark's error, an axis, the paper's where none is given; known to the methods
+    lost: share of the marks that are not seen; outliers: share that is seen 30 to 150 mm from its place
+    """
+
+    sd_mm: Positive = 4.14
+    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    outliers: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+
+ModelFactors = create_model(  # type: ignore[call-overload]
+    "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
+)
+"""Factors on the constants that the methods are given, by their kind; the truth keeps its own."""
+
+
+class SweepFile(Strict):
+    """A sweep file, version 1."""
+
+    version: Literal[1]
+    scenario: Name
+    scene: Name | None = None
+    methods: list[Name] = Field(default=["filter"])
+    seeds: Annotated[int, Field(ge=1)] = 20
+    first_seed: Annotated[int, Field(ge=0)] = 0
+    grid: dict[str, Any] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """One combination of a grid.
+
+    at: its values by their keys in the grid; scenario, filter, marks, model: with these values, checked
+    """
+
+    at: Mapping[str, Any]
+    scenario: Scenario
+    filter: FilterTable
+    marks: SeenMarks
+    model: Strict
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A sweep, checked, its combinations in the order of the grid.
+
+    methods: as the file has them, their names not checked; scene: file of the tissue, None for the scenario's phantom
+    """
+
+    path: Path
+    methods: tuple[str, ...]
+    seeds: range
+    scene: Path | None
+    setups: tuple[Setup, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the grid."""
+        return tuple(self.setups[0].at)
+
+
+def read_sweep(path: Path) -> Sweep:
+    """The sweep of a file; raises InputError, `file: key: expected …, found …`, for the first fault."""
+    file = read_toml(path, SweepFile)
+    name = file.scenario if file.scenario in shipped() else str(path.parent / file.scenario)
+    scenario = read_scenario(name).model_dump(exclude_none=True)
+    lists = dict(_lists(file.grid, f"{path}: grid", ()))
+    n_runs = file.seeds * math.prod(len(values) for values in lists.values())
+    if n_runs > MOST_RUNS:
+        raise InputError.at(f"{path}: grid", f"at most {MOST_RUNS} runs", str(n_runs))
+    setups = []
+    for values in itertools.product(*lists.values()):
+        at = dict(zip(lists, values, strict=True))
+        scenario_at, filter_at, marks_at, model_at = (
+            _changed(start, {key: value for key, value in at.items() if key[0] == group})
+            for group, start in (("scenario", scenario), ("filter", {}), ("marks", {}), ("model", {}))
+        )
+        place = f"{path}: grid."
+        setups.append(
+            Setup(
+                {".".join(key): value for key, value in at.items()},
+                validated(scenario_at, Scenario, f"{place}scenario."),
+                validated(filter_at, FilterTable, f"{place}filter."),
+                validated(marks_at, SeenMarks, f"{place}marks."),
+                validated(model_at, ModelFactors, f"{place}model."),
+            )
+        )
+    scene = None if file.scene is None else path.parent / file.scene
+    seeds = range(file.first_seed, file.first_seed + file.seeds)
+    return Sweep(path, tuple(file.methods), seeds, scene, tuple(setups))
+
+
+def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
+    """Every list of a grid with its key, from nested tables. Raises InputError."""
+    for name, value in table.items():
+        key, here = (*above, name), f"{place}.{name}"
+        if not above and name not in GROUPS:
+            raise InputError.at(here, f"one of {', '.join(GROUPS)}", "an unknown key")
+        if above == ("scenario",) and name not in MOTION:
+            raise InputError.at(here, f"one of {', '.join(MOTION)}", "a key that a grid cannot vary")
+        if isinstance(value, dict):
+            yield from _lists(value, here, key)
+        elif not isinstance(value, list) or not value:
+            raise InputError.at(here, "a list of one or more values", shown(value))
+        else:
+            yield key, value
+
+
+def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
+    """A table with these values in it, by their keys without the first part."""
+    table = dict(start)
+    for key, value in at.items():
+        inner = table
+        for part in key[1:-1]:
+            inner[part] = dict(inner.get(part) or {})
+            inner = inner[part]
+        inner[key[-1]] = value
+    return table

@@ -1,0 +1,233 @@
+"""Grids of simulated runs: truth, marks and methods for each combination and seed: what `softaim sweep` does.
+
+Truth depends on the scenario and the seed alone, errors of the marks on the seed alone, so that combinations differ in
+nothing but what the grid says.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from dynamics import KINDS, MassSpringNetwork, parameters, scale_parameters
+from experiments.engine.runs import Case
+from experiments.engine.study import Study, run_study
+from experiments.engine.workers import Workers
+from experiments.errors import InputError, read_text, shown
+from experiments.formats.outputs import write_whole
+from experiments.formats.scenario import Scenario
+from experiments.formats.scene.filter import settings_of
+from experiments.formats.scene.scene import Scene, scene_of_tables
+from experiments.formats.scene.schema import FilterTable, SceneFile
+from experiments.formats.sweep_file import SeenMarks, Setup, Sweep
+from experiments.formats.toml_file import validated
+from experiments.pipeline.compare import compare, method_names, summary
+from experiments.pipeline.line import OPEN_LOOP
+from experiments.simulation.seen_marks import seen_marks
+from experiments.simulation.simulate import Truth, scene_of, start_and_forces, true_motion
+
+STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD = "study.toml", "runs.csv", "summary.csv", "summary.md"
+
+CHECKED_S = 1.0
+"""Forces of a scenario are made for so long to check it before all runs [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swept:
+    """A sweep that was done: its runs, and a row for each combination and method."""
+
+    study: Study
+    summary: pd.DataFrame
+
+
+def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
+    """A case for each combination and seed, those of one truth together. Raises InputError for what cannot be run."""
+    for k, name in enumerate(sweep.methods):
+        if name not in method_names():
+            raise InputError.at(f"{sweep.path}: methods[{k}]", f"one of {', '.join(method_names())}", shown(name))
+    text = None if sweep.scene is None else read_text(sweep.scene)
+    by_scenario: dict[str, list[tuple[Setup, dict[str, Any]]]] = {}
+    for setup in sweep.setups:
+        scenario = setup.scenario.model_dump(exclude_none=True)
+        table = {
+            "scenario": scenario,
+            "filter": setup.filter.model_dump(exclude_unset=True),
+            "marks": setup.marks.model_dump(),
+            "model": setup.model.model_dump(exclude_unset=True),
+            "methods": list(sweep.methods),
+            "scene": text,
+        }
+        by_scenario.setdefault(json.dumps(scenario, sort_keys=True), []).append((setup, table))
+    for alike in by_scenario.values():
+        _check_forces(alike[0][0].scenario, text, sweep)
+    return [
+        {**{key: _column(value) for key, value in setup.at.items()}, "seed": seed, "setup": table}
+        for alike in by_scenario.values()
+        for seed in sweep.seeds
+        for setup, table in alike
+    ]
+
+
+def _column(value: Any) -> str | int | float:
+    return value if isinstance(value, str | int | float) else json.dumps(value)
+
+
+def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
+    """Raise InputError for forces that the tissue does not take, before all runs."""
+    try:
+        network = true_scene(text, scenario, str(sweep.scene)).network
+        flat = [name for name in ("release", "breathing") if getattr(scenario, name) is not None]
+        if network.dim != 2 and flat:
+            raise InputError.at(f"scenario.{flat[0]}", "a flat scene", f"one in {network.dim} dimensions")
+        brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
+        start_and_forces(network, brief, np.random.default_rng(0))
+    except InputError as fault:
+        raise InputError(f"{sweep.path}: {fault}") from None
+
+
+@lru_cache(maxsize=8)
+def _tables(text: str, name: str) -> SceneFile:
+    return validated(tomllib.loads(text), SceneFile, f"{name}: ")
+
+
+def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Scene:
+    """The scene of a scene file's text, or that of the scenario's phantom; no cameras: marks are seen without."""
+    if text is None:
+        return replace(scene_of(scenario), cameras=())
+    return scene_of_tables(_tables(text, name).model_copy(update={"camera": []}), Path(name))
+
+
+def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
+    """What the methods are given: constants times these factors by kind, and the filter's table with these keys."""
+    own = None if text is None else _tables(text, "scene").filter
+    table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
+    return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
+
+
+def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) -> MassSpringNetwork:
+    """The network with all constants of a kind times its factor."""
+    which = parameters(network, tuple(kind for kind in KINDS if kind in factors))
+    return scale_parameters(network, which, [np.log(factors[one.kind]) for one in which])
+
+
+@lru_cache(maxsize=4)
+def motion_of(scenario: str, text: str | None, seed: int) -> Truth:
+    """The truth of a scenario (as JSON) and a seed, which runs one after the other share."""
+    read = Scenario.model_validate_json(scenario)
+    return true_motion(true_scene(text, read).network, read, np.random.default_rng([seed, 1]))
+
+
+def swept_rows(case: Case) -> list[dict[str, Any]]:
+    """One run: a row for each method, figures as `softaim compare` has them; by_open_loop: its mean error by that."""
+    setup, seed = case["setup"], case["seed"]
+    scenario, text = Scenario.model_validate(setup["scenario"]), setup["scene"]
+    motion = motion_of(json.dumps(setup["scenario"]), text, seed)
+    true = true_scene(text, scenario)
+    given = assumed_scene(true, setup["model"], FilterTable(**setup["filter"]), text)
+    marks = SeenMarks.model_validate(setup["marks"])
+    recording = seen_marks(true, motion, marks, np.random.default_rng([seed, 2]))
+    figures = summary(compare(replace(recording, scene=given), setup["methods"]))
+    paper = figures[OPEN_LOOP]["mae_mm"]
+    return [
+        {"method": method, **row, "by_open_loop": row["mae_mm"] / paper if row["mae_mm"] and paper else None}
+        for method, row in figures.items()
+    ]
+
+
+def run_sweep(
+    sweep: Sweep, folder: Path, workers: Workers, advance: Callable[[float], None] = lambda _share: None
+) -> Swept:
+    """Do what the folder does not have yet; runs.parquet, runs.csv, summary.csv and summary.md in it.
+
+    Raises InputError, before any run for what cannot be run, and for a folder that has other files.
+    """
+    cases = cases_of(sweep)
+    _check_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / STUDY, read_text(sweep.path))
+    done = run_study(swept_rows, cases, folder, workers, advance)
+    table = summarised(done.table, sweep)
+    write_whole(folder / RUNS_CSV, done.table.to_csv(index=False, float_format="%.9g"))
+    write_whole(folder / SUMMARY_CSV, table.to_csv(index=False, float_format="%.6g"))
+    write_whole(folder / SUMMARY_MD, markdown(table))
+    return Swept(done, table)
+
+
+def _check_folder(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise InputError.at(folder, "a folder", "a file")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / STUDY).is_file():
+        raise InputError.at(folder, "a new folder or that of a sweep", "other files in it")
+
+
+def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
+    """A row for each combination and method, in the order of the grid: how many runs, how many failed, figures.
+
+    mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median;
+    by_open_loop: mean error by the open loop's
+    """
+    keys = list(sweep.keys)
+    rows = []
+    for setup in sweep.setups:
+        at = {key: _column(value) for key, value in setup.at.items()}
+        own = runs
+        for key, value in at.items():
+            own = own[own[key] == value]
+        failed = int(own["failure"].notna().sum())
+        done = own[own["failure"].isna()]
+        if done.empty:
+            rows.append({**at, "method": "", "runs": 0, "failed": failed})
+            continue
+        paper = done[done["method"] == OPEN_LOOP]["mae_mm"].mean()
+        for method, part in done.groupby("method", sort=False):
+            figures = {name: float(part[name].mean()) for name in ("mae_mm", "coverage95", "mean_nees", "frames_lost")}
+            figures |= {
+                "rmse_mm": float(np.sqrt((part["rmse_mm"] ** 2).mean())),
+                "by_open_loop": figures["mae_mm"] / paper,
+                "ms_per_frame": float(part["ms_per_frame"].median()),
+            }
+            rows.append({**at, "method": method, "runs": len(part), "failed": failed, **figures})
+    return pd.DataFrame(rows, columns=[*keys, "method", "runs", "failed", *FORMS])
+
+
+FORMS = {
+    "mae_mm": ("mean error [mm]", ".2f"),
+    "rmse_mm": ("RMSE [mm]", ".2f"),
+    "by_open_loop": ("by open loop", ".2f"),
+    "coverage95": ("in 95 % region", ".1%"),
+    "mean_nees": ("mean NEES", ".2f"),
+    "frames_lost": ("frames lost", ".1f"),
+    "ms_per_frame": ("ms/frame", ".2f"),
+}
+"""Figures of a summary, and how people read them."""
+
+
+def cells(table: pd.DataFrame) -> list[list[str]]:
+    """The summary as people read it, its heads first; keys of the grid with one value only are left out."""
+    names = [str(name) for name in table.columns if "." not in name or len(set(table[name])) > 1]
+    forms = [FORMS.get(name, (name, None)) for name in names]
+    rows = [
+        [_cell(row[name], form) for name, (_, form) in zip(names, forms, strict=True)] for _, row in table.iterrows()
+    ]
+    return [[head for head, _ in forms], *rows]
+
+
+def _cell(value: Any, form: str | None) -> str:
+    if form is None:
+        return f"{value:g}" if isinstance(value, float) else str(value)
+    return "–" if pd.isna(value) else format(value, form)
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """The summary as a table of a page."""
+    heads, *rows = cells(table)
+    lines: Sequence[Sequence[str]] = [heads, ["---"] * len(heads), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,0 +1,40 @@
+"""A recording of simulated marks: a true motion, its marks with noise, some lost, some misplaced; no film."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from experiments.formats.recording import MarkRow, Recording
+from experiments.formats.recording import Truth as TruthTable
+from experiments.formats.scene.scene import Scene
+from experiments.formats.sweep_file import SeenMarks
+from experiments.simulation.simulate import Truth
+
+MISPLACED_M = (0.03, 0.15)
+"""How far from its place an outlier is [m]."""
+
+
+def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
+    """The measured marks of a scene at each time of a motion, and the target's truth.
+
+    The same generator gives errors in the same directions for every sd_mm, and loses more of the same marks.
+    """
+    network = scene.network
+    column = {network.names[node]: k for k, node in enumerate(network.free)}
+    places = motion.positions[:, [column[node] for node in scene.measured_nodes]]
+    sd_m = 1e-3 * marks.sd_mm
+    noisy = places + sd_m * rng.normal(size=places.shape)
+    lost = rng.random(places.shape[:2]) < marks.lost
+    ways = rng.normal(size=places.shape)
+    ways *= rng.uniform(*MISPLACED_M, (*places.shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)
+    wild = rng.random(places.shape[:2]) < marks.outliers
+    noisy[wild] += ways[wild]
+    rows = tuple(
+        tuple(MarkRow(node, noisy[k, m], sd_m) for m, node in enumerate(scene.measured_nodes) if not lost[k, m])
+        for k in range(len(places))
+    )
+    target = scene.target.node
+    truth = TruthTable({target: motion.times_s}, {target: motion.positions[:, column[target]]})
+    return Recording(Path(), scene, motion.times_s, None, rows, truth, ())

@@ -1,0 +1,187 @@
+"""Sweeps of short runs: what a run is, what is written, what is not done again, and what cannot be run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from dynamics import four_mass_phantom
+from experiments.commands.app import app
+from experiments.errors import InputError
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import write_scene
+from experiments.formats.sweep_file import read_sweep
+from experiments.pipeline import sweep as module
+from experiments.pipeline.sweep import assumed_network, cases_of, swept_rows
+from experiments.simulation.simulate import scene_of
+
+TEXT = """
+version = 1
+scenario = "poked"
+methods = ["filter", "ekf"]
+seeds = 2
+[grid]
+scenario.duration_s = [0.5]
+marks.sd_mm = [0.5, 4]
+model.stiffness = [1.0, 1.3]
+"""
+CLOCK = ["ms_per_frame", "seconds"]
+
+
+def file(folder, text=TEXT):
+    path = folder / "sweep.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def softaim_sweep(path, out):
+    return CliRunner().invoke(app, ["sweep", str(path), "--out", str(out), "--processes", "1"], catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A sweep that the command ran."""
+    folder = tmp_path_factory.mktemp("sweep")
+    return folder / "out", softaim_sweep(file(folder), folder / "out")
+
+
+def test_every_combination_seed_and_method_has_a_row(done):
+    out, result = done
+    assert result.exit_code == 0
+    assert "8 runs, 8 of them now" in result.stdout
+    runs = pd.read_parquet(out / "runs.parquet")
+    rows = runs[["marks.sd_mm", "model.stiffness", "seed", "method"]].itertuples(index=False, name=None)
+    expected = {
+        (sd, factor, seed, method)
+        for sd in (0.5, 4.0)
+        for factor in (1.0, 1.3)
+        for seed in (0, 1)
+        for method in ("open-loop", "filter", "ekf")
+    }
+    assert sorted(rows) == sorted(expected)
+    assert set(runs["frames"]) == {15}
+    pd.testing.assert_frame_equal(
+        pd.read_csv(out / "runs.csv")[["seed", "method", "mae_mm"]], runs[["seed", "method", "mae_mm"]], rtol=1e-8
+    )
+
+
+def test_the_summary_is_over_the_runs(done):
+    out, _ = done
+    runs, summary = pd.read_parquet(out / "runs.parquet"), pd.read_csv(out / "summary.csv")
+    assert len(summary) == 4 * 3
+    row = summary[(summary["marks.sd_mm"] == 4) & (summary["model.stiffness"] == 1.3) & (summary["method"] == "ekf")]
+    own = runs[(runs["marks.sd_mm"] == 4) & (runs["model.stiffness"] == 1.3)]
+    ekf, paper = own[own["method"] == "ekf"], own[own["method"] == "open-loop"]
+    assert row["runs"].item() == 2
+    assert row["mae_mm"].item() == pytest.approx(ekf["mae_mm"].sum() / 2, rel=1e-5)
+    assert row["rmse_mm"].item() == pytest.approx(np.hypot(*ekf["rmse_mm"]) / np.sqrt(2), rel=1e-5)
+    assert row["by_open_loop"].item() == pytest.approx(ekf["mae_mm"].sum() / paper["mae_mm"].sum(), rel=1e-5)
+    lines = (out / "summary.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 2 + 12
+    assert lines[0].startswith("| marks.sd_mm | model.stiffness | method | runs | failed | mean error [mm] |")
+
+
+def test_a_run_is_its_case_whatever_ran_before(tmp_path):
+    cases = cases_of(read_sweep(file(tmp_path)))
+    first = swept_rows(cases[0])
+    for case in cases[:0:-1]:
+        swept_rows(case)
+    again = swept_rows(cases[0])
+    own = [{name: value for name, value in row.items() if name not in CLOCK} for row in first]
+    assert own == [{name: value for name, value in row.items() if name not in CLOCK} for row in again]
+
+
+def test_noise_and_wrong_constants_cost(done):
+    """The open loop, which copies the noise of the marks: eight times the noise costs it more than three times."""
+    summary = pd.read_csv(done[0] / "summary.csv").set_index(["marks.sd_mm", "model.stiffness", "method"])
+    assert summary["mae_mm"][4.0, 1.0, "open-loop"] > 3.0 * summary["mae_mm"][0.5, 1.0, "open-loop"]
+    assert summary["mae_mm"][0.5, 1.3, "filter"] > summary["mae_mm"][0.5, 1.0, "filter"]
+
+
+def test_the_model_alone_has_the_factors():
+    network = four_mass_phantom()
+    assumed = assumed_network(network, {"stiffness": 1.3, "mass": 1.0})
+    np.testing.assert_allclose(assumed.stiffness, 1.3 * network.stiffness, rtol=1e-12)
+    np.testing.assert_allclose(assumed.damping, network.damping, rtol=1e-12)
+    np.testing.assert_array_equal(assumed.rest_lengths, network.rest_lengths)
+
+
+def test_run_again_it_does_what_is_new(tmp_path):
+    small = TEXT.replace("[0.5, 4]", "[4]").replace("[1.0, 1.3]", "[1.0]").replace(', "ekf"', "")
+    path, out = file(tmp_path, small), tmp_path / "out"
+    assert "2 runs, 2 of them now" in softaim_sweep(path, out).stdout
+    before = pd.read_parquet(out / "runs.parquet")
+    assert "2 runs, 0 of them now" in softaim_sweep(path, out).stdout
+    pd.testing.assert_frame_equal(pd.read_parquet(out / "runs.parquet"), before)
+    file(tmp_path, small.replace("seeds = 2", "seeds = 3"))
+    assert "3 runs, 1 of them now" in softaim_sweep(path, out).stdout
+    assert list(pd.read_parquet(out / "runs.parquet")["seed"]) == [0, 0, 1, 1, 2, 2]
+
+
+def test_a_tissue_of_ones_own(tmp_path):
+    """The phantom with twice the mass, in a scene file beside the sweep; its filter table stands but for the grid."""
+    scene = scene_of(read_scenario("poked"))
+    heavy = replace(scene, network=replace(scene.network, masses=2.0 * scene.network.masses), cameras=())
+    write_scene(heavy, tmp_path / "body.toml")
+    with (tmp_path / "body.toml").open("a", encoding="utf-8") as body:
+        body.write("\n[filter]\npoke_m_s2 = 2.0\nwhite_m_s2_sqrt_hz = 0.1\n")
+    text = TEXT.replace("[grid]", 'scene = "body.toml"\n[grid]\nfilter.poke_m_s2 = [3.0]')
+    case = cases_of(read_sweep(file(tmp_path, text)))[0]
+    given = []
+
+    def noted(recording, methods):
+        given.append(recording.scene)
+        return run(recording, methods)
+
+    run = module.compare
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "compare", noted)
+        rows = swept_rows(case)
+    np.testing.assert_array_equal(given[0].network.masses, heavy.network.masses)
+    assert (given[0].settings.poked.poke, given[0].settings.poked.white) == (3.0, 0.1)
+    usual = swept_rows(cases_of(read_sweep(file(tmp_path)))[0])
+    assert rows[0]["mae_mm"] != usual[0]["mae_mm"]
+
+
+def test_a_run_that_fails_does_not_end_the_sweep(tmp_path, monkeypatch):
+    move = module.motion_of
+
+    def broken(scenario, text, seed):
+        if seed == 1:
+            raise FloatingPointError("overflow")
+        return move(scenario, text, seed)
+
+    monkeypatch.setattr(module, "motion_of", broken)
+    path = file(tmp_path, TEXT.replace("[0.5, 4]", "[4]").replace("[1.0, 1.3]", "[1.0]"))
+    result = softaim_sweep(path, tmp_path / "out")
+    assert result.exit_code == 1
+    assert "FloatingPointError: overflow; repeat: python -m experiments.engine " in result.stderr
+    assert "1 of 2 runs failed" in result.stderr
+    summary = pd.read_csv(tmp_path / "out" / "summary.csv")
+    assert set(summary["runs"]) == set(summary["failed"]) == {1}
+    monkeypatch.undo()
+    assert "2 runs, 1 of them now" in softaim_sweep(path, tmp_path / "out").stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (TEXT.replace('"ekf"', '"kalman"'), r'sweep\.toml: methods\[1\]: expected one of open-loop, .* found "kalman"'),
+        (TEXT + 'scenario.pokes.nodes = [["M9"]]\n', r'sweep\.toml: scenario: .*"M9"'),
+        (TEXT.replace("[grid]", 'scene = "gone.toml"\n[grid]'), r"gone\.toml: expected a file, found none"),
+    ],
+)
+def test_what_cannot_be_run_is_one_error_before_all_runs(tmp_path, text, fault):
+    with pytest.raises(InputError, match=fault) as caught:
+        softaim_sweep(file(tmp_path, text), tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_other_files_are_not_written_over(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.csv").touch()
+    with pytest.raises(InputError, match=r"out: expected a new folder or that of a sweep, found other files in it"):
+        softaim_sweep(file(tmp_path), tmp_path / "out")
