@@ -283,12 +283,12 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH)
-def definite_tangents(x, v, p, place, K, C):  # type: ignore[no-untyped-def]
+def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] by the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: of each node's first coordinate among the free ones, -1 of an anchor's
-    Of a spring that is shorter than at rest the across-stiffness T / l counts as none: both matrices are semidefinite,
-    so that an implicit step damps what would buckle instead of letting it grow.
+    definite: whether the across-stiffness T / l of a spring that is shorter than at rest counts as none: both matrices
+    are then semidefinite, so that an implicit step damps what would buckle instead of letting it grow
     """
     n_nodes, dim, _ = x.shape
     K[:], C[:] = 0.0, 0.0
@@ -312,9 +312,12 @@ def definite_tangents(x, v, p, place, K, C):  # type: ignore[no-untyped-def]
             rate += n[d] * (v[j, d, 0] - v[i, d, 0])
         length = np.sqrt(square)
         rate /= length
-        across = max(0.0, spring_tension(length, 0.0, spring) / length)
-        along = max(0.0, tension_by_length(length, rate, spring)) - across
-        damping = max(0.0, tension_by_rate(length, rate, spring))
+        across = spring_tension(length, 0.0, spring) / length
+        along = tension_by_length(length, rate, spring)
+        damping = tension_by_rate(length, rate, spring)
+        if definite:
+            across, along, damping = np.maximum(across, 0.0), np.maximum(along, 0.0), np.maximum(damping, 0.0)
+        along -= across
         for a in range(dim):
             for b in range(dim):
                 shared = n[a] * n[b] / square
@@ -367,7 +370,7 @@ def _newton(now, target, weight, place, nodes, free, masses, p, outside, scratch
         for r in range(n_half):
             x[free[r // dim], r % dim, 0] = now[r]
             v[free[r // dim], r % dim, 0] = now[n_half + r]
-        definite_tangents(x, v, p, place, K, C)
+        tangents(x, v, p, place, True, K, C)
         spring_forces(x, v, p, pull, square, force)
         missing = target[:n_half] + weight * now[n_half:] - now[:n_half]
         along = K @ missing
@@ -387,7 +390,7 @@ def implicit_steps(states, outside, dt, n_steps, nodes, free, masses, p):  # typ
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
     outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,). Of second order, and stable with
-    `definite_tangents` however stiff springs are: two stages, the trapezoidal rule and the backward differentiation
+    definite tangents however stiff springs are: two stages, the trapezoidal rule and the backward differentiation
     formula, each solved by Newton's method.
     """
     n_points = states.shape[0]
@@ -429,8 +432,8 @@ def implicit_steps(states, outside, dt, n_steps, nodes, free, masses, p):  # typ
 
 
 @njit(cache=True, nogil=True)
-def tangents_each(states, nodes, free, p):  # type: ignore[no-untyped-def]
-    """`definite_tangents` of each of several states (n_points, n_state): K and C, each (n_points, n_half, n_half)."""
+def tangents_each(states, definite, nodes, free, p):  # type: ignore[no-untyped-def]
+    """`tangents` of each of several states (n_points, n_state): K and C, each (n_points, n_half, n_half)."""
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -446,7 +449,7 @@ def tangents_each(states, nodes, free, p):  # type: ignore[no-untyped-def]
         for r in range(n_half):
             x[free[r // dim], r % dim, 0] = states[q, r]
             v[free[r // dim], r % dim, 0] = states[q, n_half + r]
-        definite_tangents(x, v, p, place, Ks[q], Cs[q])
+        tangents(x, v, p, place, definite, Ks[q], Cs[q])
     return Ks, Cs
 
 

@@ -11,6 +11,9 @@ from dynamics.forces.kernels import TR_BDF2, implicit_steps, packed, tangents_ea
 from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
+ROUNDING = 1e-9
+"""Stiffness by the largest that is rounding's."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
@@ -48,10 +51,14 @@ class ImplicitStepper:
         return implicit_steps(points, outside, dt / n, n, nodes, self.network.free, self._masses, self._packed)
 
     def linearised(self, states: Floats, dt: float) -> Linearised:
-        """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there."""
+        """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there.
+
+        Where the tissue would buckle, springs under pressure count as none across themselves: what grows in a linear
+        motion ends, in the tissue, in the next rest.
+        """
         n = self.n_steps(dt)
         h = dt / n
-        K, C = tangents_each(np.ascontiguousarray(states), self.network.positions, self.network.free, self._packed)
+        K, C = self._tangents(np.ascontiguousarray(states))
         half, by_mass = K.shape[1], 1.0 / self._masses
         A = np.zeros((len(states), 2 * half, 2 * half))
         A[:, range(half), range(half, 2 * half)] = h
@@ -75,3 +82,22 @@ class ImplicitStepper:
             by_force = F @ by_force + by_force
             F = F @ F
         return Linearised(F, by_force, before)
+
+    def _tangents(self, states: Floats) -> tuple[Floats, Floats]:
+        """Stiffness and damping about each state, (k, n_half, n_half); definite ones where a motion would grow."""
+        own = self.network.positions, self.network.free, self._packed
+        K, C = tangents_each(states, False, *own)
+        for k in range(len(states)):
+            if not _is_semidefinite(K[k]):
+                clipped, C_clipped = tangents_each(states[k : k + 1], True, *own)
+                K[k], C[k] = clipped[0], C_clipped[0]
+        return K, C
+
+
+def _is_semidefinite(K: Floats) -> bool:
+    """Whether a stiffness (n, n) is positive up to rounding, as that of a body that moves freely is."""
+    try:
+        np.linalg.cholesky(K + ROUNDING * np.abs(K).max() * np.eye(len(K)))
+    except np.linalg.LinAlgError:
+        return False
+    return True

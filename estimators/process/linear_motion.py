@@ -32,11 +32,6 @@ def is_linearised(model: TissueModel) -> bool:
     return model.stepper.max_step_s < LONGEST_STEP or model.network.n_state > MANY_STATES
 
 
-def has_led_links(model: TissueModel) -> bool:
-    """Whether a network is one of few, stiff links, such as a cable, whose nodes may be led against any weight."""
-    return is_linearised(model) and model.network.n_state <= VERY_MANY_STATES
-
-
 class LinearisedTissue:
     """Motion of a `TissueModel` to first order, of means of several modes at once.
 
@@ -45,7 +40,7 @@ class LinearisedTissue:
 
     def __init__(self, model: TissueModel) -> None:
         self.model = model
-        self._once = not has_led_links(model)
+        self._once = model.network.n_state > VERY_MANY_STATES
         self.stepper = ImplicitStepper(model.network)
         self.passes = 1 if self._once else PASSES
 
@@ -82,7 +77,7 @@ class LinearisedTissue:
         outside[:, rows] = pokes
         if push is not None:
             push.step(h)
-            outside += push.forces(now[:, None, :n])[:, 0]
+            outside = outside + push.forces(now[:, None, :n]).reshape(-1, n // 2)
         about = now[:, :n].mean(axis=0, keepdims=True) if self._once else now[:, :n]
         tangent = self.stepper.linearised(about, h)
         own, half = (np.zeros((k, model.dim_x, model.dim_x)) for _ in range(2))
@@ -91,7 +86,7 @@ class LinearisedTissue:
         # a poke that began within the step acts for half of it
         half[:, :n, model.pokes] = 0.5 * own[:, :n, model.pokes]
         poke = range(model.pokes.start, model.pokes.stop)
-        own[:, poke, poke], half[:, poke, poke] = fade, np.sqrt(fade)
+        own[:, poke, poke], half[:, poke, poke] = fade, 1.0
         ends = np.empty_like(now)
         ends[:, :n] = self.stepper.advance(now[:, :n], h, outside)
         ends[:, model.pokes] = fade * now[:, model.pokes]

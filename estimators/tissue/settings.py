@@ -13,11 +13,11 @@ N_QUIET = 2
 """Modes in which nobody pokes: calm, and between; they come first."""
 
 
-LINKS_WHITE = (0.3, 1.0)
-"""Acceleration noise of a body of links, quiet and poked [m/s²/sqrt(Hz)]; choice."""
+QUIET_LINKS, POKED_LINKS = 0.3, 1.0
+"""Acceleration noise of stiff or large bodies [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"."""
 
 LED = ForceMode(white=5.0, poke=50.0, lasting_s=0.1)
-"""Forces on a body of links that hands lead: ten times a poke; choice."""
+"""Forces on bodies that a hand leads, ten times a poke; measured: docs/decisions.md, "Stiff or large bodies"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +100,9 @@ class FilterSettings:
         return rates - np.diag(rates.sum(axis=1))
 
     def for_links(self) -> FilterSettings:
-        """These settings for a body of stiff links, which are led as well as poked and whose model leaves more out."""
-        quiet = replace(self.quiet, white=max(self.quiet.white, LINKS_WHITE[0]))
-        poked = replace(self.poked, white=max(self.poked.white, LINKS_WHITE[1]))
+        """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out."""
+        quiet = replace(self.quiet, white=max(self.quiet.white, QUIET_LINKS))
+        poked = replace(self.poked, white=max(self.poked.white, POKED_LINKS))
         return replace(self, quiet=quiet, poked=poked, led=LED if self.led is None else self.led)
 
     @property

@@ -129,12 +129,18 @@ def test_tangents_are_semidefinite_and_exact_where_nothing_is_compressed(seed, d
         gravity=np.zeros(dim),
     )
     state = np.r_[positions[1:].ravel(), rng.normal(size=4 * dim)]
-    K, C = tangents_each(state[None], positions, network.free, packed(network))
-    np.testing.assert_allclose(K[0], stiffness_matrix(network, positions), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(C[0], damping_matrix(network, positions), rtol=0, atol=1e-9)
+    own = positions, network.free, packed(network)
+    for definite in (False, True):
+        K, C = tangents_each(state[None], definite, *own)
+        np.testing.assert_allclose(K[0], stiffness_matrix(network, positions), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(C[0], damping_matrix(network, positions), rtol=0, atol=1e-9)
     state[: 4 * dim] = 0.3 * rng.normal(size=4 * dim)
-    K, _ = tangents_each(state[None], positions, network.free, packed(network))
+    K, _ = tangents_each(state[None], True, *own)
     assert np.linalg.eigvalsh(K[0])[0] > -1e-9
+    moved = positions.copy()
+    moved[1:] = state[: 4 * dim].reshape(4, dim)
+    K, _ = tangents_each(state[None], False, *own)
+    np.testing.assert_allclose(K[0], stiffness_matrix(network, moved), rtol=0, atol=1e-9)
 
 
 def test_steps_are_a_power_of_two_and_no_longer_than_those_of_the_filter(smooth):

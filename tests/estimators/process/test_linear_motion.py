@@ -1,0 +1,126 @@
+"""Linearised motion against sigma points' motion, closed forms of noise, and which networks are moved so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import OUTER, independent_uncertainty, parameters, rest_shape
+from estimators import FixBias, ForceMode, TissueModel, accumulated_noise
+from estimators.process.known_force import KnownForce
+from estimators.process.linear_motion import MANY_STATES, LinearisedTissue, is_linearised
+
+QUIET = ForceMode(white=0.3, poke=0.5, lasting_s=0.05)
+POKED = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
+MODES = (QUIET, POKED)
+DT = 1 / 120
+
+
+@pytest.fixture(scope="module")
+def smooth(phantom):
+    """The phantom without friction, whose bend over 5 mm/s makes an error of its own."""
+    return replace(phantom, friction=np.zeros(phantom.n_nodes))
+
+
+@pytest.fixture(scope="module")
+def resting(smooth):
+    rest = rest_shape(smooth)
+    return np.r_[rest[smooth.free].ravel(), np.zeros(8)]
+
+
+def about(model, resting):
+    """A state for each mode: away from rest, moving, poked."""
+    states = np.zeros((2, model.dim_x))
+    states[:, :16] = resting
+    states[:, 8:16] = 0.1 * np.random.default_rng(2).normal(size=(2, 8))
+    states[:, model.pokes] = [[0.1], [-0.3]]
+    return states
+
+
+def test_to_first_order_it_moves_as_sigma_points_do(smooth, resting):
+    """Ends as Runge-Kutta's, places within 5 micrometres; matrices as central differences of it, within a hundredth."""
+    model = TissueModel(smooth, OUTER)
+    states, eps = about(model, resting), 1e-5
+    found = LinearisedTissue(model)(states, DT, MODES, None)
+    moved = model.propagate_each(states[:, None], DT, MODES)[:, 0]
+    np.testing.assert_allclose(found.ends[:, :8], moved[:, :8], rtol=0, atol=5e-6)
+    np.testing.assert_allclose(found.ends, moved, rtol=0, atol=5e-4)
+    steps = eps * np.eye(model.dim_x)
+    ahead, behind = (model.propagate_each(states[:, None] + sign * steps, DT, MODES) for sign in (1.0, -1.0))
+    slopes = (ahead - behind).swapaxes(1, 2) / (2.0 * eps)
+    np.testing.assert_allclose(found.F, slopes, rtol=0, atol=0.01 * np.abs(slopes).max())
+    np.testing.assert_allclose(found.F[:, :8, :8], slopes[:, :8, :8], rtol=0, atol=2e-3)
+
+
+def test_its_noise_is_that_of_the_linearised_equations(smooth, resting):
+    """A second of pokes about rest: van Loan's covariance, standard deviations within three per cent."""
+    model = TissueModel(smooth, OUTER)
+    shape = rest_shape(smooth)
+    state = np.r_[resting, np.zeros(6)]
+    found = LinearisedTissue(model).noise_after(state, POKED, 1.0)
+    wanted = accumulated_noise(*model.linearised(shape, POKED), 1.0)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), np.sqrt(np.diag(wanted)), rtol=0.03)
+    scale = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+    np.testing.assert_allclose(found / scale, wanted / scale, rtol=0, atol=0.05)
+
+
+def test_constants_in_error_move_it_as_they_move_sigma_points(smooth, resting):
+    """Columns after a step, against `propagate_columns`, which moves them beside the mean."""
+    uncertainty = independent_uncertainty(parameters(smooth, ("stiffness", "rest_length")), 0.1)
+    model = TissueModel(smooth, OUTER, uncertainty=uncertainty, n_calibration=2)
+    states = about(model, resting)
+    columns = 1e-3 * np.random.default_rng(3).normal(size=(2, model.dim_x, model.n_columns))
+    found = LinearisedTissue(model)(states, DT, MODES, None)
+    wanted = model.propagate_columns(states, columns, DT, MODES)
+    made = found.F @ columns + found.added
+    np.testing.assert_allclose(made[:, :16], wanted[:, :16], rtol=0, atol=0.03 * np.abs(wanted[:, :16]).max())
+    assert not found.added[:, :, -2:].any()
+
+
+def test_a_known_force_pushes_it(smooth, resting):
+    """0.5 N on M3 for a cycle of 1/30 s, against Runge-Kutta's steps under it."""
+    model, force = TissueModel(smooth, OUTER), np.zeros((4, 2))
+    force[2] = [0.0, 0.5]
+    states = about(model, resting)
+    pushed = LinearisedTissue(model)(states, 1 / 30, MODES, KnownForce(lambda _t, _s: force, smooth, 0.0))
+    left = LinearisedTissue(model)(states, 1 / 30, MODES, None)
+    moved = states[:, None]
+    for _ in range(4):
+        model.push = KnownForce(force, smooth, 0.0)
+        moved = model.propagate_each(moved, DT, MODES)
+    np.testing.assert_allclose(pushed.ends[:, :8], moved[:, 0, :8], rtol=0, atol=2e-5)
+    assert np.abs(pushed.ends - left.ends)[:, :8].max() > 1e-4
+
+
+def test_the_bias_of_fixes_fades(smooth, resting):
+    """First-order Gauss-Markov, apart from all else: mean and variance by its closed form. Rounding."""
+    model = TissueModel(smooth, OUTER, bias=FixBias(0.01, 2.0))
+    states = np.zeros((1, model.dim_x))
+    states[0, :16], states[0, model.bias_rows] = resting, 0.01
+    found = LinearisedTissue(model)(states, 1 / 30, (QUIET,), None)
+    fade = np.exp(-(1 / 30) / 2.0)
+    np.testing.assert_allclose(found.ends[0, model.bias_rows], 0.01 * fade, rtol=1e-12)
+    own = found.Q[0, model.bias_rows, model.bias_rows]
+    np.testing.assert_allclose(own, (1.0 - fade**2) * 1e-4 * np.eye(2), rtol=0, atol=1e-9)
+
+
+def test_stiff_and_large_networks_are_moved_so(phantom):
+    """The paper's phantom is not; with springs fifty times as stiff, or so many more nodes, it would be."""
+    assert not is_linearised(TissueModel(phantom, OUTER))
+    stiff = replace(phantom, stiffness=50.0 * phantom.stiffness)
+    assert is_linearised(TissueModel(stiff, OUTER))
+    n = MANY_STATES // 4 + 1
+    chain = replace(
+        phantom,
+        names=("anchor", *(f"n{i}" for i in range(n))),
+        positions=np.column_stack([0.1 * np.arange(n + 1), np.zeros(n + 1)]),
+        masses=np.full(n + 1, 0.1),
+        fixed=np.arange(n + 1) == 0,
+        drag=np.zeros(n + 1),
+        friction=np.zeros(n + 1),
+        springs=np.column_stack([np.arange(n), np.arange(1, n + 1)]),
+        stiffness=np.full(n, 5.0),
+        rest_lengths=np.full(n, 0.1),
+        damping=np.full(n, 0.1),
+    )
+    assert is_linearised(TissueModel(chain, ("n0",)))
