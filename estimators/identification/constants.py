@@ -29,7 +29,7 @@ from estimators.identification.groups import (
 from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import from_starts, gauss_newton, starts
 from estimators.identification.stretch import affordable, liveliest
-from estimators.tissue.filter import TissueFilter
+from estimators.identification.withheld import Withheld, principal_directions, withheld_target
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
@@ -143,6 +143,7 @@ def identify_constants(
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
+    first = next(k for k, (_, marks) in enumerate(frames) if marks)
     chosen = IdentificationSettings() if search is None else search
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
@@ -151,7 +152,7 @@ def identify_constants(
     sd = group_prior_sd(network, groups, prior_sd, dt)
     problem = _Problem(network, groups, sd, (tuple(marked), target), calm, limit)
     try:
-        return _identified(problem, frames, chosen, advance)
+        return _identified(problem, frames[first:], chosen, advance)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
@@ -238,50 +239,6 @@ def _identified(
         n_frames=len(used),
         in_time=best.in_time and len(found) == chosen.n_starts and len(used) == len(frames),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Withheld:
-    """The target of frames in which its mark is not used.
-
-    effect: sum of the squared shares of each direction of uncertainty in the target's error [m²], (n, n)
-    rms_m: error by its mark [m], None where it has none
-    """
-
-    effect: Floats
-    rms_m: float | None
-
-
-def withheld_target(
-    network: MassSpringNetwork,
-    uncertainty: ParameterUncertainty,
-    frames: Frames,
-    nodes: tuple[Sequence[str], str],
-    settings: FilterSettings | None = None,
-    budget: Budget | None = None,
-) -> Withheld:
-    """What the filter makes of the target without its mark; nodes: those that may be poked, and the target."""
-    marked, target = nodes
-    limit = Budget() if budget is None else budget
-    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
-    n = tissue.model.n_columns
-    effect, squares = np.zeros((n, n)), []
-    for time_s, marks in frames:
-        limit.check()
-        tissue.predict(time_s)
-        estimate = tissue.update([mark for mark in marks if mark.node != target])
-        columns = tissue.target.linear(tissue.mixture.mean_columns)
-        effect += columns.T @ columns
-        squares += [float(((estimate.mean - mark.position) ** 2).sum()) for mark in marks if mark.node == target]
-    return Withheld(effect, float(np.sqrt(np.mean(squares))) if squares else None)
-
-
-def principal_directions(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty turned to the axes of its effect, (n, n), the smallest, below 1 - kept of it, left out."""
-    values, axes = np.linalg.eigh(effect)
-    values, axes = values[::-1], axes[:, ::-1]
-    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), kept)) + 1
-    return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)
 
 
 def principal_uncertainty(

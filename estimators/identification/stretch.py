@@ -28,7 +28,10 @@ def liveliest(frames: Frames, n: int) -> Frames:
                 steps[k] += float(((mark.position - last[mark.node]) ** 2).sum())
             last[mark.node] = mark.position
     total = np.concatenate([[0.0], np.cumsum(steps)])
-    first = int(np.argmax(total[n:] - total[:-n]))
+    moving = total[n:] - total[:-n]
+    # a filter starts from marks
+    moving[[not marks for _, marks in frames[: len(moving)]]] = -1.0
+    first = int(np.argmax(moving))
     return frames[first : first + n]
 
 
