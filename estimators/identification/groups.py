@@ -25,8 +25,8 @@ MOST_SINGLE = 24
 """Springs that have constants of their own at most, where no groups are given: a recording of half a minute determines
 some twenty combinations, and each costs a column of the filter."""
 
-RIGID_SD = float(np.log(3.0))
-"""Prior standard deviation of the log stiffness of a rigid link, a number that stands for "stiff": a third to three
+RIGID_SD = float(np.log(10.0))
+"""Prior standard deviation of the log stiffness of a rigid link, a number that stands for "stiff": a tenth to ten
 times; choice."""
 
 SAME_DIGITS = 9

@@ -1,0 +1,71 @@
+"""A double pendulum of rigid links by Lagrange's equations: truth of other physics than springs."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dynamics import MassSpringNetwork
+from estimators import MarkMeasurement
+
+LENGTHS = np.array([0.0917, 0.0693])
+MASSES = np.array([0.030, 0.012])
+GRAVITY = 9.81
+SD = 5e-4
+
+
+def swung(n_frames, frames_per_s=100.0):
+    """Places of joint and end [m], (n_frames, 2, 2): [a, b] the links' angles from straight down, by DOP853.
+
+    (m1 + m2) l1 a'' + m2 l2 (b'' cos d + b'^2 sin d) + (m1 + m2) g sin a = 0, d = a - b,
+    l2 b'' + l1 (a'' cos d - a'^2 sin d) + g sin b = 0
+    """
+    (l1, l2), (m1, m2) = LENGTHS, MASSES
+
+    def rate(_t, s):
+        a, b, u, v = s
+        c, d = np.cos(a - b), np.sin(a - b)
+        matrix = [[(m1 + m2) * l1, m2 * l2 * c], [l1 * c, l2]]
+        force = [-m2 * l2 * v * v * d - (m1 + m2) * GRAVITY * np.sin(a), l1 * u * u * d - GRAVITY * np.sin(b)]
+        return [u, v, *np.linalg.solve(matrix, force)]
+
+    times = np.arange(n_frames) / frames_per_s
+    a, b, _, _ = solve_ivp(
+        rate, (0.0, times[-1]), [1.0, -0.6, 2.0, -3.0], method="DOP853", t_eval=times, rtol=1e-10, atol=1e-12
+    ).y
+    joint = l1 * np.stack([np.sin(a), -np.cos(a)], axis=1)
+    return times, np.stack([joint, joint + l2 * np.stack([np.sin(b), -np.cos(b)], axis=1)], axis=1)
+
+
+@pytest.fixture(scope="session")
+def swing():
+    """1.6 s at 100 frames/s from the first frame on in motion, both masses seen to SD."""
+    times, places = swung(160)
+    noisy = places + np.random.default_rng(4).normal(0.0, SD, places.shape)
+    cov = SD**2 * np.eye(2)
+    return [
+        (float(time_s), [MarkMeasurement(name, place, cov) for name, place in zip(("joint", "end"), now, strict=True)])
+        for time_s, now in zip(times, noisy, strict=True)
+    ]
+
+
+@pytest.fixture(scope="session")
+def links():
+    """The same as a network: links of 2,000 N/m, hanging, with rest lengths by these factors and this gravity."""
+
+    def network(factors=(1.0, 1.0), gravity=GRAVITY):
+        depths = np.array([0.0, -LENGTHS[0], -LENGTHS.sum()])
+        return MassSpringNetwork(
+            names=("pin", "joint", "end"),
+            positions=np.column_stack([np.zeros(3), depths]),
+            masses=np.array([1.0, *MASSES]),
+            fixed=np.array([True, False, False]),
+            drag=np.zeros(3),
+            friction=np.zeros(3),
+            springs=np.array([[0, 1], [1, 2]]),
+            stiffness=np.full(2, 2000.0),
+            rest_lengths=LENGTHS * factors,
+            damping=np.full(2, 0.5),
+            gravity=np.array([0.0, -gravity]),
+        )
+
+    return network
