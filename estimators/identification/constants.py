@@ -28,7 +28,7 @@ from estimators.identification.groups import (
 )
 from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import from_starts, gauss_newton, starts
-from estimators.identification.stretch import affordable, liveliest
+from estimators.identification.stretch import affordable, frame_seconds, liveliest
 from estimators.identification.withheld import Withheld, principal_directions, withheld_target
 from estimators.tissue.settings import FilterSettings
 
@@ -42,6 +42,9 @@ measured on a picture, to a tenth; choice."""
 SCREENED = 100
 """Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
 cost time, with fewer half a swing of the phantom is left; choice."""
+
+SEARCH_SHARE = 0.85
+"""Share of the time for the search; what is left is for the target without its mark, before and after."""
 
 PASSES_A_START = 6
 """Of the filter, as expected for the progress and for how many frames the time allows for."""
@@ -189,29 +192,48 @@ class _Problem:
             return None
 
 
+def _planned(problem: _Problem, frames: Frames, n_starts: int) -> tuple[int, Frames]:
+    """How many starts and which frames the time allows for: one start where with all of them few frames are left."""
+    frame_s = frame_seconds(lambda some: problem.at(np.zeros(len(problem.groups)), some), frames, problem.budget)
+    try:
+        used = affordable(frames, frame_s, PASSES_A_START * (n_starts + 1), problem.budget)
+    except OutOfTimeError:
+        used = frames[:0]
+    if len(used) >= min(SCREENED, len(frames)):
+        return n_starts, used
+    return 1, affordable(frames, frame_s, 2 * PASSES_A_START, problem.budget)
+
+
 def _identified(
     problem: _Problem, frames: Frames, chosen: IdentificationSettings, advance: Callable[[float], None]
 ) -> IdentificationResult:
-    n, budget, passes = len(problem.groups), problem.budget, 0
-    expected = PASSES_A_START * (chosen.n_starts + 1)
+    n, passes = len(problem.groups), 0
+    search = replace(problem, budget=problem.budget.part(SEARCH_SHARE))
+    n_starts, used = _planned(search, frames, chosen.n_starts)
+    expected = PASSES_A_START * (n_starts + 1)
 
     def counted(theta: Floats, through: Frames) -> Pass:
         nonlocal passes
         share = passes / expected
-        advance(min(0.99, max(budget.share, share)))
+        advance(min(0.99, max(problem.budget.share, share)))
         passes += 1
-        return problem.at(theta, through)
+        return search.at(theta, through)
 
-    used = affordable(lambda some: problem.at(np.zeros(n), some), frames, expected, budget)
     screened = liveliest(used, SCREENED)
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
-    found = from_starts(lambda theta: counted(theta, screened), list(starts(spread, chosen.n_starts)), problem.sd)
+    found = from_starts(lambda theta: counted(theta, screened), list(starts(spread, n_starts)), problem.sd)
     first, best = found[0], max(found, key=lambda one: one.log_posterior)
     n_agreeing = sum(best.agrees(one) for one in found)
     before = first.at_start
+    if not np.isfinite(best.log_posterior):
+        raise IdentificationError("expected constants under which the filter stays finite, found none")
     if len(screened) < len(used):
-        before = counted(np.zeros(n), used)
-        best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
+        try:
+            before_all = counted(np.zeros(n), used)
+            best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
+            before = before_all
+        except OutOfTimeError:
+            used = screened
     model = problem.model(best.theta)
     scaled, residuals = residual_covariance(best.found, np.eye(n))
     cov = scaled * np.outer(problem.sd, problem.sd)

@@ -29,6 +29,9 @@ RIGID_SD = float(np.log(10.0))
 """Prior standard deviation of the log stiffness of a rigid link, a number that stands for "stiff": a tenth to ten
 times; choice."""
 
+LEAST_REST = 0.1
+"""Share of a rest length that is left at the least where a soft spring has to keep a large tension."""
+
 SAME_DIGITS = 9
 """Significant digits by which equal constants are one kind: those that a scene file keeps."""
 
@@ -123,7 +126,7 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
         if _shares_stiffness(group):
             own = np.array(group.places)
             strain = drawn[own] / network.rest_lengths[own] - 1.0
-            rest[own] *= np.exp(-strain * np.expm1(-log))
+            rest[own] *= np.maximum(1.0 - strain * np.expm1(-log), LEAST_REST)
     return scale_parameters(
         found,
         [Parameter("rest_length", s) for s in range(len(rest))],

@@ -10,8 +10,7 @@ from estimators import (
     identify_constants,
     tune_noise,
 )
-
-LENGTHS = np.array([0.0917, 0.0693])
+from tests.estimators.identification.pendulum import LENGTHS
 
 FACTORS = (1.08, 0.93)
 
