@@ -144,6 +144,8 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
     settings = {
         "distributed.worker.multiprocessing-method": method,
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+        # Ctrl-C reaches all processes of a terminal; this one closes the others
+        "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
         "distributed.scheduler.allowed-failures": DEATHS - 1,
         # no second batch waits on a worker, where it would share the blame if the worker died
         "distributed.scheduler.worker-saturation": 1.0,
