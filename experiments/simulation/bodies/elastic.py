@@ -23,7 +23,7 @@ SHEET_M, SHEET_N_M, SHEET_KG_M2 = (0.20, 0.25), 100.0, 0.2
 SHEET_NODES = (5, 6)
 THICKNESS_M = 1e-3
 POISSON = 0.3
-RAYLEIGH_S = 0.02
+RAYLEIGH_S = 0.01
 """Damping by stiffness [s]."""
 
 PRESS, FINGER = 0.04, 0.35
