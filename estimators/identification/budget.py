@@ -30,6 +30,12 @@ class Budget:
         self._clock = clock
         self._began = clock()
 
+    def part(self, share: float) -> Budget:
+        """A budget of a share of the time, begun when the whole was."""
+        some = Budget(share * self.seconds, self._clock)
+        some._began = self._began
+        return some
+
     @property
     def spent_s(self) -> float:
         """Seconds gone."""

@@ -28,8 +28,8 @@ from estimators.identification.groups import (
 )
 from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import from_starts, gauss_newton, starts
-from estimators.identification.stretch import affordable, liveliest
-from estimators.tissue.filter import TissueFilter
+from estimators.identification.stretch import affordable, frame_seconds, liveliest
+from estimators.identification.withheld import Withheld, principal_directions, withheld_target
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
@@ -42,6 +42,9 @@ measured on a picture, to a tenth; choice."""
 SCREENED = 100
 """Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
 cost time, with fewer half a swing of the phantom is left; choice."""
+
+SEARCH_SHARE = 0.85
+"""Share of the time for the search; what is left is for the target without its mark, before and after."""
 
 PASSES_A_START = 6
 """Of the filter, as expected for the progress and for how many frames the time allows for."""
@@ -143,6 +146,7 @@ def identify_constants(
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
+    first = next(k for k, (_, marks) in enumerate(frames) if marks)
     chosen = IdentificationSettings() if search is None else search
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
@@ -151,7 +155,7 @@ def identify_constants(
     sd = group_prior_sd(network, groups, prior_sd, dt)
     problem = _Problem(network, groups, sd, (tuple(marked), target), calm, limit)
     try:
-        return _identified(problem, frames, chosen, advance)
+        return _identified(problem, frames[first:], chosen, advance)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
@@ -188,29 +192,48 @@ class _Problem:
             return None
 
 
+def _planned(problem: _Problem, frames: Frames, n_starts: int) -> tuple[int, Frames]:
+    """How many starts and which frames the time allows for: one start where with all of them few frames are left."""
+    frame_s = frame_seconds(lambda some: problem.at(np.zeros(len(problem.groups)), some), frames, problem.budget)
+    try:
+        used = affordable(frames, frame_s, PASSES_A_START * (n_starts + 1), problem.budget)
+    except OutOfTimeError:
+        used = frames[:0]
+    if len(used) >= min(SCREENED, len(frames)):
+        return n_starts, used
+    return 1, affordable(frames, frame_s, 2 * PASSES_A_START, problem.budget)
+
+
 def _identified(
     problem: _Problem, frames: Frames, chosen: IdentificationSettings, advance: Callable[[float], None]
 ) -> IdentificationResult:
-    n, budget, passes = len(problem.groups), problem.budget, 0
-    expected = PASSES_A_START * (chosen.n_starts + 1)
+    n, passes = len(problem.groups), 0
+    search = replace(problem, budget=problem.budget.part(SEARCH_SHARE))
+    n_starts, used = _planned(search, frames, chosen.n_starts)
+    expected = PASSES_A_START * (n_starts + 1)
 
     def counted(theta: Floats, through: Frames) -> Pass:
         nonlocal passes
         share = passes / expected
-        advance(min(0.99, max(budget.share, share)))
+        advance(min(0.99, max(problem.budget.share, share)))
         passes += 1
-        return problem.at(theta, through)
+        return search.at(theta, through)
 
-    used = affordable(lambda some: problem.at(np.zeros(n), some), frames, expected, budget)
     screened = liveliest(used, SCREENED)
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
-    found = from_starts(lambda theta: counted(theta, screened), list(starts(spread, chosen.n_starts)), problem.sd)
+    found = from_starts(lambda theta: counted(theta, screened), list(starts(spread, n_starts)), problem.sd)
     first, best = found[0], max(found, key=lambda one: one.log_posterior)
     n_agreeing = sum(best.agrees(one) for one in found)
     before = first.at_start
+    if not np.isfinite(best.log_posterior):
+        raise IdentificationError("expected constants under which the filter stays finite, found none")
     if len(screened) < len(used):
-        before = counted(np.zeros(n), used)
-        best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
+        try:
+            before_all = counted(np.zeros(n), used)
+            best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
+            before = before_all
+        except OutOfTimeError:
+            used = screened
     model = problem.model(best.theta)
     scaled, residuals = residual_covariance(best.found, np.eye(n))
     cov = scaled * np.outer(problem.sd, problem.sd)
@@ -238,50 +261,6 @@ def _identified(
         n_frames=len(used),
         in_time=best.in_time and len(found) == chosen.n_starts and len(used) == len(frames),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Withheld:
-    """The target of frames in which its mark is not used.
-
-    effect: sum of the squared shares of each direction of uncertainty in the target's error [m²], (n, n)
-    rms_m: error by its mark [m], None where it has none
-    """
-
-    effect: Floats
-    rms_m: float | None
-
-
-def withheld_target(
-    network: MassSpringNetwork,
-    uncertainty: ParameterUncertainty,
-    frames: Frames,
-    nodes: tuple[Sequence[str], str],
-    settings: FilterSettings | None = None,
-    budget: Budget | None = None,
-) -> Withheld:
-    """What the filter makes of the target without its mark; nodes: those that may be poked, and the target."""
-    marked, target = nodes
-    limit = Budget() if budget is None else budget
-    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
-    n = tissue.model.n_columns
-    effect, squares = np.zeros((n, n)), []
-    for time_s, marks in frames:
-        limit.check()
-        tissue.predict(time_s)
-        estimate = tissue.update([mark for mark in marks if mark.node != target])
-        columns = tissue.target.linear(tissue.mixture.mean_columns)
-        effect += columns.T @ columns
-        squares += [float(((estimate.mean - mark.position) ** 2).sum()) for mark in marks if mark.node == target]
-    return Withheld(effect, float(np.sqrt(np.mean(squares))) if squares else None)
-
-
-def principal_directions(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty turned to the axes of its effect, (n, n), the smallest, below 1 - kept of it, left out."""
-    values, axes = np.linalg.eigh(effect)
-    values, axes = values[::-1], axes[:, ::-1]
-    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), kept)) + 1
-    return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)
 
 
 def principal_uncertainty(

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, scale_parameters, stable_step
+from dynamics import MassSpringNetwork, ParameterUncertainty, stable_step
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
-from estimators.identification.linear_filter import filtered, predicted, quasi_static
+from estimators.identification.linear_filter import LinearFilter, first_shapes
 from estimators.tissue.estimate import MarkMeasurement, Status
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
@@ -24,8 +25,8 @@ LARGEST = 60
 SHORTEST_STEP = 1.0 / 120.0
 """Stable step [s] below which sigma points of a network scatter off its stiff springs."""
 
-DIFFERENCE = 1e-4
-"""Of a direction, in units of it, by which sensitivities are found: its square is below rounding of their use."""
+DECIDING = 50
+"""Frames that decide between the sides of an elbow at the first frame: half a second at 100 frames/s; choice."""
 
 LEAST_WEIGHT = 1e-6
 """Probability of a mode below which its innovations add nothing: rounding."""
@@ -98,22 +99,55 @@ def _linear_pass(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    dt = frame_interval(frames)
-    gains = filtered(quasi_static(network, dt), marked, settings, frames, budget)
-    base, _ = predicted(quasi_static(network, dt), gains, budget)
-    columns = []
-    for row in uncertainty.directions:
-        changed = scale_parameters(network, uncertainty.parameters, DIFFERENCE * row)
-        moved, _ = predicted(quasi_static(changed, dt), gains, budget)
-        columns.append([(a - b) / DIFFERENCE for a, b in zip(base, moved, strict=True)])
-    n = len(uncertainty.directions)
-    information, scores = np.zeros((n, n)), np.zeros((len(base), n))
-    for k, y in enumerate(base):
-        T = np.column_stack([column[k] for column in columns])
-        information += T.T @ T
-        scores[k] = T.T @ y
-    nis = np.array([float(y @ y) for y in base])
-    return Pass(scores, information, gains.log_likelihood, nis, np.array([float(len(y)) for y in base]))
+    linear = likeliest_start(network, uncertainty, frames, marked, settings)
+    n = linear.columns.shape[1]
+    information, log_likelihood = np.zeros((n, n)), 0.0
+    scores, nis, dof = [], [], []
+    for dt, marks in steps(frames):
+        budget.check()
+        one = linear.advance(dt, marks)
+        if one is not None:
+            log_likelihood += one.log_likelihood
+            information += one.T.T @ one.T
+            scores.append(one.T.T @ one.y)
+            nis.append(float(one.y @ one.y))
+            dof.append(float(len(one.y)))
+    return Pass(np.array(scores).reshape(-1, n), information, log_likelihood, np.array(nis), np.array(dof))
+
+
+def steps(frames: Frames) -> Iterator[tuple[float, Sequence[MarkMeasurement]]]:
+    """Time since the frame before [s] and marks of each frame after the first."""
+    for (before_s, _), (time_s, marks) in pairwise(frames):
+        yield time_s - before_s, marks
+
+
+def likeliest_start(
+    network: MassSpringNetwork,
+    uncertainty: ParameterUncertainty,
+    frames: Frames,
+    marked: Sequence[str],
+    settings: FilterSettings,
+) -> LinearFilter:
+    """A linear filter at the first frame, in the shape from which the next ones are the most likely.
+
+    Raises CovarianceError where the first frame has no marks.
+    """
+    dt, first = frame_interval(frames), frames[0][1]
+    if not first:
+        raise CovarianceError("start: expected marks in the first frame, found none")
+    shapes = first_shapes(network, first)
+    none = ParameterUncertainty(uncertainty.parameters, np.zeros((0, len(uncertainty.parameters))))
+
+    def likelihood(shape: Floats) -> float:
+        tried = LinearFilter(network, marked, settings, none, dt)
+        tried.start(shape, first)
+        found = (tried.advance(step, marks) for step, marks in steps(frames[:DECIDING]))
+        return sum(one.log_likelihood for one in found if one is not None)
+
+    shape = max(shapes, key=likelihood) if len(shapes) > 1 else shapes[0]
+    linear = LinearFilter(network, marked, settings, uncertainty, dt)
+    linear.start(shape, first)
+    return linear
 
 
 def _passed(tissue: TissueFilter, frames: Frames, budget: Budget) -> Pass:

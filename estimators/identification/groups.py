@@ -19,15 +19,18 @@ from dynamics import (
     scale_parameters,
 )
 from estimators.arrays import Floats
-from estimators.identification.linear_filter import unresolved
+from estimators.identification.linear_filter import rigid_links
 
 MOST_SINGLE = 24
 """Springs that have constants of their own at most, where no groups are given: a recording of half a minute determines
 some twenty combinations, and each costs a column of the filter."""
 
-RIGID_SD = float(np.log(3.0))
-"""Prior standard deviation of the log stiffness of a link whose own oscillation no frame shows: a third to three times
-of what stands for rigid; choice."""
+RIGID_SD = float(np.log(10.0))
+"""Prior standard deviation of the log stiffness of a rigid link, a number that stands for "stiff": a tenth to ten
+times; choice."""
+
+LEAST_REST = 0.1
+"""Share of a rest length that is left at the least where a soft spring has to keep a large tension."""
 
 SAME_DIGITS = 9
 """Significant digits by which equal constants are one kind: those that a scene file keeps."""
@@ -83,9 +86,9 @@ def group_prior_sd(
 ) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,), for frames dt [s] apart.
 
-    The stiffness of links whose own oscillation these frames do not show stands for a rigid link: `RIGID_SD`.
+    The stiffness of a rigid link, whose length no oscillation changes that these frames show, is known to `RIGID_SD`.
     """
-    stiff = unresolved(network, dt)
+    stiff = rigid_links(network, dt)
     return np.array(
         [
             max(prior_sd[group.kind], RIGID_SD)
@@ -123,7 +126,7 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
         if _shares_stiffness(group):
             own = np.array(group.places)
             strain = drawn[own] / network.rest_lengths[own] - 1.0
-            rest[own] *= np.exp(-strain * np.expm1(-log))
+            rest[own] *= np.maximum(1.0 - strain * np.expm1(-log), LEAST_REST)
     return scale_parameters(
         found,
         [Parameter("rest_length", s) for s in range(len(rest))],

@@ -1,8 +1,4 @@
-"""An extended Kalman filter of large or stiff networks whose gains are then fixed: its predictions as a simulation.
-
-With the gains of one pass fixed, another network's predictions cost a simulation, so that sensitivities to some dozen
-groups of constants are differences of simulations. Source: the prediction-error method, [ljung1999].
-"""
+"""An extended Kalman filter of large or stiff networks, with the sensitivities of its error to constants beside it."""
 
 from __future__ import annotations
 
@@ -11,27 +7,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import chi2
 
 from dynamics import (
     MassSpringNetwork,
     NetworkError,
+    ParameterForces,
+    ParameterUncertainty,
     Stepper,
     damping_matrix,
     equilibrium_with_fixed,
     mirrored_shapes,
     reaches,
     rest_shape,
+    scale_parameters,
     stiffness_matrix,
 )
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
-from estimators.identification.budget import Budget
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
-
-Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 POKE_LEVEL = 1e-3
 """Probability of a frame's marks without a poke below which there was one; choice."""
@@ -42,8 +37,11 @@ TURNED = 0.1
 GRAVITY = 9.81
 """A body that falls through its own reach is as fast as bodies are at a start [m/s²]."""
 
-UNRESOLVED = float(np.pi)
-"""Phase of a spring's own oscillation between two frames [rad] beyond which frames do not show it: Nyquist's limit."""
+FRAMES_A_PERIOD = 4.0
+"""Frames in a period of an oscillation that they show, at least [1]: twice Nyquist's two; choice."""
+
+RIGID_SHARE = 1e-3
+"""Share of a spring's motion along itself in oscillations that frames show below which it is a rigid link; choice."""
 
 MOST_DIFFERENCED = 40
 """States up to which the transition matrix is that of the motion itself, by differences: a link that turns fast is not
@@ -52,43 +50,64 @@ linear over a frame. Beyond, the cost of simulating every state's difference is 
 OFFSET = 1e-6
 """Half the width of a central difference [m, m/s]: rounding is 1e-10 of a slope."""
 
+DIFFERENCE = 1e-4
+"""Of a direction of constants, in units of it, by which sensitivities are differences; rounding is 1e-9 of them."""
+
 TERMS = 8
-"""Of the Taylor series of a step's transition; with a norm of at most 1/2 the next is below 1e-8."""
+"""Of the Taylor series of a step's transition; with a norm of at most 1/4 the next is below 1e-11."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Correction:
-    """What a frame's marks did: z (m,) at rows of the state, gain (n_state, m), root of S (m, m), S = root root'.
+class NormalisedInnovation:
+    """Of one frame's marks, in standard deviations: y (m,), and its sensitivity to each direction, T (m, n).
 
-    dt: since the frame before [s]; poked: whether forces of pokes were allowed for
+    log_likelihood: of the marks; poked: whether they were improbable without a poke
     """
 
-    dt: float
-    z: Floats
-    rows: Sequence[int]
-    gain: Floats
-    root: Floats
+    y: Floats
+    T: Floats
+    log_likelihood: float
     poked: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Gains:
-    """One pass of the filter: its first state, the corrections of all later frames, and their log likelihood."""
+class _Step:
+    """Over an interval: transition F, covariances of calm and of poked noise, effect of a force; (n, n), (n, n / 2)."""
 
-    start: Floats
-    corrections: tuple[Correction, ...]
-    log_likelihood: float
+    F: Floats
+    calm: Floats
+    poked: Floats
+    effect: Floats
 
 
 class LinearFilter:
-    """Extended Kalman filter of a network, white forces on every node, stronger ones on marked nodes in poked frames.
+    """Extended Kalman filter of a network: white forces on every node, stronger ones on marked nodes in poked frames.
 
-    State: x (n_state,), P (n_state, n_state), and the last linearisation.
+    frame_s: usual interval of the frames [s]: links that these do not resolve are `quasi_static`
+    State: x (n_state,), P (n_state, n_state), columns (n_state, n): sensitivity of the error of x to each direction of
+    the uncertainty of constants, which are taken as exact; and the last linearisation.
     """
 
-    def __init__(self, network: MassSpringNetwork, marked: Sequence[str], settings: FilterSettings) -> None:
-        self.network, self.stepper = network, Stepper(network)
-        n = network.n_state
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        marked: Sequence[str],
+        settings: FilterSettings,
+        uncertainty: ParameterUncertainty,
+        frame_s: float,
+    ) -> None:
+        self.network = quasi_static(network, frame_s)
+        n, n_columns = network.n_state, len(uncertainty.directions)
+        self.x, self.P, self.columns = np.zeros(n), np.zeros((n, n)), np.zeros((n, n_columns))
+        self._stepper = Stepper(self.network)
+        self._uncertainty = uncertainty
+        self._small = n <= MOST_DIFFERENCED
+        self._others: list[Stepper] = []
+        self._forces = ParameterForces(self.network, uncertainty.parameters)
+        if self._small:
+            for row in uncertainty.directions:
+                other = scale_parameters(network, uncertainty.parameters, DIFFERENCE * row)
+                self._others.append(Stepper(quasi_static(other, frame_s)))
         self._inverse_mass = np.repeat(1.0 / network.masses[network.free], network.dim)
         self._rows = {name: range(n)[network.coordinates(name)] for name in (network.names[i] for i in network.free)}
         calm, poke = np.zeros(n), np.zeros(n)
@@ -97,28 +116,16 @@ class LinearFilter:
             # the density at low frequencies of a force that is correlated over lasting_s
             poke[n // 2 + np.array(self._rows[node])] = 2.0 * settings.poked.poke**2 * settings.poked.lasting_s
         self._densities = (calm, poke)
-        self._about: tuple[float, Floats] | None = None
-        self._found: tuple[Floats, Floats, Floats] = (np.eye(n), np.zeros((n, n)), np.zeros((n, n)))
-        self.x, self.P = np.zeros(n), np.zeros((n, n))
-
-    def stack(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
-        """Marks as one measurement: z (m,), rows of the state, covariance R (m, m)."""
-        rows = [i for mark in marks for i in self._rows[mark.node]]
-        R = np.zeros((len(rows), len(rows)))
-        dim = self.network.dim
-        for k, mark in enumerate(marks):
-            R[k * dim : (k + 1) * dim, k * dim : (k + 1) * dim] = mark.total_cov
-        return np.concatenate([mark.position for mark in marks]), rows, R
+        self._about: tuple[float, Floats, _Step] | None = None
 
     def start(self, shape: Floats, marks: Sequence[MarkMeasurement]) -> None:
         """Set the state to a shape of all nodes [m], (n_nodes, dim), with marks, in motion as a body that fell."""
         network = self.network
         half, reach = network.n_state // 2, float(reaches(network).max())
-        z, rows, R = self.stack(marks)
-        speed = GRAVITY * reach
+        z, rows, R = self._stack(marks)
         # as if shaken until its energy a coordinate is that of a fall through its reach
+        energy = float(network.masses[network.free].mean()) * GRAVITY * reach
         values, vectors = np.linalg.eigh(stiffness_matrix(network, shape))
-        energy = float(network.masses[network.free].mean()) * speed
         precision = (vectors * (np.maximum(values, 0.0) / energy + 1.0 / reach**2)) @ vectors.T
         precision[np.ix_(rows, rows)] += np.linalg.inv(R)
         self.x[:half] = shape[network.free].ravel()
@@ -126,23 +133,61 @@ class LinearFilter:
         self.P[:half, :half] = np.linalg.inv(precision)
         self.P[half:, half:] = np.diag(energy * self._inverse_mass)
 
-    def predict(self, dt: float) -> tuple[Floats, Floats, Floats]:
-        """The state dt [s] later: mean, covariance without pokes, and what pokes add to that; the state stays."""
-        F, Q, poked = self._linearised(dt)
-        if len(self.x) <= MOST_DIFFERENCED:
-            x, F = self._differenced(dt)
-        else:
-            x = self.stepper.advance(self.x[None], dt)[0]
-        P = F @ self.P @ F.T
-        return x, 0.5 * (P + P.T) + Q, poked
+    def advance(self, dt: float, marks: Sequence[MarkMeasurement]) -> NormalisedInnovation | None:
+        """Move the state dt [s] ahead, then take in the marks, with pokes where they are improbable without.
 
-    def _differenced(self, dt: float) -> tuple[Floats, Floats]:
+        Raises CovarianceError where there is no finite innovation.
+        """
+        x, columns, step = self._moved(dt)
+        P = step.F @ self.P @ step.F.T + step.calm
+        if not marks:
+            self.x, self.columns, self.P = x, columns, P + step.poked
+            return None
+        z, rows, R = self._stack(marks)
+        y = z - x[rows]
+        inverse = _inverse_root(P[np.ix_(rows, rows)] + R)
+        poked = bool(((inverse @ y) ** 2).sum() > chi2.isf(POKE_LEVEL, len(y)))
+        if poked:
+            P = P + step.poked
+            inverse = _inverse_root(P[np.ix_(rows, rows)] + R)
+        whitened = inverse @ P[rows]
+        gain = whitened.T @ inverse
+        innovation_columns = columns[rows]
+        self.x = x + gain @ y
+        self.columns = columns - gain @ innovation_columns
+        P = P - whitened.T @ whitened
+        self.P = 0.5 * (P + P.T)
+        normalised = inverse @ y
+        log = np.log(np.diag(inverse)).sum() - 0.5 * (normalised @ normalised + len(y) * np.log(2.0 * np.pi))
+        return NormalisedInnovation(normalised, inverse @ innovation_columns, float(log), poked)
+
+    def _stack(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
+        rows = [i for mark in marks for i in self._rows[mark.node]]
+        dim = self.network.dim
+        R = np.zeros((len(rows), len(rows)))
+        for k, mark in enumerate(marks):
+            R[k * dim : (k + 1) * dim, k * dim : (k + 1) * dim] = mark.total_cov
+        return np.concatenate([mark.position for mark in marks]), rows, R
+
+    def _moved(self, dt: float) -> tuple[Floats, Floats, _Step]:
+        """Mean and columns dt [s] later, and the step.
+
+        Of a small network by differences of its motion; of a large one by the linear motion about the last shape.
+        """
+        step = self._linearised(dt)
+        if not self._small:
+            x = self._stepper.advance(self.x[None], dt)[0]
+            # of the start and the end of the step
+            forces = 0.5 * self._uncertainty.directions @ (self._forces(self.x) + self._forces(x))
+            return x, step.F @ self.columns + step.effect @ forces.T, step
         n = len(self.x)
         offsets = OFFSET * np.eye(n)
-        moved = self.stepper.advance(np.vstack([self.x[None], self.x + offsets, self.x - offsets]), dt)
-        return moved[0], np.asarray((moved[1 : n + 1] - moved[n + 1 :]).T / (2.0 * OFFSET))
+        moved = self._stepper.advance(np.vstack([self.x[None], self.x + offsets, self.x - offsets]), dt)
+        x, F = moved[0], (moved[1 : n + 1] - moved[n + 1 :]).T / (2.0 * OFFSET)
+        drift = [(other.advance(self.x[None], dt)[0] - x) / DIFFERENCE for other in self._others]
+        return x, F @ self.columns + np.array(drift).T.reshape(n, -1), replace(step, F=F)
 
-    def _linearised(self, dt: float) -> tuple[Floats, Floats, Floats]:
+    def _linearised(self, dt: float) -> _Step:
         network, n = self.network, self.network.n_state
         half = n // 2
         shape = network.positions.copy()
@@ -152,59 +197,45 @@ class LinearFilter:
         if self._about is not None and self._about[0] == round(dt, 9):
             moved = np.linalg.norm(apart - self._about[1], axis=1) / network.rest_lengths
             if moved.max() < TURNED:
-                return self._found
+                return self._about[2]
         A = np.zeros((n, n))
         A[:half, half:] = np.eye(half)
         speed = float(np.sqrt(np.mean(self.x[half:] ** 2)))
         A[half:, :half] = -self._inverse_mass[:, None] * stiffness_matrix(network, shape)
         A[half:, half:] = -self._inverse_mass[:, None] * damping_matrix(network, shape, speed_m_s=speed)
-        self._about = round(dt, 9), apart
-        F, calm, poked = transition(A, self._densities, dt)
-        self._found = F, calm, poked
-        return self._found
-
-    def correct(self, dt: float, marks: Sequence[MarkMeasurement]) -> tuple[Correction | None, float]:
-        """Predict, then take in the marks, with pokes where they are improbable without; and their log likelihood."""
-        x, P, poked_cov = self.predict(dt)
-        if not marks:
-            self.x, self.P = x, P + poked_cov
-            return None, 0.0
-        z, rows, R = self.stack(marks)
-        y = z - x[rows]
-        poked = False
-        S = P[np.ix_(rows, rows)] + R
-        factor = _factor(S)
-        nis = float(y @ cho_solve(factor, y))
-        if nis > chi2.isf(POKE_LEVEL, len(y)):
-            poked, P = True, P + poked_cov
-            S = P[np.ix_(rows, rows)] + R
-            factor = _factor(S)
-            nis = float(y @ cho_solve(factor, y))
-        gain = cho_solve(factor, P[rows]).T
-        self.x = x + gain @ y
-        joseph = P - gain @ P[rows]
-        self.P = joseph - (joseph[:, rows] - gain @ R) @ gain.T
-        self.P = 0.5 * (self.P + self.P.T)
-        chol = np.tril(factor[0])
-        log = -0.5 * (nis + 2.0 * float(np.log(np.diag(chol)).sum()) + len(y) * float(np.log(2.0 * np.pi)))
-        return Correction(dt, z, rows, gain, chol, poked), log
+        F, integral, calm, poked = transition(A, self._densities, dt)
+        step = _Step(F, calm, poked, integral[:, half:] * self._inverse_mass)
+        self._about = round(dt, 9), apart, step
+        return step
 
 
 def quasi_static(network: MassSpringNetwork, dt: float) -> MassSpringNetwork:
-    """The network with critical dashpots along springs whose own oscillation frames dt [s] apart do not resolve.
+    """The network with critical dashpots along links that are rigid for frames dt [s] apart.
 
     Such a link is as long as its tension makes it. Otherwise the noise of each frame would set it ringing, and the
     phase of that, which no frame shows, would seem to determine its stiffness.
     """
     critical = 2.0 * np.sqrt(network.stiffness * _reduced_masses(network))
-    damping = np.where(unresolved(network, dt), np.maximum(network.damping, critical), network.damping)
+    damping = np.where(rigid_links(network, dt), np.maximum(network.damping, critical), network.damping)
     return replace(network, damping=damping)
 
 
-def unresolved(network: MassSpringNetwork, dt: float) -> NDArray[np.bool_]:
-    """Springs whose own oscillation frames dt [s] apart do not show, (n_springs,)."""
-    anchored = network.fixed[network.springs].all(axis=1)
-    return ~anchored & (np.sqrt(network.stiffness) * dt > UNRESOLVED * np.sqrt(_reduced_masses(network)))
+def rigid_links(network: MassSpringNetwork, dt: float) -> NDArray[np.bool_]:
+    """Springs whose length no oscillation changes that frames dt [s] apart show, (n_springs,).
+
+    By the modes about the drawn shape: the rods of a chain are, the springs of a block that wobbles are not.
+    """
+    scale = np.sqrt(np.repeat(1.0 / network.masses[network.free], network.dim))
+    values, modes = np.linalg.eigh(scale[:, None] * stiffness_matrix(network, network.positions) * scale)
+    shown = np.sqrt(np.maximum(values, 0.0)) * dt < 2.0 * np.pi / FRAMES_A_PERIOD
+    moves = np.zeros((network.n_nodes, network.dim, len(values)))
+    moves[network.free] = (scale[:, None] * modes).reshape(len(network.free), network.dim, -1)
+    i, j = network.springs.T
+    apart = network.positions[j] - network.positions[i]
+    n = apart / np.linalg.norm(apart, axis=1, keepdims=True)
+    strains = np.einsum("sd,sdk->sk", n, moves[j] - moves[i]) ** 2
+    total = strains.sum(axis=1)
+    return np.asarray((total > 0.0) & (strains[:, shown].sum(axis=1) < RIGID_SHARE * total))
 
 
 def _reduced_masses(network: MassSpringNetwork) -> Floats:
@@ -216,34 +247,36 @@ def _reduced_masses(network: MassSpringNetwork) -> Floats:
     return np.where(free.all(axis=1), both, one)
 
 
-def _factor(S: Floats) -> tuple[Floats, bool]:
+def _inverse_root(S: Floats) -> Floats:
+    """W (m, m), lower triangular, with W S W' = 1."""
     try:
-        return cho_factor(S, lower=True)
-    except (np.linalg.LinAlgError, ValueError):
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(S)))
+    except np.linalg.LinAlgError:
         raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
 
 
 def transition(A: Floats, densities: Sequence[Floats], dt: float) -> tuple[Floats, ...]:
-    """Transition matrix over dt [s] of dx/dt = A x, and the covariance that each white noise adds.
+    """Over dt [s] of dx/dt = A x: transition matrix, its integral over time, and the covariance of each white noise.
 
     densities: diagonals, (n,) each. By a short step's Taylor series, doubled.
     """
     n = len(A)
-    doublings = max(0, int(np.ceil(np.log2(max(np.abs(A).sum(axis=1).max() * dt, 1e-30)))) + 1)
+    doublings = max(0, int(np.ceil(np.log2(max(np.abs(A).sum(axis=1).max() * dt, 1e-30)))) + 2)
     h = dt / 2.0**doublings
-    F, power = np.eye(n), np.eye(n)
-    covs = [np.diag(D) * h for D in densities]
-    # Q = sum of h^(k+1)/(k+1)! L^k D, with L D = A D + D A'
-    terms = [np.diag(D) * h for D in densities]
+    power = np.eye(n)
+    F, integral = np.eye(n), h * np.eye(n)
     for k in range(1, TERMS + 1):
         power = power @ A * (h / k)
         F = F + power
-        terms = [(A @ term + term @ A.T) * (h / (k + 1)) for term in terms]
-        covs = [cov + term for cov, term in zip(covs, terms, strict=True)]
+        integral = integral + power * (h / (k + 1))
+    # Simpson's rule for the noise of the short step
+    middle = np.eye(n) + A * (h / 2.0) + A @ A * (h * h / 8.0)
+    covs = [h / 6.0 * (np.diag(D) + 4.0 * (middle * D) @ middle.T + (F * D) @ F.T) for D in densities]
     for _ in range(doublings):
         covs = [cov + F @ cov @ F.T for cov in covs]
+        integral = integral + F @ integral
         F = F @ F
-    return (F, *(0.5 * (cov + cov.T) for cov in covs))
+    return (F, integral, *(0.5 * (cov + cov.T) for cov in covs))
 
 
 def first_shapes(network: MassSpringNetwork, marks: Sequence[MarkMeasurement]) -> list[Floats]:
@@ -254,44 +287,3 @@ def first_shapes(network: MassSpringNetwork, marks: Sequence[MarkMeasurement]) -
     except NetworkError:
         return [rest_shape(network)]
     return [shape, *(other for _, other in mirrored_shapes(network, places, shape))]
-
-
-def filtered(
-    network: MassSpringNetwork,
-    marked: Sequence[str],
-    settings: FilterSettings,
-    frames: Frames,
-    budget: Budget,
-) -> Gains:
-    """A pass through the frames, from the shape at the first marks that fits best; raises CovarianceError."""
-    seen = next(k for k, (_, marks) in enumerate(frames) if marks)
-    passes = []
-    for shape in first_shapes(network, frames[seen][1]):
-        linear = LinearFilter(network, marked, settings)
-        linear.start(shape, frames[seen][1])
-        start, corrections, total = linear.x.copy(), [], 0.0
-        before, waited = frames[seen][0], 0.0
-        for time_s, marks in frames[seen + 1 :]:
-            budget.check()
-            found, log = linear.correct(time_s - before, marks)
-            waited += time_s - before
-            before, total = time_s, total + log
-            if found is not None:
-                corrections.append(Correction(waited, found.z, found.rows, found.gain, found.root, found.poked))
-                waited = 0.0
-        passes.append(Gains(start, tuple(corrections), total))
-    return max(passes, key=lambda one: one.log_likelihood)
-
-
-def predicted(network: MassSpringNetwork, gains: Gains, budget: Budget) -> tuple[list[Floats], Floats]:
-    """Normalised innovations of each correction, and the states after it, (n_corrections, n_state), of a network."""
-    stepper, x = Stepper(network), gains.start
-    normalised, states = [], []
-    for one in gains.corrections:
-        budget.check()
-        x = stepper.advance(x[None], one.dt)[0]
-        y = one.z - x[one.rows]
-        x = x + one.gain @ y
-        normalised.append(np.linalg.solve(one.root, y))
-        states.append(x)
-    return normalised, np.array(states)

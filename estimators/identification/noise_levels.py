@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
 from estimators.identification.filter_pass import Frames
-from estimators.identification.stretch import affordable
+from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
@@ -120,7 +120,8 @@ def tune_noise(
 
     none = np.zeros(len(start))
     try:
-        used = affordable(lambda some: run(none, some), frames, MOST_PASSES, limit)
+        frame_s = frame_seconds(lambda some: run(none, some), frames, limit)
+        used = affordable(frames, frame_s, MOST_PASSES, limit)
         cost = _Cost(lambda logs: run(logs, used), lambda share: advance(max(share, limit.share)))
         cost_before = cost(none)
     except OutOfTimeError:

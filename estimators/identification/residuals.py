@@ -10,8 +10,8 @@ from scipy.stats import chi2
 from estimators.arrays import Floats
 from estimators.identification.filter_pass import Pass
 
-LEVEL = 1e-3
-"""Probability by which a fitting model's residuals are called unexplained; choice."""
+LEVEL = 0.01
+"""Probability by which each of the two tests calls the residuals of a right model unexplained; choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ def residual_covariance(found: Pass, prior_precision: Floats) -> tuple[Floats, R
     """Covariance of constants at the optimum, (n, n), inflated by what the model leaves unexplained, and the test.
 
     The sandwich H^-1 (J + prior) H^-1, H the information with the prior's, J the long-run covariance of the scores with
-    Bartlett's weights, so that correlated innovations count for fewer. Source: [newey1987]. Along directions in which J
-    exceeds what white innovations of their mean square would give by no more than sampling makes it, that is kept.
+    Bartlett's weights, so that correlated innovations count for fewer. Source: [newey1987]. Where J exceeds what white
+    innovations of their mean square would give by no more than sampling makes it [davidson2001], the latter is kept.
     """
     H = found.information + prior_precision
     n_frames, n = found.scores.shape
@@ -53,8 +53,9 @@ def residual_covariance(found: Pass, prior_precision: Floats) -> tuple[Floats, R
     inverse = np.linalg.inv(root)
     J = long_run_covariance(found.scores, n_lags) + prior_precision
     ratios, axes = np.linalg.eigh(inverse @ J @ inverse.T)
-    # largest eigenvalue of a sampled identity [marchenko1967], of as many samples as Bartlett's weights leave
-    edge = (1.0 + np.sqrt(n * 2.0 * n_lags / (3.0 * n_frames))) ** 2
+    # bound of the largest eigenvalue of a sampled identity, of as many samples as Bartlett's weights leave
+    samples = 1.5 * n_frames / n_lags
+    edge = (1.0 + np.sqrt(n / samples) + np.sqrt(-2.0 * np.log(LEVEL) / samples)) ** 2
     inflated = np.where(ratios > edge, ratios, 1.0)
     around = np.linalg.solve(H, root @ axes)
     cov = (around * inflated) @ around.T

@@ -28,21 +28,28 @@ def liveliest(frames: Frames, n: int) -> Frames:
                 steps[k] += float(((mark.position - last[mark.node]) ** 2).sum())
             last[mark.node] = mark.position
     total = np.concatenate([[0.0], np.cumsum(steps)])
-    first = int(np.argmax(total[n:] - total[:-n]))
+    moving = total[n:] - total[:-n]
+    # a filter starts from marks
+    moving[[not marks for _, marks in frames[: len(moving)]]] = -1.0
+    first = int(np.argmax(moving))
     return frames[first : first + n]
 
 
-def affordable(run: Callable[[Frames], object], frames: Frames, n_passes: int, budget: Budget) -> Frames:
-    """The frames, or as many of them as the time allows for so many passes.
-
-    Raises OutOfTimeError where it allows for fewer than `LEAST_FRAMES`.
-    """
+def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budget) -> float:
+    """Time that a pass takes for each frame [s], by a few of them; 0 where the time is unlimited."""
     if not np.isfinite(budget.seconds):
-        return frames
+        return 0.0
     run(frames[:PROBED])
     before_s = budget.spent_s
     run(frames[:PROBED])
-    frame_s = (budget.spent_s - before_s) / min(PROBED, len(frames))
+    return (budget.spent_s - before_s) / min(PROBED, len(frames))
+
+
+def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget) -> Frames:
+    """The frames, or the liveliest in a row for which the time allows so many passes of frame_s [s] a frame.
+
+    Raises OutOfTimeError where these are fewer than `LEAST_FRAMES`.
+    """
     if frame_s <= 0.0:
         return frames
     n = int((budget.seconds - budget.spent_s) / (n_passes * frame_s))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
+import importlib.util
 import json
 import sys
 import time
@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 Case = Mapping[str, Any]
@@ -18,6 +19,8 @@ Case = Mapping[str, Any]
 
 Work = Callable[[Any], Any]
 """What a run does: a function of a module, or a `functools.partial` of one with keywords that change no result."""
+
+PACKAGES = ("dynamics", "estimators", "vision", "experiments")
 
 KEY_DIGITS = 16
 """Hexadecimal digits of a key: 64 bit, among a million runs two share one with a probability of 3e-8."""
@@ -91,6 +94,17 @@ def named_work(name: str) -> Work:
     module, _, function = name.partition(":")
     found: Work = getattr(importlib.import_module(module), function)
     return found
+
+
+def program() -> str:
+    """A digest of the source of the four packages: results of two states of the program are told apart by it."""
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        spec = importlib.util.find_spec(package)
+        for folder in (spec and spec.submodule_search_locations) or ():
+            for path in sorted(Path(folder).rglob("*.py")):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:KEY_DIGITS]
 
 
 def key_of(work: Work, case: Case) -> str:

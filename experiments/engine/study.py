@@ -1,8 +1,8 @@
 """A study: one function on many cases, its runs kept as they finish, and continued where it was ended.
 
 The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases: the case's own
-numbers and texts, the result's, `seconds`, `failure`, `command`, `key`; `failures/`, a file for each run that failed,
-and `kept/`, all runs that were ever done in it.
+numbers and texts, the result's, and those of OWN; `failures/`, a file for each run that failed, and `kept/`, all runs
+that were ever done in it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +21,7 @@ import pandas as pd
 
 from experiments.engine.executor import RunsFailedError, finished
 from experiments.engine.parts import KEPT, Parts, parquet, read_parts, table_of
-from experiments.engine.runs import Case, Run, Work, importable, key_of, name_of
+from experiments.engine.runs import Case, Run, Work, importable, key_of, name_of, program
 from experiments.engine.workers import Workers, require_extra
 from experiments.formats.outputs import write_whole
 
@@ -29,8 +30,8 @@ if TYPE_CHECKING:
 
 RUNS = "runs.parquet"
 FAILURES = "failures"
-OWN = ("seconds", "failure", "command", "key")
-"""Columns of the engine, beside those of the case and of its result."""
+OWN = ("seconds", "failure", "command", "program", "key")
+"""Columns of the engine: what a run took, its failure and the command that repeats it, digest of the source, key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,13 +79,15 @@ def run_study(
     known = read_parts(folder / KEPT)
     done = set() if known is None else set(_keys_done(known))
     left = [k for k, key in enumerate(keys) if key not in done]
-    parts = Parts(folder / KEPT)
+    parts, source = Parts(folder / KEPT), program()
     n_done = len(keys) - len(left)
     advance(n_done / max(1, len(keys)))
     try:
         for run in finished(partial(rows_of, work=shared), [cases[k] for k in left], workers):
             k = left[run.index]
-            parts.add(_kept_rows(run, cases[k], keys[k], _noted(run, cases[k], keys[k], folder, name_of(shared))))
+            command = _noted(run, cases[k], keys[k], folder, name_of(shared))
+            own = {"failure": run.failure, "command": command, "program": source, "key": keys[k]}
+            parts.add(_kept_rows(run, cases[k], own))
             n_done += 1
             advance(n_done / len(keys))
     finally:
@@ -92,6 +95,8 @@ def run_study(
     table = _in_order(read_parts(folder / KEPT), keys)
     write_whole(folder / RUNS, parquet(table))
     frame = table.to_pandas()
+    if len(frame) and set(frame.get("program", [""])) != {source}:
+        sys.stderr.write(f"{folder}: runs of another state of the program are in it; a new folder has none\n")
     failed = frame[frame["failure"].notna()] if len(frame) else frame
     lines = [f"{row.failure}; repeat: {row.command}" for row in failed.itertuples()]
     return Study(frame, len(keys), len(left), tuple(lines))
@@ -135,10 +140,9 @@ def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | Non
     return f"python -m experiments.engine {shlex.quote(str(path))}"
 
 
-def _kept_rows(run: Run, case: Case, key: str, command: str | None) -> list[dict[str, Any]]:
+def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict[str, Any]]:
     seconds = None if math.isnan(run.seconds) else run.seconds
-    own = {"seconds": seconds, "failure": run.failure, "command": command, "key": key}
-    return [{**columns_of(case), **row, **own} for row in run.result or [{}]]
+    return [{**columns_of(case), **row, "seconds": seconds, **own} for row in run.result or [{}]]
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
@@ -161,4 +165,4 @@ def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
         before = key
     table = kept.take([place for key in keys for place in rows.get(key, [])])
     names = [name for name in table.column_names if name not in OWN]
-    return table.select([*names, *OWN])
+    return table.select([*names, *(name for name in OWN if name in table.column_names)])

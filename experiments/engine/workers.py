@@ -11,7 +11,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import forkserver
 from typing import TYPE_CHECKING
 
 from experiments.errors import InputError
@@ -67,7 +66,9 @@ class Workers:
     @property
     def n_local(self) -> int:
         """Processes on this machine."""
-        return len(os.sched_getaffinity(0)) if self.n_processes is None else self.n_processes
+        from dask.system import CPU_COUNT
+
+        return CPU_COUNT if self.n_processes is None else self.n_processes
 
 
 OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
@@ -143,6 +144,8 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
     settings = {
         "distributed.worker.multiprocessing-method": method,
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+        # Ctrl-C reaches all processes of a terminal; this one closes the others
+        "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
         "distributed.scheduler.allowed-failures": DEATHS - 1,
         # no second batch waits on a worker, where it would share the blame if the worker died
         "distributed.scheduler.worker-saturation": 1.0,
@@ -157,7 +160,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
             n_workers=n_processes,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",  # any port that is free
             silence_logs=logging.CRITICAL,
         ) as cluster:
             yield cluster
@@ -178,6 +181,8 @@ def _start_forkserver(module: str) -> None:
 
     Without it each worker would import for seconds, and again when it is replaced.
     """
+    from multiprocessing import forkserver
+
     from distributed.utils import get_mp_context
 
     context = get_mp_context()

@@ -6,11 +6,14 @@ nothing but what the grid says.
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
+import shutil
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from dynamics import KINDS, MassSpringNetwork, parameters, scale_parameters
-from experiments.engine.runs import Case
+from experiments.engine.runs import KEY_DIGITS, Case, program
 from experiments.engine.study import Study, run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError, read_text, shown
@@ -27,14 +30,14 @@ from experiments.formats.scenario import Scenario
 from experiments.formats.scene.filter import settings_of
 from experiments.formats.scene.scene import Scene, scene_of_tables
 from experiments.formats.scene.schema import FilterTable, SceneFile
-from experiments.formats.sweep_file import SeenMarks, Setup, Sweep
+from experiments.formats.sweep_file import SeenMarks, Sweep
 from experiments.formats.toml_file import validated
 from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
 from experiments.simulation.seen_marks import seen_marks
-from experiments.simulation.simulate import Truth, scene_of, start_and_forces, true_motion
+from experiments.simulation.simulate import Truth, exposures, scene_of, start_and_forces, true_motion
 
-STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD = "study.toml", "runs.csv", "summary.csv", "summary.md"
+STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"
 
 CHECKED_S = 1.0
 """Forces of a scenario are made for so long to check it before all runs [s]."""
@@ -49,14 +52,17 @@ class Swept:
 
 
 def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
-    """A case for each combination and seed, those of one truth together. Raises InputError for what cannot be run."""
+    """A case for each combination and seed. Raises InputError for what cannot be run."""
     for k, name in enumerate(sweep.methods):
         if name not in method_names():
             raise InputError.at(f"{sweep.path}: methods[{k}]", f"one of {', '.join(method_names())}", shown(name))
     text = None if sweep.scene is None else read_text(sweep.scene)
-    by_scenario: dict[str, list[tuple[Setup, dict[str, Any]]]] = {}
+    cases, checked = [], set()
     for setup in sweep.setups:
         scenario = setup.scenario.model_dump(exclude_none=True)
+        if (name := json.dumps(scenario)) not in checked:
+            _check_forces(setup.scenario, text, sweep)
+            checked.add(name)
         table = {
             "scenario": scenario,
             "filter": setup.filter.model_dump(exclude_unset=True),
@@ -65,15 +71,9 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
             "methods": list(sweep.methods),
             "scene": text,
         }
-        by_scenario.setdefault(json.dumps(scenario, sort_keys=True), []).append((setup, table))
-    for alike in by_scenario.values():
-        _check_forces(alike[0][0].scenario, text, sweep)
-    return [
-        {**{key: _column(value) for key, value in setup.at.items()}, "seed": seed, "setup": table}
-        for alike in by_scenario.values()
-        for seed in sweep.seeds
-        for setup, table in alike
-    ]
+        at = {key: _column(value) for key, value in setup.at.items()}
+        cases += [{**at, "seed": seed, "setup": table} for seed in sweep.seeds]
+    return cases
 
 
 def _column(value: Any) -> str | int | float:
@@ -118,18 +118,31 @@ def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) ->
     return scale_parameters(network, which, [np.log(factors[one.kind]) for one in which])
 
 
-@lru_cache(maxsize=4)
-def motion_of(scenario: str, text: str | None, seed: int) -> Truth:
-    """The truth of a scenario (as JSON) and a seed, which runs one after the other share."""
-    read = Scenario.model_validate_json(scenario)
-    return true_motion(true_scene(text, read).network, read, np.random.default_rng([seed, 1]))
+def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
+    """The truth of a scenario and a seed; made once and kept in the folder `truths`, if there is one."""
+    network = true_scene(text, scenario).network
+    if truths is None:
+        return true_motion(network, scenario, np.random.default_rng([seed, 1]))
+    name = json.dumps([scenario.model_dump(), text, seed], sort_keys=True)
+    path = truths / f"{hashlib.sha256(name.encode('utf-8')).hexdigest()[:KEY_DIGITS]}.npy"
+    if path.exists():
+        return Truth(exposures(scenario), np.load(path))
+    motion = motion_of(scenario, text, seed, None)
+    buffer = io.BytesIO()
+    np.save(buffer, motion.positions)
+    truths.mkdir(parents=True, exist_ok=True)
+    write_whole(path, buffer.getvalue())
+    return motion
 
 
-def swept_rows(case: Case) -> list[dict[str, Any]]:
-    """One run: a row for each method, figures as `softaim compare` has them; by_open_loop: its mean error by that."""
+def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
+    """One run: a row for each method, figures as `softaim compare` has them; by_open_loop: its mean error by that.
+
+    truths: a folder in which runs of this machine share their truths
+    """
     setup, seed = case["setup"], case["seed"]
     scenario, text = Scenario.model_validate(setup["scenario"]), setup["scene"]
-    motion = motion_of(json.dumps(setup["scenario"]), text, seed)
+    motion = motion_of(scenario, text, seed, truths)
     true = true_scene(text, scenario)
     given = assumed_scene(true, setup["model"], FilterTable(**setup["filter"]), text)
     marks = SeenMarks.model_validate(setup["marks"])
@@ -153,7 +166,9 @@ def run_sweep(
     _check_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / STUDY, read_text(sweep.path))
-    done = run_study(swept_rows, cases, folder, workers, advance)
+    truths = folder.resolve() / TRUTHS / program()
+    done = run_study(partial(swept_rows, truths=truths), cases, folder, workers, advance)
+    shutil.rmtree(folder / TRUTHS, ignore_errors=True)
     table = summarised(done.table, sweep)
     write_whole(folder / RUNS_CSV, done.table.to_csv(index=False, float_format="%.9g"))
     write_whole(folder / SUMMARY_CSV, table.to_csv(index=False, float_format="%.6g"))

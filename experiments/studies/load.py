@@ -108,9 +108,9 @@ def main() -> None:
         cases: list[Case] = [{"seed": seed, "ms": chosen.ms} for seed in range(chosen.runs)]
         load = measured(busy, cases, chosen_workers(chosen))
     else:
-        load = measured(
-            partial(timed, work=swept_rows), list(cases_of(read_sweep(chosen.sweep))), chosen_workers(chosen)
-        )
+        with tempfile.TemporaryDirectory() as truths:
+            work = partial(timed, work=partial(swept_rows, truths=Path(truths)))
+            load = measured(work, list(cases_of(read_sweep(chosen.sweep))), chosen_workers(chosen))
     for name, value in load.figures.items():
         sys.stdout.write(f"{name} {value:.4g}\n")
 

@@ -23,11 +23,11 @@ SHEET_M, SHEET_N_M, SHEET_KG_M2 = (0.20, 0.25), 100.0, 0.2
 SHEET_NODES = (5, 6)
 THICKNESS_M = 1e-3
 POISSON = 0.3
-RAYLEIGH_S = 0.02
+RAYLEIGH_S = 0.01
 """Damping by stiffness [s]."""
 
-PRESS, FINGER = 0.04, 0.35
-"""Largest force on the top of a block, by Young's modulus and its area, and the finger's radius by the side."""
+PRESS, FINGER = 0.05, 0.6
+"""Largest force on the lower face of a block, by Young's modulus and its area, and the finger's radius by the side."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, by the sheet's weight."""
@@ -43,7 +43,10 @@ class Push:
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A soft block standing on its base, top nodes pressed and let go; its surface is seen, its inside hidden."""
+    """A soft block hanging from a plate, pressed from below and let go; its surface is seen, its inside hidden.
+
+    It does not stand: of a tenth of its stiffness it would buckle under its own weight.
+    """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size
     spacing = side / (per_side - 1)
@@ -52,12 +55,12 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     _settle(model, data, scale)
     drawn = data.flexvert_xpos.copy()
     rng = np.random.default_rng([seed, 0])
-    top = np.flatnonzero(grid[:, 2] > grid[:, 2].max() - 0.1 * spacing)
+    low = np.flatnonzero(grid[:, 2] < grid[:, 2].min() + 0.1 * spacing)
 
     def pressed() -> Floats:
-        away = np.linalg.norm(grid - grid[rng.choice(top)], axis=1) / (FINGER * side)
-        share = np.where(np.isin(np.arange(len(grid)), top), np.exp(-0.5 * away**2), 0.0)
-        force = PRESS * young * side**2 * rng.uniform(0.3, 1.0) * _mostly_down(rng)
+        away = np.linalg.norm(grid - grid[rng.choice(low)], axis=1) / (FINGER * side)
+        share = np.where(np.isin(np.arange(len(grid)), low), np.exp(-0.5 * away**2), 0.0)
+        force = PRESS * young * side**2 * rng.uniform(0.3, 1.0) * _mostly_up(rng)
         return np.outer(share / share.sum(), force)
 
     pushes = _pushes(rng, seconds, pressed)
@@ -65,7 +68,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     springs, shared = _lattice(grid, spacing)
     stiffness = 0.4 * young * spacing * shared
     inside = ~_on_hull(grid)
-    fixed = grid[:, 2] < grid[:, 2].min() + 0.1 * spacing
+    fixed = grid[:, 2] > grid[:, 2].max() - 0.1 * spacing
     network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
     marked = tuple(f"n{i}" for i in np.flatnonzero(~fixed & ~inside))
     resting = fit_rest_lengths(network, drawn)
@@ -153,7 +156,7 @@ CONTACT = '<contact selfcollide="none" contype="0" conaffinity="0"/>'
 
 
 def _block_xml(n: int, spacing: float, mass: float, material: _Material, *, afloat: bool = False) -> str:
-    pin = "" if afloat else f'<pin gridrange="0 0 0 {n - 1} {n - 1} 0"/>'
+    pin = "" if afloat else f'<pin gridrange="0 0 {n - 1} {n - 1} {n - 1} {n - 1}"/>'
     option = OPTION.format(gravity='gravity="0 0 0"' if afloat else "")
     return f"""<mujoco>{option}<worldbody>
         <flexcomp name="b" type="grid" count="{n} {n} {n}" spacing="{spacing} {spacing} {spacing}" dim="3"
@@ -238,9 +241,9 @@ class _Leading:
         return act
 
 
-def _mostly_down(rng: np.random.Generator) -> Floats:
-    x, y = rng.normal(0.0, 0.4, 2)
-    return np.array([x, y, -1.0 if rng.random() < 0.7 else 0.7])
+def _mostly_up(rng: np.random.Generator) -> Floats:
+    x, y = rng.normal(0.0, 0.5, 2)
+    return np.array([x, y, 1.0 if rng.random() < 0.7 else -0.7])
 
 
 def _mostly_across(rng: np.random.Generator) -> Floats:

@@ -170,3 +170,13 @@ def test_without_the_extra_the_message_has_the_command(tmp_path, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
     with pytest.raises(InputError, match=r'pip install "softaim\[cluster\]"'):
         run_study(small_runs.paired, cases(2), tmp_path, OWN_PROCESS)
+
+
+def test_runs_of_another_state_of_the_program_are_reported(tmp_path, monkeypatch, capsys):
+    run_study(small_runs.paired, cases(2), tmp_path, OWN_PROCESS)
+    run_study(small_runs.paired, cases(2), tmp_path, OWN_PROCESS)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("experiments.engine.study.program", lambda: "another")
+    done = run_study(small_runs.paired, cases(3), tmp_path, OWN_PROCESS)
+    assert "another state of the program" in capsys.readouterr().err
+    assert len(set(done.table["program"])) == 2

@@ -84,11 +84,14 @@ def test_the_summary_is_over_the_runs(done):
 
 
 def test_a_run_is_its_case_whatever_ran_before(tmp_path):
+    """And with its truth made anew, kept, and read from where it is kept."""
     cases = cases_of(read_sweep(file(tmp_path)))
     first = swept_rows(cases[0])
-    for case in cases[:0:-1]:
-        swept_rows(case)
-    again = swept_rows(cases[0])
+    for case in cases[:0:-2]:
+        swept_rows(case, tmp_path / "truths")
+    assert len(list((tmp_path / "truths").iterdir())) == 1
+    swept_rows(cases[0], tmp_path / "truths")
+    again = swept_rows(cases[0], tmp_path / "truths")
     own = [{name: value for name, value in row.items() if name not in CLOCK} for row in first]
     assert own == [{name: value for name, value in row.items() if name not in CLOCK} for row in again]
 
@@ -148,10 +151,10 @@ def test_a_tissue_of_ones_own(tmp_path):
 def test_a_run_that_fails_does_not_end_the_sweep(tmp_path, monkeypatch):
     move = module.motion_of
 
-    def broken(scenario, text, seed):
+    def broken(scenario, text, seed, truths):
         if seed == 1:
             raise FloatingPointError("overflow")
-        return move(scenario, text, seed)
+        return move(scenario, text, seed, truths)
 
     monkeypatch.setattr(module, "motion_of", broken)
     path = file(tmp_path, TEXT.replace("[0.5, 4]", "[4]").replace("[1.0, 1.3]", "[1.0]"))

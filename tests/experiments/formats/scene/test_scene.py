@@ -140,3 +140,20 @@ def test_nothing_is_written_where_the_folder_is_missing(tmp_path: Path):
     with pytest.raises(InputError, match="expected a file that can be written, found no such file or directory"):
         write_scene(scene, tmp_path / "none" / "scene.toml")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_groups_of_springs_are_read_and_written(path: Path, tmp_path: Path):
+    """The first spring of a group, the second of none; without any there are none at all."""
+    path.write_text(GOOD.replace("[[network.spring]]", '[[network.spring]]\ngroup = "skin"', 1), encoding="utf-8")
+    scene = read_scene(path)
+    assert scene.spring_groups == ("skin", "")
+    write_scene(scene, tmp_path / "again.toml")
+    assert read_scene(tmp_path / "again.toml").spring_groups == ("skin", "")
+    path.write_text(GOOD, encoding="utf-8")
+    assert read_scene(path).spring_groups == ()
+
+
+def test_a_group_without_a_name_is_one_error(path: Path):
+    path.write_text(GOOD.replace("[[network.spring]]", '[[network.spring]]\ngroup = ""', 1), encoding="utf-8")
+    with pytest.raises(InputError, match=r"network\.spring\[0\]\.group: expected .*"):
+        read_scene(path)

@@ -45,3 +45,10 @@ def test_a_floating_block_has_no_anchor_and_moves_as_a_whole():
     assert (len(body.marked), len(body.hidden)) == (14, 13)
     center = body.positions.mean(axis=1)
     assert 1e-3 < np.linalg.norm(center - center[0], axis=1).max() < 0.03
+
+
+def test_a_pressed_block_of_a_tenth_of_the_stiffness_is_not_turned_inside_out():
+    """Nodes move by less than half the side; a block that everts through its plate moves by more than the side."""
+    body = block(3, 4, Scale(stiffness=0.1), seconds=3.0)
+    moved = np.linalg.norm(body.positions - body.positions[0], axis=2).max()
+    assert 0.005 < moved < 0.03

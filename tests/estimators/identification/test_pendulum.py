@@ -1,0 +1,102 @@
+"""Constants of a real pendulum: rigid links, seen from the first frame on in motion, by a network of springs."""
+
+import numpy as np
+import pytest
+
+from estimators import (
+    Budget,
+    IdentificationError,
+    IdentificationSettings,
+    identify_constants,
+    tune_noise,
+)
+from tests.estimators.identification.pendulum import LENGTHS
+
+FACTORS = (1.08, 0.93)
+
+
+@pytest.fixture(scope="module")
+def found(swing, links):
+    return identify_constants(links(FACTORS), swing, ("end",), "joint")
+
+
+def test_the_lengths_of_rigid_links_are_found(found):
+    """From 8 and 7 % wrong: to 0.5 %, and within 1.96 standard errors, which are no smaller than the noise allows.
+
+    A length seen in n frames to SD at either end has a standard error of SD sqrt(2 / n) / length at the least.
+    """
+    errors = np.log(found.network.rest_lengths / LENGTHS)
+    sd = found.sd[[group.kind == "rest_length" for group in found.groups]]
+    assert np.abs(errors).max() < 0.005
+    assert (np.abs(errors) < 1.96 * sd).all()
+    assert (sd > 0.5 * 5e-4 * np.sqrt(1.0 / 160.0) / LENGTHS).all()
+
+
+def test_all_starts_agree_and_residuals_are_explained(found):
+    assert found.converged
+    assert found.n_starts == 4
+    assert found.n_agreeing >= 3
+    assert found.residuals.explained
+    assert found.residuals.size == pytest.approx(1.0, abs=0.15)
+    assert found.log_likelihood > found.log_likelihood_before + 1000.0
+
+
+def test_the_hidden_joint_is_predicted_with_what_was_found(found):
+    """Its mark not used: below 2 mm, where the wrong lengths leave twice as much and more."""
+    assert found.target_rms_m < 2e-3
+    assert found.target_rms_before_m > 2.0 * found.target_rms_m
+
+
+def test_a_model_of_half_the_weight_is_not_explained_and_less_sure(found, swing, links):
+    """The same links with 0.6 of gravity: residuals are larger than the filter expects, standard errors with them."""
+    wrong = identify_constants(
+        links(FACTORS, gravity=0.6 * 9.81), swing, ("end",), "joint", search=IdentificationSettings(n_starts=1)
+    )
+    assert not wrong.residuals.explained
+    assert wrong.residuals.inflation > 1.1
+    assert wrong.residuals.n_effective < wrong.residuals.n
+    assert found.residuals.inflation == 1.0
+
+
+def test_a_joint_that_is_never_seen_starts_somewhere(swing, links):
+    """Only the end is seen, the joint's first place and speed are unknown: both lengths to 3 %."""
+    frames = [(time_s, [mark for mark in marks if mark.node == "end"]) for time_s, marks in swing]
+    hidden = identify_constants(links((1.05, 0.96)), frames, ("end",), "end", search=IdentificationSettings(n_starts=1))
+    errors = np.log(hidden.network.rest_lengths / LENGTHS)
+    assert np.abs(errors).max() < 0.03
+
+
+class Clock:
+    """State: seconds that have passed, more by a step at every reading."""
+
+    def __init__(self, step_s):
+        self.now_s, self.step_s = 0.0, step_s
+
+    def __call__(self):
+        self.now_s += self.step_s
+        return self.now_s
+
+
+def test_out_of_time_the_best_until_then_is_returned(swing, links):
+    """A clock that a pass of 160 frames moves by 160 s, and 2,000 s: fewer frames, starts or passes, and said so."""
+    found = identify_constants(links(FACTORS), swing, ("end",), "joint", budget=Budget(2000.0, Clock(1.0)))
+    assert not found.in_time
+    assert found.n_frames < 160
+    assert found.log_likelihood > found.log_likelihood_before
+    assert np.abs(np.log(found.network.rest_lengths / LENGTHS)).max() < 0.02
+
+
+def test_too_little_time_is_said(swing, links):
+    with pytest.raises(IdentificationError, match="expected more time, found 20 s"):
+        identify_constants(links(FACTORS), swing, ("end",), "joint", budget=Budget(20.0, Clock(1.0)))
+    with pytest.raises(IdentificationError, match="expected more time, found 20 s"):
+        tune_noise(links(), swing, ("end",), "joint", budget=Budget(20.0, Clock(1.0)))
+
+
+def test_noise_levels_within_a_time(swing, links):
+    """A clock that 160 frames move by 160 s: fewer frames and passes, levels no worse than before."""
+    found = tune_noise(links(), swing, ("end",), "joint", budget=Budget(1000.0, Clock(1.0)))
+    assert not found.in_time
+    assert found.n_frames < 160
+    assert found.log_likelihood >= found.log_likelihood_before
+    assert (found.values > 0.0).all()

@@ -1,0 +1,142 @@
+"""`softaim identify` and `tune` of a real pendulum: rigid links, in motion from the start; what is not written."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from dynamics import MassSpringNetwork
+from estimators import Budget, FilterSettings
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from experiments.formats.scene.target import Target
+from experiments.pipeline import identify
+from tests.estimators.identification.pendulum import LENGTHS, MASSES, SD, swung
+from tests.experiments.pipeline.test_identify import softaim
+
+N_FRAMES = 60
+
+
+def pendulum(factors):
+    """Links of 2,000 N/m with rest lengths by these factors, the upper one of a group of its own."""
+    depths = np.array([0.0, -LENGTHS[0], -LENGTHS.sum()])
+    network = MassSpringNetwork(
+        names=("pin", "joint", "end"),
+        positions=np.column_stack([np.zeros(3), depths]),
+        masses=np.array([1.0, *MASSES]),
+        fixed=np.array([True, False, False]),
+        drag=np.zeros(3),
+        friction=np.zeros(3),
+        springs=np.array([[0, 1], [1, 2]]),
+        stiffness=np.full(2, 2000.0),
+        rest_lengths=LENGTHS * factors,
+        damping=np.full(2, 0.5),
+        gravity=np.array([0.0, -9.81]),
+    )
+    marks = (Mark("end", 0.0, 5e-3), Mark("joint", 120.0, 5e-3, measured=False))
+    return Scene(network, marks, Target("joint", 3e-3), (), spring_groups=("upper arm", ""))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """0.6 s at 100 frames/s, both masses seen to SD; lengths in the scene 8 and 7 % wrong."""
+    folder = tmp_path_factory.mktemp("pendulum") / "rec"
+    folder.mkdir()
+    write_scene(pendulum((1.08, 0.93)), folder / "scene.toml")
+    times, places = swung(N_FRAMES)
+    noisy = 1e3 * (places + np.random.default_rng(4).normal(0.0, SD, places.shape))
+    rows = [
+        (t, name, *place, 1e3 * SD)
+        for t, now in zip(times, noisy, strict=True)
+        for name, place in zip(("joint", "end"), now, strict=True)
+    ]
+    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def identified(recording, tmp_path_factory):
+    """The scene that identify makes of it."""
+    out = tmp_path_factory.mktemp("out") / "scene.toml"
+    with pytest.MonkeyPatch.context() as patch:
+        assert softaim(patch, "identify", recording, "--out", out) == 0
+    return out
+
+
+def test_the_lengths_of_links_that_swing_are_found(recording, identified):
+    """From 8 and 7 % wrong to 1 %; the groups stay in the scene."""
+    scene = read_scene(identified)
+    np.testing.assert_allclose(scene.network.rest_lengths, LENGTHS, rtol=0.01)
+    assert scene.spring_groups == ("upper arm", "")
+
+
+def test_how_well_it_fits_is_reported(recording, monkeypatch, capsys, tmp_path):
+    assert softaim(monkeypatch, "identify", recording, "--out", tmp_path / "scene.toml", "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["starts"]["followed"] == 4
+    assert 1 <= report["starts"]["agreeing"] <= 4
+    assert report["residuals"]["explained"] is True
+    assert report["residuals"]["innovations"] == 4 * (N_FRAMES - 1)
+    assert report["frames"] == N_FRAMES
+    assert report["in_time"] is True
+    assert report["target_rms_mm"] < report["target_rms_before_mm"]
+    assert report["constants"][0]["name"] == "stiffness upper arm"
+    assert all(row["standard_error"] > 1e-5 for row in report["constants"])
+
+
+def test_residuals_that_are_not_explained_are_said_in_one_line(recording, monkeypatch, capsys, tmp_path):
+    """Links that weigh a tenth: one line names the size of the residuals and what it costs."""
+    scene = read_scene(recording / "scene.toml")
+    light = replace(scene, network=replace(scene.network, gravity=0.3 * scene.network.gravity))
+    write_scene(light, tmp_path / "light.toml")
+    out = tmp_path / "out.toml"
+    assert softaim(monkeypatch, "identify", recording, "--scene", tmp_path / "light.toml", "--out", out) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len([line for line in lines if line.startswith("Residuals are not explained: mean square ")]) == 1
+    assert len([line for line in lines if "starts agree on these constants" in line]) == 1
+
+
+@pytest.mark.parametrize(
+    ("worse", "message"),
+    [
+        (
+            {"log_likelihood": -5.0, "log_likelihood_before": 10.0},
+            "expected constants that fit better than the scene's",
+        ),
+        ({"target_rms_m": 3e-3, "target_rms_before_m": 2e-3}, "found 3.00 mm after 2.00 mm"),
+    ],
+)
+def test_a_scene_that_fits_worse_is_not_written(recording, monkeypatch, capsys, tmp_path, worse, message):
+    honest = identify.identify_constants
+    monkeypatch.setattr(identify, "identify_constants", lambda *args, **keys: replace(honest(*args, **keys), **worse))
+    out = tmp_path / "scene.toml"
+    assert softaim(monkeypatch, "identify", recording, "--out", out) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("command", ["identify", "tune"])
+def test_too_few_minutes_are_one_clear_error(recording, monkeypatch, capsys, tmp_path, command):
+    """A clock that every look at it moves by a second."""
+    seconds = iter(range(100_000))
+    monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
+    out = tmp_path / "scene.toml"
+    assert softaim(monkeypatch, command, recording, "--minutes", "0.2", "--out", out) == 2
+    error = [line for line in capsys.readouterr().err.splitlines() if "rests up to" not in line]
+    assert len(error) == 1
+    assert "expected more time, found 12 s" in error[0]
+    assert not out.exists()
+
+
+def test_tune_ends_with_the_best_that_its_time_allows(recording, identified, monkeypatch, capsys, tmp_path):
+    """A clock by which the whole recording, sixty times, takes two hours: fewer frames, and a line about it."""
+    seconds = iter(range(1_000_000))
+    monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
+    out = tmp_path / "scene.toml"
+    assert softaim(monkeypatch, "tune", recording, "--scene", identified, "--minutes", "20", "--out", out) == 0
+    assert "The best within 20 minutes, by " in capsys.readouterr().out
+    assert read_scene(out).settings != FilterSettings()
