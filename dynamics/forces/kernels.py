@@ -345,10 +345,9 @@ NEWTON = 2
 
 
 @njit(cache=True, nogil=True)
-def _solve_definite(M, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right` (n,) by M^-1 right, M (n, n) positive definite."""
+def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
+    """Overwrite `right` (n,) by (L L')^-1 right, L (n, n) lower triangular."""
     n = len(right)
-    L = np.linalg.cholesky(M)
     for i in range(n):
         entry = right[i]
         for k in range(i):
@@ -361,8 +360,21 @@ def _solve_definite(M, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _newton(now, target, weight, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
-    """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten."""
+def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
+    """Lower L with L L' = M + weight C + weight² K, the tangents of a state, which are written into K and C."""
+    tangents(x, v, p, place, True, K, C)
+    M = weight * C + (weight * weight) * K
+    for r in range(len(masses)):
+        M[r, r] += masses[r]
+    return np.linalg.cholesky(M)
+
+
+@njit(cache=True, nogil=True)
+def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
+    """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
+
+    L: of tangents about there, see `_factorise`; renew: whether each iteration makes its own
+    """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
     changed = np.empty(n_half)
@@ -370,28 +382,27 @@ def _newton(now, target, weight, place, nodes, free, masses, p, outside, scratch
         for r in range(n_half):
             x[free[r // dim], r % dim, 0] = now[r]
             v[free[r // dim], r % dim, 0] = now[n_half + r]
-        tangents(x, v, p, place, True, K, C)
+        if renew:
+            L = _factorise(x, v, p, place, weight, masses, K, C)
         spring_forces(x, v, p, pull, square, force)
         missing = target[:n_half] + weight * now[n_half:] - now[:n_half]
         along = K @ missing
         for r in range(n_half):
             pushed = force[free[r // dim], r % dim, 0] + outside[r] - along[r]
             changed[r] = masses[r] * (target[n_half + r] - now[n_half + r]) + weight * pushed
-        M = weight * C + (weight * weight) * K
-        for r in range(n_half):
-            M[r, r] += masses[r]
-        _solve_definite(M, changed)
+        _solve_triangles(L, changed)
         now[:n_half] += missing + weight * changed
         now[n_half:] += changed
 
 
 @njit(cache=True, nogil=True)
-def implicit_steps(states, outside, dt, n_steps, nodes, free, masses, p):  # type: ignore[no-untyped-def]
+def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
-    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,). Of second order, and stable with
-    definite tangents however stiff springs are: two stages, the trapezoidal rule and the backward differentiation
-    formula, each solved by Newton's method.
+    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,); renew: whether each of Newton's
+    iterations makes tangents of its own, or those at the start of a step serve for all. Of second order, and stable
+    with definite tangents however stiff springs are: two stages, the trapezoidal rule and the backward differentiation
+    formula.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -417,6 +428,7 @@ def implicit_steps(states, outside, dt, n_steps, nodes, free, masses, p):  # typ
             for r in range(n_half):
                 x[free[r // dim], r % dim, 0] = now[r]
                 v[free[r // dim], r % dim, 0] = now[n_half + r]
+            L = _factorise(x, v, p, place, weight, masses, K, C)
             spring_forces(x, v, p, pull, square, force)
             before[:] = now
             for r in range(n_half):
@@ -424,10 +436,10 @@ def implicit_steps(states, outside, dt, n_steps, nodes, free, masses, p):  # typ
                 pushed = force[free[r // dim], r % dim, 0] + outside[q, r]
                 target[n_half + r] = now[n_half + r] + weight * pushed / masses[r]
             now[:n_half] += g * dt * before[n_half:]
-            _newton(now, target, weight, place, nodes, free, masses, p, outside[q], scratch)
+            _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside[q], scratch)
             target[:] = second * now - first * before
             now[:n_half] += (1.0 - g) * dt * now[n_half:]
-            _newton(now, target, weight, place, nodes, free, masses, p, outside[q], scratch)
+            _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside[q], scratch)
     return ended
 
 

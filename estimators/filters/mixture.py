@@ -216,7 +216,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         """Repeat the last prediction about the states at its start that z makes the most probable.
 
         A prediction and an update by Gauss-Newton steps together, for links that turn far within a cycle: about the
-        state before z the motion is that of another shape. Source: [skoglund2023].
+        state before z the motion is that of another shape. Source: [jazwinski1970].
         """
         while (cycle := self.cycle) is not None and cycle.passes > 1:
             about, settled = np.empty_like(cycle.means), True

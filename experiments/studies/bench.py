@@ -5,6 +5,8 @@ marks; ours, and stock filterpy with the same model in plain NumPy, one sigma po
 full_step: predict of 1/30 s and update with three marks of the filter that is used: three modes, gates, health, what
 the marks carry, association of marks alike; 16 states of the network and six pokes. considered: the same with
 ten unknown constants beside.
+bodies: predict of 1/30 s and update of grids in space, springs along edges and diagonals: 18 free
+nodes of which 17 are marked, 48 of which 40 are.
 advice: what `guide` does in two parts: one second of the target's path, at 30 times; advice from a path, 21 starts
 over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
 live_frame: all that a live loop adds to a frame for it: the breath's fit, 1.5 s of path by tables, advice from it on 4
@@ -74,6 +76,8 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     report = {"filter_step": filter_step()}
     advance(0.4)
     report["full_step"] = full_step()
+    advance(0.45)
+    report["bodies"] = bodies()
     advance(0.5)
     report["advice"] = advice()
     advance(0.6)
@@ -169,6 +173,48 @@ def _step_ms(tissue: TissueFilter, n_frames: int) -> float:
         began = time.perf_counter()
         tissue.predict(k * FRAME_S)
         identity.update(marks)
+        seconds.append(time.perf_counter() - began)
+    return 1e3 * float(np.median(seconds[n_frames // 10 :]))
+
+
+def bodies(n_frames: int = 40) -> dict[str, float]:
+    """Frames of large bodies, their marks to 0.5 mm."""
+    return {f"grid_{n}_ms": _grid_ms(side, n_frames) for n, side in ((18, 3), (48, 4))}
+
+
+def _grid_ms(side: int, n_frames: int) -> float:
+    """Of a cube of 6 cm of so many nodes a side that stands on its lowest layer, its surface marked."""
+    layer = np.arange(float(side))
+    places = np.stack(np.meshgrid(layer, layer, layer, indexing="ij"), axis=-1).reshape(-1, 3)
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    springs = np.argwhere(np.triu((apart > 0.0) & (apart < 1.5)))
+    step_m = 0.06 / (side - 1)
+    names = tuple(f"n{i}" for i in range(len(places)))
+    network = MassSpringNetwork(
+        names=names,
+        positions=np.asarray(step_m * places, dtype=np.float64),
+        masses=np.full(len(places), 0.2 / len(places)),
+        fixed=places[:, 2] == 0,
+        drag=np.zeros(len(places)),
+        friction=np.zeros(len(places)),
+        springs=springs,
+        stiffness=np.full(len(springs), 4000.0 * step_m),
+        rest_lengths=step_m * apart[tuple(springs.T)],
+        damping=np.full(len(springs), 0.5),
+        gravity=np.zeros(3),
+    )
+    inner = ((places > 0) & (places < side - 1)).all(axis=1)
+    marked = [
+        name for name, one, low in zip(names, inner.tolist(), network.fixed.tolist(), strict=True) if not (one or low)
+    ]
+    tissue = TissueFilter(network, names[int(np.argmax(inner))], marked)
+    rng, noise, seconds = np.random.default_rng(0), 0.5e-3, []
+    for k in range(n_frames):
+        at = [network.positions[network.index(node)] + noise * rng.normal(size=3) for node in marked]
+        marks = [MarkMeasurement(node, one, noise**2 * np.eye(3)) for node, one in zip(marked, at, strict=True)]
+        began = time.perf_counter()
+        tissue.predict(k * FRAME_S)
+        tissue.update(marks)
         seconds.append(time.perf_counter() - began)
     return 1e3 * float(np.median(seconds[n_frames // 10 :]))
 

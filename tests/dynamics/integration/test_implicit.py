@@ -53,7 +53,7 @@ def test_steps_are_of_second_order(smooth):
     masses = np.repeat(smooth.masses[smooth.free], 2)
     errors = []
     for n in (16, 32, 64):
-        own = (start[None], force[None], 0.1 / n, n, smooth.positions, smooth.free, masses, packed(smooth))
+        own = (start[None], force[None], 0.1 / n, n, True, smooth.positions, smooth.free, masses, packed(smooth))
         errors.append(np.abs(implicit_steps(*own)[0] - truth)[:8].max())
     assert errors[2] < 5e-5
     np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 4.0, atol=0.6)
