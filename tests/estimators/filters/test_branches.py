@@ -211,7 +211,9 @@ def test_a_measurement_moves_columns_as_schmidts_filter_does(considered, shared)
 def test_a_mixture_without_columns_considers_them_by_default():
     """None stand for its columns: (modes, n, 0)."""
     f = UnscentedKalmanFilter(2, lambda s, _dt: s)
-    made = InteractingMixture([f, f], MU, RATES)
+    move = Move(lambda points, _dt: points)
+    made = InteractingMixture([f, f], MU, RATES, move)
+    assert made.move is move
     assert made.columns.shape == made.innovation_columns.shape == (2, 2, 0)
     assert made.considered
     assert made.N == 2
