@@ -196,7 +196,8 @@ def _planned(problem: _Problem, frames: Frames, n_starts: int) -> tuple[int, Fra
     """How many starts and which frames the time allows for: one start where with all of them few frames are left."""
     frame_s = frame_seconds(lambda some: problem.at(np.zeros(len(problem.groups)), some), frames, problem.budget)
     try:
-        used = affordable(frames, frame_s, PASSES_A_START * (n_starts + 1), problem.budget)
+        starts_s = PASSES_A_START * n_starts * min(SCREENED, len(frames)) * frame_s
+        used = affordable(frames, frame_s, PASSES_A_START + 1, problem.budget, reserved_s=starts_s)
     except OutOfTimeError:
         used = frames[:0]
     if len(used) >= min(SCREENED, len(frames)):
