@@ -27,6 +27,9 @@ its cost in docs/settings.md."""
 MOST_PASSES = 60
 """Limit of the iteration: the simplex closes to its tolerances in about fifty passes."""
 
+FEW_PASSES = 25
+"""Passes for which there is time at least, where frames are left out for it: the simplex is then near its end."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuningResult:
@@ -143,7 +146,7 @@ def tune_noise(
     frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
     try:
         frame_s = frame_seconds(lambda some: run(none, some), frames, limit)
-        used = affordable(frames, frame_s, MOST_PASSES, limit)
+        used = affordable(frames, frame_s, FEW_PASSES, limit)
         cost = _Cost(lambda logs: run(logs, used), lambda share: advance(max(share, limit.share)))
         cost_before = cost(none)
     except OutOfTimeError:
