@@ -267,11 +267,9 @@ def advise(
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])
     reach_s = float(path.times_s[-1] - now_s)
-    if not np.isfinite(arrivals[0]):
-        what, reason = decide(Prospect(float(p[0]), False, reach_s, later, p_best), settings)
-        if not np.isfinite(arrivals).any():
-            return Guidance(what, reason, outlook=outlook)
-        return Guidance(what, reason, best_in_s=later, best_probability=p_best, outlook=outlook)
+    if not np.isfinite(arrivals[0]):  # nor does a needle that begins later, and is behind this one
+        what, reason = decide(Prospect(0.0, False, reach_s, 0.0, 0.0), settings)
+        return Guidance(what, reason, outlook=outlook)
     beside = aims[0] - insertion.entry
     across = beside - (beside @ insertion.axis) * insertion.axis
     turned = turned_aims[0] - insertion.entry if np.isfinite(turned_aims[0, 0]) else beside

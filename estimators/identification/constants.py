@@ -80,7 +80,7 @@ class IdentificationResult:
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
     residuals: what is unexplained
     log_likelihood: of the recording's innovations; before, with the constants given
-    target_rms_m: error of the target by its mark where that is not used [m]; before; None where not measured
+    target_error_m: median error of the target by its mark where that is not used [m]; before; None: not measured
     n_starts, n_agreeing: starts that were followed, and how many of them led to these constants
     n_frames: of the recording that were used
     in_time: False where the time was too short for all frames, starts and passes
@@ -97,8 +97,8 @@ class IdentificationResult:
     residuals: ResidualTest
     log_likelihood: float
     log_likelihood_before: float
-    target_rms_m: float | None
-    target_rms_before_m: float | None
+    target_error_m: float | None
+    target_error_before_m: float | None
     n_starts: int
     n_agreeing: int
     n_frames: int
@@ -196,7 +196,8 @@ def _planned(problem: _Problem, frames: Frames, n_starts: int) -> tuple[int, Fra
     """How many starts and which frames the time allows for: one start where with all of them few frames are left."""
     frame_s = frame_seconds(lambda some: problem.at(np.zeros(len(problem.groups)), some), frames, problem.budget)
     try:
-        used = affordable(frames, frame_s, PASSES_A_START * (n_starts + 1), problem.budget)
+        starts_s = PASSES_A_START * n_starts * min(SCREENED, len(frames)) * frame_s
+        used = affordable(frames, frame_s, PASSES_A_START + 1, problem.budget, reserved_s=starts_s)
     except OutOfTimeError:
         used = frames[:0]
     if len(used) >= min(SCREENED, len(frames)):
@@ -254,8 +255,8 @@ def _identified(
         residuals=residuals,
         log_likelihood=best.found.log_likelihood,
         log_likelihood_before=before.log_likelihood,
-        target_rms_m=None if after is None else after.rms_m,
-        target_rms_before_m=None if given_withheld is None else given_withheld.rms_m,
+        target_error_m=None if after is None else after.median_m,
+        target_error_before_m=None if given_withheld is None else given_withheld.median_m,
         n_starts=len(found),
         n_agreeing=n_agreeing,
         n_frames=len(used),

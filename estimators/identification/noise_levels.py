@@ -12,10 +12,10 @@ from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
-from estimators.identification.filter_pass import Frames
+from estimators.identification.filter_pass import Frames, is_linear, likeliest_start, steps
 from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.settings import FilterSettings
+from estimators.tissue.settings import FilterSettings, stationary
 
 NAMES = ("white", "poke", "marks")
 """Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by the reported one."""
@@ -26,6 +26,9 @@ its cost in docs/settings.md."""
 
 MOST_PASSES = 60
 """Limit of the iteration: the simplex closes to its tolerances in about fifty passes."""
+
+FEW_PASSES = 25
+"""Passes for which there is time at least, where frames are left out for it: the simplex is then near its end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +65,24 @@ def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None =
         tissue.predict(time_s)
         if tissue.update(marks).marks_used and started:
             total += tissue.mixture.log_likelihood
+    return total
+
+
+def linear_log_likelihood(
+    network: MassSpringNetwork, frames: Frames, marked: Sequence[str], settings: FilterSettings, budget: Budget
+) -> float:
+    """As `log_likelihood` by the linear filter, constants as exact; frames are poked as often as the modes have it.
+
+    Raises OutOfTimeError where the time is over, CovarianceError where there is no finite state.
+    """
+    poked = settings.poked_share(stationary(settings.rates))
+    linear = likeliest_start(network, ParameterUncertainty((), np.zeros((0, 0))), frames, marked, settings)
+    total = 0.0
+    for dt, marks in steps(frames):
+        budget.check()
+        one = linear.advance(dt, marks)
+        if one is not None:
+            total += one.log_likelihood + float(np.log(poked if one.poked else 1.0 - poked))
     return total
 
 
@@ -112,22 +133,28 @@ def tune_noise(
 
     def run(logs: Floats, through: Frames) -> float:
         values = start * np.exp(logs)
-        tissue = TissueFilter(network, target, marked, with_noise_levels(before, values), uncertainty=uncertainty)
+        levels, scaled = with_noise_levels(before, values), with_scaled_noise(through, values[2])
         try:
-            return log_likelihood(tissue, with_scaled_noise(through, values[2]), limit)
+            if is_linear(network, len(marked)):
+                return linear_log_likelihood(network, scaled, marked, levels, limit)
+            tissue = TissueFilter(network, target, marked, levels, uncertainty=uncertainty)
+            return log_likelihood(tissue, scaled, limit)
         except (CovarianceError, np.linalg.LinAlgError):
             return -np.inf
 
     none = np.zeros(len(start))
+    frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
     try:
         frame_s = frame_seconds(lambda some: run(none, some), frames, limit)
-        used = affordable(frames, frame_s, MOST_PASSES, limit)
+        used = affordable(frames, frame_s, FEW_PASSES, limit)
         cost = _Cost(lambda logs: run(logs, used), lambda share: advance(max(share, limit.share)))
         cost_before = cost(none)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
         ) from None
+    if not np.isfinite(cost_before):
+        raise IdentificationError("expected levels under which the filter stays finite, found others")
     log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
     try:
         _search(cost)

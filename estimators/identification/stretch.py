@@ -45,14 +45,14 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
     return (budget.spent_s - before_s) / min(PROBED, len(frames))
 
 
-def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget) -> Frames:
+def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
     """The frames, or the liveliest in a row for which the time allows so many passes of frame_s [s] a frame.
 
-    Raises OutOfTimeError where these are fewer than `LEAST_FRAMES`.
+    reserved_s: of the time, for something else. Raises OutOfTimeError where these are fewer than `LEAST_FRAMES`.
     """
     if frame_s <= 0.0:
         return frames
-    n = int((budget.seconds - budget.spent_s) / (n_passes * frame_s))
+    n = int((budget.seconds - budget.spent_s - reserved_s) / (n_passes * frame_s))
     if n < min(LEAST_FRAMES, len(frames)):
         raise OutOfTimeError
     return liveliest(frames, n)

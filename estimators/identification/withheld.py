@@ -21,11 +21,11 @@ class Withheld:
     """The target of frames in which its mark is not used.
 
     effect: sum of the squared shares of each direction of uncertainty in the target's error [m²], (n, n)
-    rms_m: error by its mark [m], None where it has none
+    median_m: median error by its mark [m], None where it has none: an elbow may be on the wrong side for a while
     """
 
     effect: Floats
-    rms_m: float | None
+    median_m: float | None
 
 
 def withheld_target(
@@ -46,12 +46,12 @@ def withheld_target(
     else:
         followed = _by_tissue_filter(network, uncertainty, without, nodes, chosen)
     n = len(uncertainty.directions)
-    effect, squares = np.zeros((n, n)), []
+    effect, errors = np.zeros((n, n)), []
     for (_, marks), (position, columns) in zip(frames, followed, strict=False):
         limit.check()
         effect += columns.T @ columns
-        squares += [float(((position - mark.position) ** 2).sum()) for mark in marks if mark.node == target]
-    return Withheld(effect, float(np.sqrt(np.mean(squares))) if squares else None)
+        errors += [float(np.linalg.norm(position - mark.position)) for mark in marks if mark.node == target]
+    return Withheld(effect, float(np.median(errors)) if errors else None)
 
 
 def _by_tissue_filter(

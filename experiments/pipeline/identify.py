@@ -108,13 +108,13 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
             "constants that fit better than the scene's",
             f"a log likelihood of {found.log_likelihood:.1f} after {found.log_likelihood_before:.1f}",
         )
-    if found.target_rms_m is None or found.target_rms_before_m is None:
+    if found.target_error_m is None or found.target_error_before_m is None:
         return
-    if found.target_rms_m > MOST_WORSE * found.target_rms_before_m:
+    if found.target_error_m > MOST_WORSE * found.target_error_before_m:
         raise InputError.at(
             recording.folder,
             f"constants that predict {recording.scene.target.node} without its mark as well as the scene's",
-            f"{1e3 * found.target_rms_m:.2f} mm after {1e3 * found.target_rms_before_m:.2f} mm",
+            f"{1e3 * found.target_error_m:.2f} mm after {1e3 * found.target_error_before_m:.2f} mm",
         )
 
 
@@ -196,8 +196,8 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
         },
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
-        "target_rms_mm": _mm(found.target_rms_m),
-        "target_rms_before_mm": _mm(found.target_rms_before_m),
+        "target_error_mm": _mm(found.target_error_m),
+        "target_error_before_mm": _mm(found.target_error_before_m),
         "frames": found.n_frames,
         "in_time": found.in_time,
     }
@@ -217,9 +217,9 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
         larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
         lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
-    if found.target_rms_m is not None and found.target_rms_before_m is not None:
-        before, after = 1e3 * found.target_rms_before_m, 1e3 * found.target_rms_m
-        lines += [f"Target without its mark: {before:.2f} mm rms before, {after:.2f} mm after"]
+    if found.target_error_m is not None and found.target_error_before_m is not None:
+        before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
+        lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
         lines += [f"The best within {minutes:g} minutes, by {found.n_frames} frames: --minutes for more"]
     return lines

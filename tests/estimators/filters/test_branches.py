@@ -172,6 +172,60 @@ def test_a_restart_ends_all_branches_and_keeps_the_odds_of_the_modes():
     np.testing.assert_allclose(made.x, F @ MIDDLE[0], rtol=1e-14)
 
 
+ERRORS = np.array([[[0.5, -0.2], [0.1, 0.4]], [[-0.3, 0.0], [0.6, 0.2]]])
+COMMON = np.array([[0.4, -0.7]])
+
+
+@pytest.mark.parametrize("considered", [True, False])
+@pytest.mark.parametrize("shared", [None, COMMON])
+def test_a_measurement_moves_columns_as_schmidts_filter_does(considered, shared):
+    """Errors of each mode x - K y, so that columns become C - K (H C + F), P as Joseph's form has it for any gain.
+
+    The gain is that of the joint covariance of state and innovation, where the columns are considered, errors common to
+    all measurements counted twice, once as new ones (added_share 1); else Kalman's. By NumPy's inverse, to rounding.
+    """
+    made, z = mixture(), np.array([0.8])
+    assert made.columns.shape == (2, 2, 1)
+    assert (made.considered, made.added_share) == (True, 1.0)
+    made.columns, made.considered = ERRORS.copy(), considered
+    prior, densities = np.array([[0.1, 0.2], [0.3, -0.4]]), []
+    for f, x in zip(made.filters, prior, strict=True):
+        f.x = x
+    F_b = np.zeros((1, 2)) if shared is None else shared
+    made.update_linear(z, H, R, shared)
+    for f, x, C, columns in zip(made.filters, prior, ERRORS, made.columns, strict=True):
+        seen = C if considered else np.zeros_like(C)
+        moved = H @ seen + (F_b if considered else 0.0)
+        S = H @ H.T + moved @ moved.T + R + (F_b @ F_b.T if considered else 0.0)
+        K = (H.T + seen @ moved.T) @ np.linalg.inv(S)
+        kept = np.eye(2) - K @ H
+        np.testing.assert_allclose(f.x, x + K @ (z - H @ x), rtol=1e-13)
+        np.testing.assert_allclose(f.P, kept @ kept.T + K @ R @ K.T, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(columns, C - K @ (H @ C + F_b), rtol=1e-12, atol=1e-15)
+        densities.append(multivariate_normal(H @ x, S).pdf(z))
+    assert made.log_likelihood == pytest.approx(np.log(MU @ densities), rel=1e-12)
+    np.testing.assert_allclose(made.mu, MU * densities / (MU @ densities), rtol=1e-12)
+    np.testing.assert_allclose(made.innovation_columns, H @ ERRORS + F_b, rtol=1e-14)
+
+
+def test_a_mixture_without_columns_considers_them_by_default():
+    """None stand for its columns: (modes, n, 0)."""
+    f = UnscentedKalmanFilter(2, lambda s, _dt: s)
+    move = Move(lambda points, _dt: points)
+    made = InteractingMixture([f, f], MU, RATES, move)
+    assert made.move is move
+    assert made.columns.shape == made.innovation_columns.shape == (2, 2, 0)
+    assert made.considered
+    assert made.N == 2
+
+
+def test_a_covariance_that_is_no_number_is_an_error():
+    with pytest.raises(
+        CovarianceError, match=r"^mean and covariance of the mixture: expected finite, found otherwise$"
+    ):
+        mixture().restart(np.zeros(2), np.full((2, 2), np.nan))
+
+
 def test_where_points_leave_the_models_ground_a_mode_moves_to_first_order():
     """Of x + x²/2, mean 1 and variance 4: 1.5 and (1 + 1)² 4, and without narrowing 1.5 + 4/2. Other modes as usual.
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad_vec
-from scipy.linalg import expm, solve_continuous_lyapunov
+from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 
 from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
 from estimators import ForceMode, TissueModel, accumulated_noise
 from estimators.process.known_force import KnownForce
+from estimators.process.process_model import _without_growth
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
 
@@ -257,3 +258,24 @@ def test_covariance_settles_where_lyapunov_says(model, phantom):
     np.testing.assert_allclose(accumulated_noise(A, density, 10.0) / scale, expected / scale, rtol=0, atol=1e-10)
     # The poke settles at its own deviation: 5 m/s² by 0.2 kg.
     np.testing.assert_allclose(expected.diagonal()[16:], 1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("squares", [(-4.0, 2.0, 0.5), (-4.0, -2.0, 0.5), (-4.0, -2.0, 30.0)])
+def test_motions_of_negative_stiffness_do_not_grow(squares):
+    """By SciPy's modes of K v = w² M v, V' M V = 1: -K / M is V diag(squares) V' M; those above nothing become nothing.
+
+    To rounding; masses of 1, 2 and 5, modes that are not those of the coordinates.
+    """
+    mass = np.array([1.0, 2.0, 5.0])
+    form = np.random.default_rng(5).normal(size=(3, 3))
+    modes = eigh(form + form.T, np.diag(mass))[1]
+    growing = modes @ np.diag(squares) @ modes.T * mass
+    expected = modes @ np.diag(np.minimum(squares, 0.0)) @ modes.T * mass
+    np.testing.assert_allclose(_without_growth(growing, mass), expected, rtol=0, atol=1e-12 * max(np.abs(squares)))
+
+
+def test_without_negative_stiffness_a_motion_is_as_it_was():
+    """To the bit, a mode without any stiffness, of exactly nothing, among them."""
+    for squares in ([-4.0, -2.0, -0.5], [-4.0, -2.0, 0.0]):
+        kept = np.diag(squares)
+        assert _without_growth(kept, np.array([1.0, 4.0, 16.0])) is kept

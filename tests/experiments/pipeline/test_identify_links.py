@@ -81,7 +81,7 @@ def test_how_well_it_fits_is_reported(recording, monkeypatch, capsys, tmp_path):
     assert report["residuals"]["innovations"] == 4 * (N_FRAMES - 1)
     assert report["frames"] == N_FRAMES
     assert report["in_time"] is True
-    assert report["target_rms_mm"] < report["target_rms_before_mm"]
+    assert report["target_error_mm"] < report["target_error_before_mm"]
     assert report["constants"][0]["name"] == "stiffness upper arm"
     assert all(row["standard_error"] > 1e-5 for row in report["constants"])
 
@@ -105,7 +105,7 @@ def test_residuals_that_are_not_explained_are_said_in_one_line(recording, monkey
             {"log_likelihood": -5.0, "log_likelihood_before": 10.0},
             "expected constants that fit better than the scene's",
         ),
-        ({"target_rms_m": 3e-3, "target_rms_before_m": 2e-3}, "found 3.00 mm after 2.00 mm"),
+        ({"target_error_m": 3e-3, "target_error_before_m": 2e-3}, "found 3.00 mm after 2.00 mm"),
     ],
 )
 def test_a_scene_that_fits_worse_is_not_written(recording, monkeypatch, capsys, tmp_path, worse, message):

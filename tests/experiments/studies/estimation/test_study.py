@@ -12,7 +12,7 @@ from experiments.studies.estimation.limits import bound, hard_trial
 from experiments.studies.estimation.page import PAGE, TABLES, rewritten
 from experiments.studies.estimation.runs import Study, by_scenario, figures
 from experiments.studies.estimation.study import PARTS, identified_run, perturbed, resting
-from experiments.studies.estimation.trials import Model, Trial, run
+from experiments.studies.estimation.trials import SERIES, Model, Trial, outcome_of, outcome_row, run
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +46,25 @@ def test_figures_are_those_of_all_frames(outcomes):
     assert row["rmse_mm"] == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-12)
     assert row["worst_mm"] == errors.max()
     assert row["ratio"] == row["filter_mm"] / row["open_loop_mm"]
+
+
+OUTCOMES = []
+"""What `known_row` gives, in this process."""
+
+
+def known_row(case, cache):
+    """An outcome that is known, as a run gives it."""
+    return outcome_row(OUTCOMES[0])
+
+
+def test_an_outcome_is_the_same_after_it_was_kept(study, outcomes):
+    OUTCOMES[:] = outcomes["shoved"]
+    rows = study.rows("kept", known_row, [{"seed": seed} for seed in (1, 2)])
+    kept, before = outcome_of(rows[1]), outcomes["shoved"][0]
+    for name in SERIES:
+        np.testing.assert_array_equal(getattr(kept, name), getattr(before, name))
+    assert (kept.status, kept.rejected, kept.repairs) == (before.status, before.rejected, before.repairs)
+    assert figures([kept]) == figures([before])
 
 
 @pytest.mark.slow

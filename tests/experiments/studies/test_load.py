@@ -1,0 +1,22 @@
+"""What the engine costs: the figures by hand, and the columns that they are made from."""
+
+import pytest
+
+from experiments.engine.workers import OWN_PROCESS
+from experiments.studies.load import Load, busy, measured
+
+
+def test_figures_of_a_load_by_hand():
+    """2 processes for 6 s did 10 s of runs: 2 s are over, of four runs 0.5 s each; 11 s of processor time for 9."""
+    figures = Load(4, 2, wall_s=6.0, runs_s=10.0, runs_cpu_s=9.0, cpu_s=11.0).figures
+    assert figures["busy"] == pytest.approx(10.0 / 12.0)
+    assert figures["beyond_a_run_ms"] == pytest.approx(500.0)
+    assert figures["beyond_a_run_cpu_ms"] == pytest.approx(500.0)
+
+
+def test_runs_take_no_more_than_everything():
+    load = measured(busy, [{"seed": seed, "ms": 5.0} for seed in range(4)], OWN_PROCESS)
+    assert (load.n_runs, load.n_processes) == (4, 1)
+    assert load.runs_cpu_s == pytest.approx(0.02)
+    assert load.runs_cpu_s <= load.runs_s <= load.wall_s
+    assert load.cpu_s >= 0.019  # counted in hundredths of a second
