@@ -203,10 +203,8 @@ def _grid_ms(side: int, n_frames: int) -> float:
         damping=np.full(len(springs), 0.5),
         gravity=np.zeros(3),
     )
-    inner = ((places > 0) & (places < side - 1)).all(axis=1)
-    marked = [
-        name for name, one, low in zip(names, inner.tolist(), network.fixed.tolist(), strict=True) if not (one or low)
-    ]
+    inner = ((places > 0.0) & (places < side - 1.0)).all(axis=1)
+    marked = [names[i] for i in np.flatnonzero(~(inner | network.fixed))]
     tissue = TissueFilter(network, names[int(np.argmax(inner))], marked)
     rng, noise, seconds = np.random.default_rng(0), 0.5e-3, []
     for k in range(n_frames):
