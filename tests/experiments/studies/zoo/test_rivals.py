@@ -39,3 +39,11 @@ def test_the_open_loop_holds_a_phantom_at_rest_where_it_is():
 def test_a_body_without_a_rest_has_no_open_loop():
     body = make_body("floating", 0, seconds=0.1)
     assert open_loop(body.network, body, measured(body, body.marked, 0)) is None
+
+
+def test_a_spline_of_a_body_at_rest_leaves_it_there():
+    """Before the first pull, within what marks of 0.5 mm an axis make of it."""
+    body = make_body("sheet", 0, seconds=0.1)
+    found = spline(body, measured(body, body.marked, 0))
+    hidden = [body.network.index(name) for name in body.hidden]
+    assert np.abs(found - body.positions[:, hidden]).max() < 4.0 * body.mark_sd_m
