@@ -94,5 +94,5 @@ def quick_cases() -> list[Case]:
     return [
         Case("chain2", 0, length_s=1.0),
         Case("phantom", 0, "wrong", length_s=1.0),
-        Case("floating", 0, length_s=0.5, limit_s=5.0),
+        Case("chain3", 0, length_s=0.5, size=10.0),
     ]

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from dynamics import NetworkError
 from experiments.simulation.bodies.body import Scale
 from experiments.simulation.bodies.zoo import make_body
+from experiments.studies.zoo import rivals
 from experiments.studies.zoo.constants import measured
 from experiments.studies.zoo.rivals import open_loop, spline, thin_plate_weights
 
@@ -36,6 +38,18 @@ def test_the_open_loop_holds_a_phantom_at_rest_where_it_is():
     assert np.linalg.norm(simulated[:, 0] - body.positions[:, 1], axis=1).max() < 5e-4
 
 
-def test_a_body_without_a_rest_has_no_open_loop():
-    body = make_body("floating", 0, seconds=0.1)
+def test_a_body_without_a_rest_has_no_open_loop(monkeypatch):
+    def no_rest(*_):
+        raise NetworkError("no rest")
+
+    monkeypatch.setattr(rivals, "OpenLoop", no_rest)
+    body = make_body("chain2", 0, seconds=0.1)
     assert open_loop(body.network, body, measured(body, body.marked, 0)) is None
+
+
+def test_a_spline_of_a_body_at_rest_leaves_it_there():
+    """Before the first pull, within what marks of 0.5 mm an axis make of it."""
+    body = make_body("sheet", 0, seconds=0.1)
+    found = spline(body, measured(body, body.marked, 0))
+    hidden = [body.network.index(name) for name in body.hidden]
+    assert np.abs(found - body.positions[:, hidden]).max() < 4.0 * body.mark_sd_m
