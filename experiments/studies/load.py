@@ -22,8 +22,6 @@ from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case, Work
 from experiments.engine.study import run_study
 from experiments.engine.workers import Workers, add_worker_options, chosen_workers
-from experiments.formats.sweep_file import read_sweep
-from experiments.pipeline.sweep import cases_of, swept_rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +106,10 @@ def main() -> None:
         cases: list[Case] = [{"seed": seed, "ms": chosen.ms} for seed in range(chosen.runs)]
         load = measured(busy, cases, chosen_workers(chosen))
     else:
+        # here, so that synthetic runs do not wait for the filters to load
+        from experiments.formats.sweep_file import read_sweep
+        from experiments.pipeline.sweep import cases_of, swept_rows
+
         with tempfile.TemporaryDirectory() as truths:
             work = partial(timed, work=partial(swept_rows, truths=Path(truths)))
             load = measured(work, list(cases_of(read_sweep(chosen.sweep))), chosen_workers(chosen))
