@@ -13,7 +13,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
 """Coordinates up to which tangents are made at each iteration: as stiff as 2e7 N/m, a link needs it. For more, those at
-the start of each step serve, which is four times as fast, and holds up to 2e5 N/m."""
+the start of each step serve, a factorisation in place of five, which holds up to 2e5 N/m."""
 
 ROUNDING = 1e-9
 """Stiffness by the largest that is rounding's."""
@@ -24,8 +24,8 @@ class Linearised:
     """What a step of several states does, to first order.
 
     F: by the states at its start, (k, n_state, n_state); by_force: by forces on the free coordinates that are constant
-    in it [per N], (k, n_state, n_state / 2); half: as F, over the second half of the step; over all of
-    it where it is short
+    in it [m/N, m/(s N)], (k, n_state, n_state / 2); half: as F, over the second half of the step, or over all of a step
+    that is not divided, (k, n_state, n_state)
     """
 
     F: Floats

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 LOOPS = 24
-"""Measurements from which on calls of LAPACK are quicker than loops, and Joseph's form costs more than all the rest: it
-is then multiplied out."""
+"""Measurements beyond which LAPACK solves in place of loops, and Joseph's form is multiplied out, for its cost grows
+with the cube of the states."""
 
 
 @njit(cache=True, nogil=True)

@@ -43,8 +43,8 @@ KEPT = 64
 """Transition matrices that are kept, at most: it bounds the memory of a camera whose times are all different."""
 
 SETTLED = 0.3
-"""Standard deviations by which a start may still move for its linearisation to hold; numerical: a tenth changes the
-errors of a cable shaken at 3 m/s by less than they scatter."""
+"""Standard deviations by which a start may still move for its linearisation to hold; numerical: where it moves by less
+than it is uncertain, another pass is not worth its time."""
 
 FLOOR = 1e-12
 """Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""

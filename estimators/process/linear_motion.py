@@ -17,14 +17,14 @@ from estimators.process.known_force import KnownForce
 from estimators.process.process_model import LONGEST_STEP, ForceMode, TissueModel
 
 MANY_STATES = 48
-"""From so many states of the network on, sigma points cost more than matrices."""
+"""From so many states of the network on, matrices in place of sigma points, whose cost grows faster."""
 
 VERY_MANY_STATES = 96
 """From so many on a cycle is linearised once: a body of so many nodes is soft beside its links, and time counts."""
 
 PASSES = 3
-"""How often a cycle is linearised at most; numerical: two leave a cable shaken at 3 m/s diverging now and then, five
-are no better."""
+"""How often a cycle is linearised at most; numerical: once leaves a cable shaken at 3 m/s 92 mm off, three times 15,
+five times 19."""
 
 
 def is_linearised(model: TissueModel) -> bool:

@@ -69,7 +69,7 @@ class TissueFilter:
         self.n_calibration, network, bias = n_calibration, carried(network), self.settings.fix_bias
         self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=bias, n_calibration=n_calibration)
         if is_linearised(self.model):
-            self.settings = self.settings.for_links()
+            self.settings = self.settings.for_stiff_or_large()
         self.target = target_map(network, target)
         self.time_s: float | None = None
         self.health = Health()

@@ -21,7 +21,7 @@ Expected = Callable[[str, Floats | None], tuple[Floats, Floats]]
 
 
 CROWD = 4
-"""Marks of one frame that are not all outliers: at one in thirty, that comes once in eight hours at 30 frames/s."""
+"""Marks of one frame that are not all outliers: of four, at one in thirty, once in eight hours at 30 frames/s."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ N_QUIET = 2
 """Modes in which nobody pokes: calm, and between; they come first."""
 
 
-QUIET_LINKS, POKED_LINKS = 0.3, 1.0
+QUIET_WHITE, POKED_WHITE = 0.3, 1.0
 """Acceleration noise of stiff or large bodies [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"."""
 
 LED = ForceMode(white=5.0, poke=50.0, lasting_s=0.1)
@@ -99,10 +99,10 @@ class FilterSettings:
             rates[-1, N_QUIET:-1] = 1.0 / self.poked_s / (n_poked - 1)
         return rates - np.diag(rates.sum(axis=1))
 
-    def for_links(self) -> FilterSettings:
+    def for_stiff_or_large(self) -> FilterSettings:
         """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out."""
-        quiet = replace(self.quiet, white=max(self.quiet.white, QUIET_LINKS))
-        poked = replace(self.poked, white=max(self.poked.white, POKED_LINKS))
+        quiet = replace(self.quiet, white=max(self.quiet.white, QUIET_WHITE))
+        poked = replace(self.poked, white=max(self.poked.white, POKED_WHITE))
         return replace(self, quiet=quiet, poked=poked, led=LED if self.led is None else self.led)
 
     @property

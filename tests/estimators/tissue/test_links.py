@@ -61,14 +61,14 @@ def test_a_soft_block_is_followed_better_than_by_a_spline():
 
 def test_a_body_of_links_has_a_mode_for_hands_that_lead_it():
     """Four modes whose rates keep probability, the last the strongest; a poke is as probable as the last two."""
-    links = FilterSettings().for_links()
+    links = FilterSettings().for_stiff_or_large()
     assert len(links.modes) == N_QUIET + 2
     assert links.modes[-1].poke == 10.0 * links.modes[-2].poke
     np.testing.assert_allclose(links.rates.sum(axis=1), 0.0, atol=1e-12)
     assert (links.rates - np.diag(np.diag(links.rates)) >= 0.0).all()
     assert links.poked_share(np.array([0.1, 0.2, 0.3, 0.4])) == pytest.approx(0.7)
     own = replace(FilterSettings(), quiet=replace(FilterSettings().quiet, white=7.0))
-    assert own.for_links().quiet.white == 7.0
+    assert own.for_stiff_or_large().quiet.white == 7.0
 
 
 def test_a_prediction_that_is_repeated_from_a_snapshot_ends_where_it_did():

@@ -7,13 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dynamics import MassSpringNetwork
 from estimators import Budget, FilterSettings
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.pipeline import identify
-from tests.estimators.identification.pendulum import LENGTHS, MASSES, SD, swung
+from tests.estimators.identification.pendulum import LENGTHS, SD, hanging_links, swung
 from tests.experiments.pipeline.test_identify import softaim
 
 N_FRAMES = 60
@@ -21,22 +20,8 @@ N_FRAMES = 60
 
 def pendulum(factors):
     """Links of 2,000 N/m with rest lengths by these factors, the upper one of a group of its own."""
-    depths = np.array([0.0, -LENGTHS[0], -LENGTHS.sum()])
-    network = MassSpringNetwork(
-        names=("pin", "joint", "end"),
-        positions=np.column_stack([np.zeros(3), depths]),
-        masses=np.array([1.0, *MASSES]),
-        fixed=np.array([True, False, False]),
-        drag=np.zeros(3),
-        friction=np.zeros(3),
-        springs=np.array([[0, 1], [1, 2]]),
-        stiffness=np.full(2, 2000.0),
-        rest_lengths=LENGTHS * factors,
-        damping=np.full(2, 0.5),
-        gravity=np.array([0.0, -9.81]),
-    )
     marks = (Mark("end", 0.0, 5e-3), Mark("joint", 120.0, 5e-3, measured=False))
-    return Scene(network, marks, Target("joint", 3e-3), (), spring_groups=("upper arm", ""))
+    return Scene(hanging_links(factors), marks, Target("joint", 3e-3), (), spring_groups=("upper arm", ""))
 
 
 @pytest.fixture(scope="module")
