@@ -91,7 +91,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.rates = np.asarray(rates, dtype=float)
         self.move = Move(self._one_by_one) if move is None else move
         self.trace: list[Transition] | None = None
-        self.cycle: Cycle | None = None
+        self.cycle: Cycle | None
         self._mode_rates = self.rates
         self._scale = self.filters[0]._scale
         self.set_branches(1)

@@ -247,6 +247,21 @@ def test_where_points_leave_the_models_ground_a_mode_moves_to_first_order():
     assert made.filters[0].x[0] == pytest.approx(1.5 + 0.5 * 1.5**2, rel=1e-12)
 
 
+def test_narrow_points_spread_by_a_share_of_the_usual_ones():
+    """Two modes of one belief, the first of which is narrowed: the points that are moved, to rounding."""
+    made, moved = mixture(), []
+
+    def kept(points: np.ndarray, _dt: float) -> np.ndarray:
+        moved.append(points - points[:, :1])
+        return points
+
+    made.move = Move(kept, turned=lambda points: np.arange(len(points)) == 0)
+    made.predict(0.1)
+    narrow, usual = moved[0]
+    np.testing.assert_allclose(narrow, NARROW * usual, rtol=1e-12, atol=1e-15)
+    assert np.abs(usual).max() > 1.0
+
+
 def test_an_innovation_that_is_no_number_changes_nothing():
     made = branched(LEFT, RIGHT, odds=[0.5, 0.5])
     before = means(made)

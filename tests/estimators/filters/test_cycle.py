@@ -1,10 +1,13 @@
 """A mixture whose motion is linearised: Kalman's equations, and Gauss-Newton's where the motion bends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from estimators.filters.mixture import InteractingMixture
+from estimators.filters.mixture import SETTLED, InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
 
@@ -116,3 +119,83 @@ def test_a_smoother_is_given_the_transition_as_it_was_linearised_last():
         rtol=1e-12,
     )
     assert abs(mixture.trace[1].F[0, 1, 0] + 10.0 * DT * np.cos(mixture.trace[1].means[0, 0])) > 1e-3
+
+
+def test_a_prediction_mixes_then_moves_every_mode_and_its_columns():
+    """Mixing by p_ij mu_i / c_j, then ends, F P F' + Q and F C + added, with a trace of all of it. Rounding.
+
+    Noise that is symmetric to rounding only makes covariances that are so to the bit.
+    """
+    mixture, asked = mixture_of(straight), []
+    added, skew = np.array([[[0.3], [-0.2]], [[0.1], [0.5]]]), np.array([[0.0, 1e-15], [0.0, 0.0]])
+
+    def linear(k, dt):
+        asked.append((k, dt))
+        return lambda about: replace(straight(about), Q=np.array([Q + skew, 2.0 * Q]), added=added), 1
+
+    mixture.move = Move(mixture.move.points, linear=linear)
+    mu, means = np.array([0.7, 0.3]), np.array([[1.0, 2.0], [-0.5, 0.4]])
+    covs, columns = np.array([[[1.0, 0.2], [0.2, 0.5]], [[0.3, -0.1], [-0.1, 2.0]]]), np.array([[0.6], [-0.9]])
+    mixture.mu, mixture.columns, mixture.trace = mu, np.array([columns, columns]), []
+    for f, mean, P in zip(mixture.filters, means, covs, strict=True):
+        f.x, f.P = mean, P
+    mixture.predict(DT)
+    p, (found,) = expm(RATES * DT), mixture.trace
+    assert asked == [(2, DT)]
+    np.testing.assert_allclose(found.weights, p * mu[:, None] / (mu @ p), rtol=1e-12)
+    np.testing.assert_allclose(found.arrived.mu, mu @ p, rtol=1e-12)
+    for j, (f, own, Q_j) in enumerate(zip(mixture.filters, added, (Q, 2.0 * Q), strict=True)):
+        w = p[:, j] * mu / (mu @ p)[j]
+        x = w @ means
+        P = sum(w[i] * (covs[i] + np.outer(means[i] - x, means[i] - x)) for i in range(2))
+        np.testing.assert_allclose(found.means[j], x, rtol=1e-12)
+        np.testing.assert_allclose(found.covs[j], P, rtol=1e-12)
+        np.testing.assert_array_equal(found.F[j], F)
+        np.testing.assert_allclose(f.x, F @ x, rtol=1e-12)
+        np.testing.assert_allclose(f.P, F @ P @ F.T + Q_j, rtol=1e-12)
+        np.testing.assert_array_equal(f.P, f.P.T)
+        np.testing.assert_allclose(mixture.columns[j], F @ columns + own, rtol=1e-12)
+        np.testing.assert_array_equal(found.arrived.means[j], f.x)
+        np.testing.assert_array_equal(found.arrived.covs[j], f.P)
+
+
+def counted(motion, asked):
+    """That motion, each call of which is noted."""
+
+    def noted(about):
+        asked.append(about)
+        return motion(about)
+
+    return noted
+
+
+@pytest.mark.parametrize("passes", [1, 2, 5])
+def test_a_motion_that_never_settles_is_linearised_as_often_as_it_may_be(passes):
+    """Ends that jump to and fro by 20 from pass to pass, hundred deviations."""
+    asked = []
+
+    def restless(about):
+        found = straight(about)
+        return replace(found, ends=found.ends + 10.0 * (-1.0) ** len(asked))
+
+    mixture = mixture_of(counted(restless, asked), passes=passes)
+    mixture.predict(DT)
+    mixture.update_linear(np.array([3.0]), H, R)
+    assert len(asked) == passes
+
+
+@pytest.mark.parametrize(("share", "n"), [(0.97, 1), (-0.97, 1), (1.03, 2), (-1.03, 2)])
+def test_a_start_that_moves_by_little_is_not_linearised_again(share, n):
+    """By that share of `SETTLED` deviations, by Kalman's gain for the start, p / (p + Q + R); a line settles at once.
+
+    The rate, known exactly, does not move at all.
+    """
+    asked, p = [], 0.04
+    mixture = mixture_of(counted(straight, asked))
+    mixture.restart(np.zeros(2), np.diag([p, 0.0]), np.zeros((2, 0)))
+    mixture.predict(DT)
+    move = share * SETTLED * np.sqrt(p)
+    mixture.update_linear(np.array([move * (p + Q[0, 0] + SD**2) / p]), H, R)
+    assert len(asked) == n
+    if n > 1:
+        np.testing.assert_allclose(asked[1], [[move, 0.0]] * 2, rtol=1e-12)

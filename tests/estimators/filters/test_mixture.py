@@ -189,6 +189,18 @@ def test_only_indefinite_covariances_are_repaired_and_each_is_counted():
                 np.testing.assert_allclose(f.P, transition(0.1) @ before[k] @ transition(0.1).T + f.Q, rtol=1e-9)
 
 
+def test_a_repaired_mode_moves_its_nearest_covariance_and_changes_no_other():
+    """Of [[1, 2], [2, 1]], of eigenvalues 3 and -1, the first is left: 1.5 everywhere. Rounding; others to the bit."""
+    ours, without = mixture(rates=np.zeros((3, 3))), mixture(rates=np.zeros((3, 3)))
+    ours.filters[1].P = np.array([[1.0, 2.0], [2.0, 1.0]])
+    for one in (ours, without):
+        one.predict(0.1)
+    expected = transition(0.1) @ np.full((2, 2), 1.5) @ transition(0.1).T + noise(QS[1], 0.1)
+    np.testing.assert_allclose(ours.filters[1].P, expected, rtol=1e-10)
+    for k in (0, 2):
+        np.testing.assert_array_equal(ours.filters[k].P, without.filters[k].P)
+
+
 def test_a_measurement_noise_that_is_none_is_rejected():
     message = r"^innovation covariance: expected positive definite, found otherwise$"
     with pytest.raises(CovarianceError, match=message):
@@ -284,5 +296,5 @@ def test_the_least_eigenvalue_of_a_mended_covariance_is_a_share_of_the_largest(n
     units = 2.0 ** np.array([-20.0, 0.0, 10.0, 3.0])[:n]
     mended = nearest_definite(same * np.outer(units, units)) / np.outer(units, units)
     values, largest = np.linalg.eigvalsh(mended), max(1.0 - correlation, 1.0 + (n - 1) * correlation)
-    assert values[0] == pytest.approx(1e-12 * largest, rel=1e-3)
+    assert values[0] == pytest.approx(1e-12 * largest, rel=1e-3, abs=0.0)
     assert values[-1] == pytest.approx(largest, rel=1e-12)

@@ -8,7 +8,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 
 from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
-from estimators import ForceMode, TissueModel, accumulated_noise
+from estimators import FixBias, ForceMode, TissueModel, accumulated_noise
 from estimators.process.known_force import KnownForce
 from estimators.process.process_model import _without_growth
 
@@ -30,6 +30,13 @@ def test_state_is_the_networks_and_a_poke_for_each_marked_coordinate(model, phan
     assert model.dim_x == 16 + 6
     assert model.poked_rows.tolist() == [0, 1, 4, 5, 6, 7]
     assert TissueModel(phantom, ("M4", "M1")).poked_rows.tolist() == [6, 7, 0, 1]
+    assert (model.pokes, model.bias_rows) == (slice(16, 22), slice(22, 22))
+    biased = TissueModel(phantom, OUTER, bias=FixBias(1e-3))
+    assert (biased.pokes, biased.bias_rows) == (slice(16, 22), slice(22, 24))
+
+
+def test_where_all_constants_are_known_they_make_no_forces(model):
+    assert model.constant_forces(np.zeros(22)).shape == (0, 8)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 1 / 240, 1 / 10])
@@ -129,6 +136,16 @@ def test_noise_of_modes_is_that_of_each_for_the_step_and_the_modes_asked_for(mod
     found = model.noise_of_modes(0.125, modes)
     assert model.noise_of_modes(0.125 + 4e-10, modes) is found
     assert model.noise_of_modes(0.125 + 2e-9, modes) is not found
+
+
+def test_correlation_times_are_those_of_the_modes_asked_for_last(model):
+    """Of each mode in order, for each of six pokes; asked for again they are the same array."""
+    modes, others = (MODE, ONLY_M3), (ONLY_M3, MODE)
+    apart = [0.01, 0.01, 0.2, 0.2, 0.01, 0.01]
+    found = model.lasting(modes)
+    np.testing.assert_array_equal(found, [[[0.2] * 6], [apart]])
+    assert model.lasting(modes) is found
+    np.testing.assert_array_equal(model.lasting(others), [[apart], [[0.2] * 6]])
 
 
 def test_steps_are_of_at_most_a_120th_of_a_second(phantom):

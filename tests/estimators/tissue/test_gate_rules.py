@@ -77,6 +77,24 @@ def test_what_is_seen_again_beyond_the_gate_is_the_tissue(known, position, accep
 
 
 @pytest.mark.parametrize(
+    ("far", "within", "taken"),
+    [
+        ("ABCD", "", True),
+        ("ABCD", "EFGH", True),  # half of the frame's
+        ("ABCD", "EFGHI", False),  # less than half
+        ("ABCDE", "FGHI", True),
+        ("ABC", "", False),  # fewer than four
+        ("AAAA", "", False),  # four marks of one node are one witness
+    ],
+)
+def test_a_crowd_beyond_the_gate_is_the_tissue(far, within, taken):
+    """Four nodes together that no impulse explains, half of a frame's marks or more, in its first frame."""
+    marks = [*(mark(node, FAR) for node in far), *(mark(node, WITHIN) for node in within)]
+    gated = gate_marks(marks, there, after_impulse, {}, frame=at(1.0, 0.9375))
+    assert nodes(gated) == ([*(far if taken else ""), *within], () if taken else tuple(far))
+
+
+@pytest.mark.parametrize(
     ("last_s", "before_s", "since_s"),
     [
         (0.5, 0.5, 0.25),  # in the frame before

@@ -8,6 +8,7 @@ import pytest
 
 from dynamics import (
     OUTER,
+    MassSpringNetwork,
     equilibrium_with_fixed,
     independent_uncertainty,
     integrate_adaptive,
@@ -85,6 +86,38 @@ def test_columns_of_a_rest_shape_are_those_of_other_rest_shapes(phantom):
             np.testing.assert_allclose(found[:8, k], moved, rtol=0, atol=1e-5 * max(np.abs(moved).max(), 1e-3))
     assert np.abs(kept[[0, 1, 4, 5, 6, 7]]).max() == 0.0
     assert np.abs(free[8:]).max() == 0.0
+
+
+def test_a_body_without_anchors_rests_in_the_shape_of_its_lengths_where_it_was():
+    """A triangle of springs is rigid: each length alone changes by its error, and nothing is moved or turned. Rounding.
+
+    A spring as long as it rests makes no difference by its stiffness.
+    """
+    corners, springs = np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.04]]), np.array([[0, 1], [1, 2], [2, 0]])
+    lengths = np.array([0.03, 0.05, 0.04])
+    triangle = MassSpringNetwork(
+        names=("a", "b", "c"),
+        positions=corners,
+        masses=np.full(3, 0.02),
+        fixed=np.zeros(3, dtype=bool),
+        drag=np.zeros(3),
+        friction=np.zeros(3),
+        springs=springs,
+        stiffness=np.array([50.0, 20.0, 90.0]),
+        rest_lengths=lengths,
+        damping=np.zeros(3),
+        gravity=np.zeros(2),
+    )
+    uncertain = independent_uncertainty(parameters(triangle, ("stiffness", "rest_length")), 0.01)
+    columns = TissueModel(triangle, ("a",), uncertainty=uncertain).resting_columns(corners)
+    np.testing.assert_allclose(columns[:, :3], 0.0, atol=1e-15)
+    assert np.abs(columns[6:]).max() == 0.0
+    for k, made in enumerate(columns[:6, 3:].T.reshape(3, 3, 2)):
+        along = (corners[springs[:, 1]] - corners[springs[:, 0]]) / lengths[:, None]
+        longer = np.einsum("ki,ki->k", along, made[springs[:, 1]] - made[springs[:, 0]])
+        np.testing.assert_allclose(longer, 0.01 * lengths * (np.arange(3) == k), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(made.sum(axis=0), 0.0, atol=1e-15)
+        assert np.sum(corners[:, 0] * made[:, 1] - corners[:, 1] * made[:, 0]) == pytest.approx(0.0, abs=1e-16)
 
 
 def test_damping_moves_no_rest_shape(phantom):
