@@ -31,15 +31,30 @@ class Elbow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mirror:
-    """A belief with an elbow on the other side: mean (n,), covariance (n, n), columns (n, r).
+    """The line, in space the plane, through an elbow's ends, and how far its other side is.
 
+    rows, speeds: of the elbow's positions and velocities in the state, (n_part, dim)
+    middle: a point of it [m], (dim,); normal (dim,)
     squared_distance: between the two places of the node that goes furthest, by the variance of its way
     """
 
-    mean: Floats
-    cov: Floats
-    columns: Floats
+    rows: NDArray[np.intp]
+    speeds: NDArray[np.intp]
+    middle: Floats
+    normal: Floats
     squared_distance: float
+
+    def turned(self, belief: tuple[Floats, Floats, Floats]) -> tuple[Floats, Floats, Floats]:
+        """A belief, mean (n,), cov (n, n) and columns (n, r), with the elbow on the other side.
+
+        Positions are mirrored, velocities in its direction.
+        """
+        mean, cov, columns = belief
+        turn, shift = np.eye(len(mean)), np.zeros(len(mean))
+        for place in (*self.rows, *self.speeds):
+            turn[np.ix_(place, place)] -= 2.0 * np.outer(self.normal, self.normal)
+        shift[self.rows] = 2.0 * (self.middle @ self.normal) * self.normal
+        return turn @ mean + shift, turn @ cov @ turn.T, turn @ columns
 
 
 def find_elbows(network: MassSpringNetwork, marked: Sequence[str]) -> tuple[Elbow, ...]:
@@ -53,30 +68,19 @@ def find_elbows(network: MassSpringNetwork, marked: Sequence[str]) -> tuple[Elbo
     return tuple(found)
 
 
-def mirrored(
-    network: MassSpringNetwork, elbow: Elbow, belief: tuple[Floats, Floats, Floats], considered: Floats
-) -> Mirror:
-    """A belief, mean (n,), cov (n, n) and columns (n, r), with the elbow on the other side.
+def mirror_at(network: MassSpringNetwork, elbow: Elbow, mean: Floats, considered: Floats) -> Mirror:
+    """The mirror through the ends of an elbow, where they are in a state (n,).
 
-    considered: the covariance with what the columns add, by which distances count, (n, n)
-    Positions are mirrored at the line, in space at the plane, through the ends' means; velocities in its direction.
+    considered: the state's covariance with what the columns add, by which distances count, (n, n)
     """
-    mean, cov, columns = belief
-    half, dim = network.n_state // 2, network.dim
-    positions = all_positions(network, mean[:half].reshape(-1, dim))
+    positions = all_positions(network, mean[: network.n_state // 2].reshape(-1, network.dim))
     middle, normal = mirror_through(positions[elbow.ends])
     offsets = (positions[elbow.part] - middle) @ normal
     furthest = int(np.abs(offsets).argmax())
     own = elbow.rows[furthest]
     variance = float(normal @ considered[np.ix_(own, own)] @ normal)
-    turn, shift = np.eye(len(mean)), np.zeros(len(mean))
-    for rows in elbow.rows:
-        for place in (rows, half + rows):
-            turn[np.ix_(place, place)] -= 2.0 * np.outer(normal, normal)
-        shift[rows] = 2.0 * (middle @ normal) * normal
-    return Mirror(
-        turn @ mean + shift, turn @ cov @ turn.T, turn @ columns, 4.0 * float(offsets[furthest]) ** 2 / variance
-    )
+    speeds = elbow.rows + network.n_state // 2
+    return Mirror(elbow.rows, speeds, middle, normal, 4.0 * float(offsets[furthest]) ** 2 / variance)
 
 
 def branch_at_elbows(
@@ -91,12 +95,14 @@ def branch_at_elbows(
     if mixture.n_branches > 1:
         return False
     for elbow in elbows:
+        mirror = mirror_at(network, elbow, mixture.x, mixture.P)
+        if not BIMODAL < mirror.squared_distance < gate:
+            continue
         columns = mixture.mean_columns
         own = (mixture.x, mixture.P - columns @ columns.T, columns)
-        other = mirrored(network, elbow, own, mixture.P)
-        if BIMODAL < other.squared_distance < gate and _is_barred(network, mixture.x, other.mean):
-            odds = np.array([1.0, np.exp(-0.5 * other.squared_distance)])
-            mixture.branch([own, (other.mean, other.cov, other.columns)], odds)
+        other = mirror.turned(own)
+        if _is_barred(network, mixture.x, other[0]):
+            mixture.branch([own, other], np.array([1.0, np.exp(-0.5 * mirror.squared_distance)]))
             return True
     return False
 

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork
 from estimators import MarkMeasurement, Status, TissueFilter, fast_prediction_tables, fixed_interval, predict_fast
-from estimators.tissue.elbows import find_elbows, mirrored
+from estimators.tissue.elbows import find_elbows, mirror_at
 
 LENGTHS = np.array([0.09, 0.07])
 MASSES = np.array([0.03, 0.01])
@@ -217,19 +217,19 @@ def test_a_mirror_keeps_lengths_and_is_its_own_inverse():
     x = np.r_[0.05, -0.06, 0.03, -0.12, rng.normal(0.0, 0.3, 6)]
     root = rng.normal(size=(10, 10))
     P, columns = 1e-6 * root @ root.T, rng.normal(size=(10, 2))
-    other = mirrored(network, elbow, (x, P, columns), P)
+    mirror = mirror_at(network, elbow, x, P)
+    mean, cov, turned = mirror.turned((x, P, columns))
     for a, b in (([0.0, 0.0], slice(0, 2)), (x[2:4], slice(0, 2))):
-        assert np.linalg.norm(other.mean[b] - a) == pytest.approx(np.linalg.norm(x[b] - a), abs=1e-12)
+        assert np.linalg.norm(mean[b] - a) == pytest.approx(np.linalg.norm(x[b] - a), abs=1e-12)
     along = np.array([0.03, -0.12]) / np.hypot(0.03, 0.12)
     across = np.array([0.12, 0.03]) / np.hypot(0.03, 0.12)
-    assert other.mean[0:2] @ along == pytest.approx(x[0:2] @ along, abs=1e-12)
-    assert other.mean[0:2] @ across == pytest.approx(-(x[0:2] @ across), abs=1e-12)
-    assert other.mean[4:6] @ across == pytest.approx(-(x[4:6] @ across), abs=1e-12)
-    np.testing.assert_array_equal(other.mean[[2, 3, 6, 7, 8, 9]], x[[2, 3, 6, 7, 8, 9]])
-    np.testing.assert_allclose(np.linalg.eigvalsh(other.cov), np.linalg.eigvalsh(P), rtol=1e-9)
+    assert mean[0:2] @ along == pytest.approx(x[0:2] @ along, abs=1e-12)
+    assert mean[0:2] @ across == pytest.approx(-(x[0:2] @ across), abs=1e-12)
+    assert mean[4:6] @ across == pytest.approx(-(x[4:6] @ across), abs=1e-12)
+    np.testing.assert_array_equal(mean[[2, 3, 6, 7, 8, 9]], x[[2, 3, 6, 7, 8, 9]])
+    np.testing.assert_allclose(np.linalg.eigvalsh(cov), np.linalg.eigvalsh(P), rtol=1e-9)
     apart = 2.0 * (x[0:2] @ across)
-    assert other.squared_distance == pytest.approx(apart**2 / (across @ P[0:2, 0:2] @ across), rel=1e-9)
-    back = mirrored(network, elbow, (other.mean, other.cov, other.columns), other.cov)
-    np.testing.assert_allclose(back.mean, x, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(back.cov, P, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(back.columns, columns, rtol=0, atol=1e-12)
+    assert mirror.squared_distance == pytest.approx(apart**2 / (across @ P[0:2, 0:2] @ across), rel=1e-9)
+    back = mirror_at(network, elbow, mean, cov).turned((mean, cov, turned))
+    for found, expected, atol in zip(back, (x, P, columns), (1e-12, 1e-15, 1e-12), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
