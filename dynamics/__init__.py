@@ -48,6 +48,7 @@ from dynamics.forces import (
     stable_step,
     state_matrix,
     stiffness_matrix,
+    strain_uncertainty,
 )
 from dynamics.integration import (
     SAME_STEP,
@@ -146,5 +147,6 @@ __all__ = [
     "state_matrix",
     "stiffness_matrix",
     "straight_insertion",
+    "strain_uncertainty",
     "unpack",
 ]

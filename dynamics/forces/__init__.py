@@ -16,6 +16,7 @@ from dynamics.forces.parameters import (
     parameter_value,
     parameters,
     scale_parameters,
+    strain_uncertainty,
 )
 from dynamics.forces.tangent import damping_matrix, stable_step, state_matrix, stiffness_matrix
 
@@ -41,4 +42,5 @@ __all__ = [
     "stable_step",
     "state_matrix",
     "stiffness_matrix",
+    "strain_uncertainty",
 ]

@@ -23,6 +23,9 @@ from dynamics.forces.kernels import (
 )
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
 
+ROUNDING = 1e-9
+"""Share of a variance that is rounding's."""
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
@@ -68,6 +71,35 @@ def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> P
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
+
+
+def strain_uncertainty(
+    network: MassSpringNetwork, sd: float, *, length: float = 0.5, n_directions: int = 12
+) -> ParameterUncertainty:
+    """Rest lengths off by an unknown strain that varies smoothly over the body: what the springs leave out of it.
+
+    A symmetric strain tensor E(X), its components independent Gaussian fields, changes the length of a spring along n
+    by the share n' E n, so that two springs have the covariance sd² exp(-d² / 2 l²) (n · n')², d between their middles.
+    sd: of the strain along any direction [1]; length: l by the body's longest side [1]
+    n_directions: of that covariance at most, by pivoted Cholesky decomposition: each the strain of the spring that
+        those before leave the most uncertain
+
+    Source: [harbrecht2012].
+    """
+    which = parameters(network, ("rest_length",))
+    one, other = network.positions[network.springs[[each.index for each in which]].T]
+    middles = 0.5 * (one + other) / (length * np.ptp(network.positions, axis=0).max())
+    along = (other - one) / np.linalg.norm(other - one, axis=1)[:, None]
+    left, rows = np.full(len(which), sd**2), np.zeros((min(n_directions, len(which)), len(which)))
+    for k in range(len(rows)):
+        most = int(left.argmax())
+        apart = ((middles - middles[most]) ** 2).sum(axis=1)
+        cov = sd**2 * np.exp(-0.5 * apart) * (along @ along[most]) ** 2
+        rows[k] = (cov - rows[:k, most] @ rows[:k]) / np.sqrt(left[most])
+        left = np.maximum(left - rows[k] ** 2, 0.0)
+        if left.max() <= ROUNDING * sd**2:
+            return ParameterUncertainty(which, rows[: k + 1])
+    return ParameterUncertainty(which, rows)
 
 
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, carried, rest_shape
+from dynamics import MassSpringNetwork, ParameterUncertainty, carried, rest_shape, strain_uncertainty
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
@@ -44,6 +45,7 @@ class TissueFilter:
     network: one without anchors hangs on its marks, and its weight is left out
     n_calibration: directions that the `shared` of marks has, if these, errors of the camera's calibration, are the same
         in every frame and considered; at 0 they are taken to be drawn again in each
+    uncertainty: None: known, or, of a stiff or large body, known up to a strain of `settings.strain_sd`
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
     points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a
@@ -66,10 +68,13 @@ class TissueFilter:
         self.settings = FilterSettings() if settings is None else settings
         if self.settings.one_of not in (0, len(marked)):
             raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
-        self.n_calibration, network, bias = n_calibration, carried(network), self.settings.fix_bias
-        self.model = TissueModel(network, marked, uncertainty=uncertainty, bias=bias, n_calibration=n_calibration)
+        self.n_calibration, network = n_calibration, carried(network)
+        model = partial(TissueModel, network, marked, bias=self.settings.fix_bias, n_calibration=n_calibration)
+        self.model = model(uncertainty=uncertainty)
         if is_linearised(self.model):
             self.settings = self.settings.for_stiff_or_large()
+            if uncertainty is None and self.settings.strain_sd > 0.0:
+                self.model = model(uncertainty=strain_uncertainty(network, self.settings.strain_sd))
         self.target = target_map(network, target)
         self.time_s: float | None = None
         self.health = Health()
@@ -90,8 +95,7 @@ class TissueFilter:
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
         self._start_cov, self._start_columns = self.mixture.filters[0].P.copy(), self.mixture.columns[0].copy()
         self._model_only_m2 = self.settings.model_only_share * float(np.trace(self.target.cov(self.mixture.P)))
-        nodes = self.target.point.nodes
-        self._driven = frozenset(node for node in marked if (node,) != nodes)
+        self._driven = frozenset(node for node in marked if (node,) != self.target.point.nodes)
         self.open_loop = OpenLoopCovariance(
             network, self.target.point, [node for node in marked if node in self._driven], self.settings.quiet.white
         )
@@ -138,8 +142,7 @@ class TissueFilter:
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
         """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
 
-        Over more than forget_s the state is forgotten, and the target LOST.
-        push: a known force that acts meanwhile, such as a needle's; see `ForceHistory`
+        Over more than forget_s the state is forgotten, and the target LOST. push: a known force, such as a needle's
         """
         if not np.isfinite(time_s):
             raise ValueError(f"time_s: expected a finite time, found {time_s}")
@@ -163,8 +166,7 @@ class TissueFilter:
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """The target at a later time [s] given the marks until now, such as when the needle arrives; the state stays.
 
-        push: a known force that acts until then; see `ForceHistory`
-        Raises ValueError before the first frame, and for a time that is past or not finite.
+        push: as for `predict`. Raises ValueError before the first frame, and for a time that is past or not finite.
         """
         dt = self._until(time_s)
         with unchanged(self.mixture):
@@ -296,8 +298,8 @@ class TissueFilter:
     def _gated(self, time_s: float, marks: Sequence[MarkMeasurement], *, starting: bool) -> Gated:
         frame = Frame(time_s, self._before_s, self.settings, self.n_calibration > 0)
         if starting:
-            n_marked = len(self._marked)
-            gated = gate_start(marks, self._expected_at_start, self._outlying, frame=frame, n_marked=n_marked)
+            n = len(self._marked)
+            gated = gate_start(marks, self._expected_at_start, self._outlying, frame=frame, n_marked=n)
         else:
             gated = gate_marks(marks, self.expected, self.expected_after_impulse, self._outlying, frame=frame)
         self._outlying = gated.outlying

@@ -50,6 +50,8 @@ class FilterSettings:
     marks_bounds: factors on the variances of the marks between which they adapt to innovations; (1, 1): not [1];
         source: the scene
     fix_bias: the error that fixes of the target have in common; None where none are to come; source: the scene
+    strain_sd: strain by which the springs of a stiff or large body may be off, smoothly over it, where its constants
+        come without uncertainty [1]; choice
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -73,6 +75,7 @@ class FilterSettings:
     one_of: int = 0
     marks_bounds: tuple[float, float] = (1.0, 1.0)
     fix_bias: FixBias | None = None
+    strain_sd: float = 0.01
 
     @property
     def modes(self) -> tuple[ForceMode, ...]:

@@ -5,6 +5,7 @@ import pytest
 
 from dynamics import (
     KINDS,
+    MassSpringNetwork,
     NetworkError,
     Parameter,
     ParameterForces,
@@ -19,6 +20,7 @@ from dynamics import (
     parameter_value,
     parameters,
     scale_parameters,
+    strain_uncertainty,
 )
 
 PHANTOM = four_mass_phantom()
@@ -83,3 +85,58 @@ def test_uncertainty_is_checked_and_has_a_covariance():
         ParameterUncertainty(ALL[:2], np.ones((1, 3)))
     with pytest.raises(NetworkError, match="expected finite numbers"):
         ParameterUncertainty(ALL[:2], np.array([[0.1, np.nan]]))
+
+
+def star(middles, along):
+    """Springs of 20 mm through these middles in these directions, in space, all of one stiffness."""
+    ends = [middle + sign * 0.01 * n for middle, n in zip(middles, along, strict=True) for sign in (-1.0, 1.0)]
+    n = len(along)
+    return MassSpringNetwork(
+        names=tuple(f"n{i}" for i in range(2 * n)),
+        positions=np.array(ends),
+        masses=np.ones(2 * n),
+        fixed=np.zeros(2 * n, dtype=bool),
+        drag=np.zeros(2 * n),
+        friction=np.zeros(2 * n),
+        springs=np.arange(2 * n).reshape(n, 2),
+        stiffness=np.ones(n),
+        rest_lengths=np.full(n, 0.02),
+        damping=np.zeros(n),
+        gravity=np.zeros(3),
+    )
+
+
+def directions_at_random(n, rng):
+    along = rng.normal(size=(n, 3))
+    return along / np.linalg.norm(along, axis=1)[:, None]
+
+
+def test_springs_at_one_place_change_with_one_strain_tensor():
+    """Against 100,000 symmetric tensors drawn entry by entry: sd on the diagonal, sd by the root of two beside it."""
+    rng = np.random.default_rng(0)
+    along = directions_at_random(7, rng)
+    found = strain_uncertainty(star(np.zeros((7, 3)), along), 0.02).cov
+    drawn = 0.02 * rng.normal(size=(100_000, 3, 3))
+    drawn = 0.5 * (drawn + drawn.swapaxes(1, 2))
+    shares = np.einsum("ni,tij,nj->tn", along, drawn, along)
+    np.testing.assert_allclose(found, np.cov(shares.T), rtol=0, atol=0.02 * 0.02**2)
+    assert np.linalg.matrix_rank(found, tol=1e-9) == 6  # a tensor has six entries
+
+
+def test_strain_of_springs_that_are_far_apart_is_another():
+    """Parallel springs along a line of 0.1 m: by exp(-d² / 2 l²), l half the body's longest side."""
+    places = np.linspace(0.0, 0.1, 5)
+    network = star(np.outer(places, [1.0, 0.0, 0.0]), np.tile([0.0, 1.0, 0.0], (5, 1)))
+    apart = (places[:, None] - places) / 0.05
+    np.testing.assert_allclose(strain_uncertainty(network, 0.01).cov, 1e-4 * np.exp(-0.5 * apart**2), rtol=1e-9)
+
+
+def test_few_directions_hold_most_of_a_smooth_strain():
+    """Of 300 springs all over a body 24 directions leave less than a third of the variance, none below zero."""
+    rng = np.random.default_rng(1)
+    network = star(rng.uniform(-0.05, 0.05, (300, 3)), directions_at_random(300, rng))
+    left = [1.0 - np.diag(strain_uncertainty(network, 1.0, n_directions=n).cov) for n in (1, 6, 24)]
+    assert all(each.min() > -1e-9 for each in left)
+    means = [each.mean() for each in left]
+    assert means[0] > means[1] > means[2]
+    assert means[2] < 1.0 / 3.0
