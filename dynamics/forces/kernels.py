@@ -232,6 +232,30 @@ def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH)
+def state_rate(  # type: ignore[no-untyped-def]
+    state, outside, free, inverse_mass, x, v, force, springs, of_springs, of_nodes, weight
+):
+    """d(state)/dt, (n_state,), under forces on the free nodes [N], (n_free, dim); inverse_mass: of these, (n_free,).
+
+    x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, the anchors' v zero.
+    The fields of `Packed` come one by one: to hand over a tuple takes longer than all the forces of the phantom.
+    """
+    n_free, dim = outside.shape
+    half = n_free * dim
+    rate = np.empty(2 * half)
+    for r in range(half):
+        i, d = free[r // dim], r % dim
+        x[i, d, 0] = state[r]
+        v[i, d, 0] = rate[r] = state[half + r]
+    p = Packed(springs, of_springs, of_nodes, weight)
+    spring_forces(x, v, p, np.empty(1), np.empty(1), force)
+    for r in range(half):
+        k, d = r // dim, r % dim
+        rate[half + r] = (force[free[k], d, 0] + outside[k, d]) * inverse_mass[k]
+    return rate
+
+
+@njit(cache=True, nogil=True, fastmath=FASTMATH)
 def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # type: ignore[no-untyped-def]
     """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from dynamics.arrays import Floats
-from dynamics.forces.kernels import packed, runge_kutta, spring_forces
+from dynamics.forces.kernels import packed, runge_kutta, state_rate
 from dynamics.forces.tangent import stable_step
 from dynamics.network.mass_spring import MassSpringNetwork
 
@@ -83,21 +83,16 @@ def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0
 
 def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
     """The function `derivative` of one network, its arrays made once: an adaptive integrator calls it 10,000 times."""
-    p, free, half = packed(network), network.free, network.n_state // 2
     x = network.positions[:, :, None].copy()
     v, force = np.zeros_like(x), np.empty_like(x)
-    pull, square = np.empty(1), np.empty(1)
-    shape = (len(free), network.dim, 1)
-    by_mass = 1.0 / network.masses[free, None]
+    shape = (len(network.free), network.dim)
+    kept = (network.free, 1.0 / network.masses[network.free], x, v, force, *packed(network))
 
     def rate(state: Floats, outside: ArrayLike = 0.0) -> Floats:
-        x[free] = state[:half].reshape(shape)
-        v[free] = state[half:].reshape(shape)
-        spring_forces(x, v, p, pull, square, force)
-        changed = np.empty(2 * half)
-        changed[:half] = state[half:]
-        changed[half:] = ((force[free, :, 0] + np.asarray(outside)) * by_mass).ravel()
-        return changed
+        acting = np.ascontiguousarray(outside, dtype=float)
+        if acting.shape != shape:
+            acting = np.broadcast_to(acting, shape).copy()
+        return np.asarray(state_rate(np.ascontiguousarray(state, dtype=float), acting, *kept))
 
     return rate
 

@@ -57,8 +57,11 @@ def test_the_lengths_of_links_that_swing_are_found(recording, identified):
     assert scene.spring_groups == ("upper arm", "")
 
 
-def test_how_well_it_fits_is_reported(recording, monkeypatch, capsys, tmp_path):
-    assert softaim(monkeypatch, "identify", recording, "--out", tmp_path / "scene.toml", "--json") == 0
+def test_how_well_it_fits_is_reported(recording, identified, monkeypatch, capsys, tmp_path):
+    """Another run: the same scene, and its report to programs."""
+    out = tmp_path / "scene.toml"
+    assert softaim(monkeypatch, "identify", recording, "--out", out, "--json") == 0
+    assert out.read_text() == identified.read_text()
     report = json.loads(capsys.readouterr().out)
     assert report["starts"]["followed"] == 4
     assert 1 <= report["starts"]["agreeing"] <= 4
