@@ -94,19 +94,21 @@ def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
     assert variances[1] <= 0.0917**2 / 2.0
 
 
-def test_two_links_seen_compressed_are_followed_to_their_rest(two_links):
+@pytest.mark.parametrize(("strain_sd", "off_mm"), [(0.0, 2.0), (0.01, 3.0)])
+def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_sd, off_mm):
     """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 2 mm of the joint.
 
-    What is left of a mark's noise at the joint is below that of the mark; 1,400 mm with the growth.
+    What is left of a mark's noise at the joint is below that of the mark; 1,400 mm with the growth. Where lengths may
+    be off by 1 %, 0.9 mm, marks weigh less.
     """
     rest, rng = rest_shape(two_links), np.random.default_rng(0)
-    tissue = TissueFilter(two_links, "joint", ["end"])
+    tissue = TissueFilter(two_links, "joint", ["end"], FilterSettings(strain_sd=strain_sd))
     for k in range(60):
         tissue.predict(k / 100.0)
         noise = np.array([0.0, 0.5e-3]) if k == 0 else rng.normal(0.0, 0.5e-3, 2)
         estimate = tissue.update([MarkMeasurement("end", rest[2] + noise, 0.5e-3**2 * np.eye(2))])
         assert np.linalg.norm(estimate.mean - rest[1]) < 0.02
-    assert np.linalg.norm(estimate.mean - rest[1]) < 2e-3
+    assert np.linalg.norm(estimate.mean - rest[1]) < 1e-3 * off_mm
     assert estimate.status is Status.TRACKING
 
 
