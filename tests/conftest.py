@@ -11,16 +11,21 @@ from hypothesis import settings
 settings.register_profile("softaim", derandomize=True, deadline=None)
 settings.load_profile("softaim")
 
-VISION = Path(__file__).parent / "vision"
+HERE = Path(__file__).parent
+VISION = HERE / "vision"
+LONGEST = (HERE / "experiments/studies/test_readme.py", HERE / "experiments/pipeline/test_identify.py")
+"""Files of half a minute and more."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests of vision at the start of the second half, where the second of two workers begins.
+    """Put tests of vision, then the longest, at the start of the second half, where the second of two workers begins.
 
-    Its kernels are others than those of dynamics and estimators, so that in a fresh clone neither worker compiles what
-    the other is compiling.
+    The kernels of vision are others than those of dynamics and estimators, so that in a fresh clone neither worker
+    compiles what the other is compiling. What takes longest is neither left for the end, where the other worker would
+    wait for it, nor split between two that make its fixtures twice.
     """
     vision = [item for item in items if item.path.is_relative_to(VISION)]
-    others = [item for item in items if not item.path.is_relative_to(VISION)]
+    longest = [item for path in LONGEST for item in items if item.path == path]
+    others = [item for item in items if not item.path.is_relative_to(VISION) and item.path not in LONGEST]
     half = len(items) // 2
-    items[:] = [*others[:half], *vision, *others[half:]]
+    items[:] = [*others[:half], *vision, *longest, *others[half:]]

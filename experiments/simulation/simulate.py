@@ -22,7 +22,6 @@ from experiments.formats.recording import write_frames_csv, write_truth_csv
 from experiments.formats.scenario import Breathing, Pokes, Scenario, Tremor
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 
-Force = Callable[[float], Floats]
 TARGET_RADIUS_M = 0.005
 
 
@@ -32,6 +31,18 @@ class Truth:
 
     times_s: Floats
     positions: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Force:
+    """A force on the free nodes over time: at(t [s]) [N], (n_free, dim); bends_s: where its slope jumps [s], (n,)."""
+
+    at: Callable[[float], Floats]
+    bends_s: Floats
+
+    def __call__(self, t: float) -> Floats:
+        """At this time [s]."""
+        return self.at(t)
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -69,7 +80,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
         k = int(place)
         return (1.0 - share) * knots[k] + share * knots[min(k + 1, n_knots - 1)]
 
-    return force
+    return Force(force, np.arange(0.0, n_knots) * tremor.interval_s)
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
@@ -97,7 +108,7 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
             return peaks[k] * np.sin(np.pi * (t - starts[k]) / (ends[k] - starts[k]))
         return nothing
 
-    return force
+    return Force(force, np.array([*starts, *ends]))
 
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
@@ -112,7 +123,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
     def force(t: float) -> Floats:
         return (np.cos(rate * t + phase) + 0.5 * np.cos(2.0 * rate * t + second)) * peak
 
-    return force
+    return Force(force, np.empty(0))
 
 
 def _row(network: MassSpringNetwork, node: str) -> int:
@@ -155,10 +166,11 @@ def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.G
             pack(start, nothing),
             times,
             force=lambda t: sum((force(t) for force in forces), nothing),
-            method="RK45",  # forces bend at each knot: a method of higher order takes twice as long for no less error
+            method="RK45",  # from knot to knot a step or two: a method of higher order gains nothing
             rtol=1e-6,
             atol=1e-8,
             max_step_s=scenario.tremor.interval_s if scenario.tremor else 1.0 / 60.0,
+            bends_s=np.concatenate([np.empty(0), *(force.bends_s for force in forces)]),
         )
     except RuntimeError as fault:
         raise InputError(f"scenario: expected forces that the motion can follow, found {fault}") from None

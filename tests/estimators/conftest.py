@@ -32,14 +32,14 @@ def driven(network, state, forces):
 
     Tolerances 1e-8 and 1e-10 m: a hundred thousand times finer than any mark of the tests is seen.
     """
-    rate, states = motion(network), [np.asarray(state, dtype=float)]
+    rate, states, step = motion(network), [np.asarray(state, dtype=float)], STEP
     for force in forces:
         solver = DOP853(
             lambda _t, now, held=force: rate(now, held),
             0.0,
             states[-1],
             STEP,
-            first_step=STEP,
+            first_step=min(step, STEP),
             rtol=1e-8,
             atol=1e-10,
         )
@@ -47,6 +47,7 @@ def driven(network, state, forces):
             solver.step()
         assert solver.status == "finished"
         states.append(solver.y)
+        step = solver.h_abs
     return np.array(states)
 
 

@@ -201,9 +201,13 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
     bank = _noise_bank(height, width, lighting.grain_px)
     v, u = rng.integers(0, height + 1), rng.integers(0, width + 1)
     noise = bank[v : v + height, u : u + width]
-    # variance = dark noise² + shot noise² level / 255
-    variance = cv2.addWeighted(frame, lighting.shot_noise_sd**2 / 255.0, frame, 0.0, lighting.noise_sd**2)
-    scaled = cv2.multiply(cv2.sqrt(variance), noise, scale=float(rng.choice((-1.0, 1.0))))
+    sign = float(rng.choice((-1.0, 1.0)))
+    if lighting.shot_noise_sd:
+        # variance = dark noise² + shot noise² level / 255
+        variance = cv2.addWeighted(frame, lighting.shot_noise_sd**2 / 255.0, frame, 0.0, lighting.noise_sd**2)
+        scaled = cv2.multiply(cv2.sqrt(variance, variance), noise, variance, scale=sign)
+    else:
+        scaled = noise * np.float32(sign * lighting.noise_sd)
     return np.asarray(cv2.add(frame, scaled, dtype=cv2.CV_8U), dtype=np.uint8)
 
 

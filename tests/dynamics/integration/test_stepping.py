@@ -176,6 +176,24 @@ def test_a_short_force_is_seen_where_the_longest_step_says_so(build):
     assert seen[2] == pytest.approx(5e-3, rel=5e-3)  # a step across either edge: 2e-5 of 1e-3 s each
 
 
+def test_no_step_crosses_a_bend_of_the_force(build):
+    """A half sine of 1 N for 1 ms from 50 ms on, of which no step sees anything without its bends: 2/pi 1e-3 N s."""
+    mass = build([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], [0])
+    start = np.array([1.0, 0.0, 0.0, 0.0])
+
+    def push(t):
+        return [[np.sin(np.pi * (t - 0.05) / 1e-3) if 0.05 <= t < 0.051 else 0.0, 0.0]]
+
+    def seen(bends):
+        return integrate_adaptive(mass, start, [0.0, 0.02, 0.051, 0.051], force=push, bends_s=bends)
+
+    assert np.abs(seen(())[:, 2]).max() < 1e-12
+    with_bends = seen([0.051, 0.05, 7.0, 0.05])
+    np.testing.assert_allclose(with_bends[:2], [start, start], rtol=0, atol=1e-15)
+    assert with_bends[2, 2] == pytest.approx(2.0 / np.pi * 1e-3 / 0.2, rel=2e-4)  # (w 1 ms)²/4 = 1e-4 of it at most
+    np.testing.assert_array_equal(with_bends[2], with_bends[3])
+
+
 def test_an_integration_that_gives_up_is_an_error(phantom):
     with pytest.raises(RuntimeError, match="integration from 0 to 1 s: "):
         integrate_adaptive(phantom, thrown(phantom), [0.0, 1.0], force=lambda t: np.nan if t > 0.5 else 0.0)
