@@ -364,8 +364,12 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
 TR_BDF2 = 2.0 - np.sqrt(2.0)
 """Share of a step that its first stage, of the trapezoidal rule, takes: both stages then have one matrix [bank1985]."""
 
-NEWTON = 2
-"""Newton iterations of a stage; numerical: with two a link as stiff as 2e7 N/m swings as with four."""
+NEWTON, MOST_NEWTON = 2, 8
+"""Newton iterations of a stage, and at most where they do not contract; numerical: with two a link as stiff as 2e7 N/m
+swings as with four."""
+
+CONTRACTED = 0.5
+"""An iteration changes speeds by less than this share of the one before, or tangents made elsewhere do not serve."""
 
 
 @njit(cache=True, nogil=True)
@@ -397,12 +401,14 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
     """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
 
-    L: of tangents about there, see `_factorise`; renew: whether each iteration makes its own
+    L: of tangents about there, see `_factorise`; renew: whether each iteration makes its own; those that follow one
+    which does not contract always do
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
     changed = np.empty(n_half)
-    for _ in range(NEWTON):
+    before = 0.0
+    for iteration in range(MOST_NEWTON):
         for r in range(n_half):
             x[free[r // dim], r % dim, 0] = now[r]
             v[free[r // dim], r % dim, 0] = now[n_half + r]
@@ -417,6 +423,12 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
         _solve_triangles(L, changed)
         now[:n_half] += missing + weight * changed
         now[n_half:] += changed
+        size = np.abs(changed).max()
+        contracted = iteration > 0 and size <= CONTRACTED * before
+        if iteration >= NEWTON - 1 and contracted:
+            break
+        renew = renew or (iteration > 0 and not contracted)
+        before = size
 
 
 @njit(cache=True, nogil=True)

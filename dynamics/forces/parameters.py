@@ -74,7 +74,7 @@ def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> P
 
 
 def strain_uncertainty(
-    network: MassSpringNetwork, sd: float, *, length: float = 0.5, n_directions: int = 12
+    network: MassSpringNetwork, sd: float, *, length: float = 1.0, n_directions: int = 12
 ) -> ParameterUncertainty:
     """Rest lengths off by an unknown strain that varies smoothly over the body: what the springs leave out of it.
 

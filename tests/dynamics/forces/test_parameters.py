@@ -124,11 +124,13 @@ def test_springs_at_one_place_change_with_one_strain_tensor():
 
 
 def test_strain_of_springs_that_are_far_apart_is_another():
-    """Parallel springs along a line of 0.1 m: by exp(-d² / 2 l²), l half the body's longest side."""
+    """Parallel springs along a line of 0.1 m: by exp(-d² / 2 l²), l half the line."""
     places = np.linspace(0.0, 0.1, 5)
     network = star(np.outer(places, [1.0, 0.0, 0.0]), np.tile([0.0, 1.0, 0.0], (5, 1)))
     apart = (places[:, None] - places) / 0.05
-    np.testing.assert_allclose(strain_uncertainty(network, 0.01).cov, 1e-4 * np.exp(-0.5 * apart**2), rtol=1e-9)
+    np.testing.assert_allclose(
+        strain_uncertainty(network, 0.01, length=0.5).cov, 1e-4 * np.exp(-0.5 * apart**2), rtol=1e-9
+    )
 
 
 def test_few_directions_hold_most_of_a_smooth_strain():
