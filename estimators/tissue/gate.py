@@ -13,6 +13,7 @@ import numpy as np
 
 from dynamics import SAME_STEP
 from estimators.arrays import Floats
+from estimators.filters.kernels import squared_mahalanobis
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
 
@@ -145,7 +146,7 @@ def squared_distance(mark: MarkMeasurement, expected: Expected, *, considered: b
     shared = mark.shared if considered else None
     mean, cov = expected(mark.node, shared)
     y = mark.position - mean
-    return float(y @ np.linalg.solve(cov + (mark.total_cov if shared is None else mark.cov), y))
+    return float(squared_mahalanobis(y, cov + (mark.total_cov if shared is None else mark.cov)))
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
@@ -153,7 +154,7 @@ def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))
-    return float(y @ np.linalg.solve(S, y)) <= settings.gate
+    return float(squared_mahalanobis(y, S)) <= settings.gate
 
 
 def _seen_since(mark: MarkMeasurement, seen: dict[str, Outlying], frame: Frame) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.arrays import Floats
+from estimators.filters.kernels import block_contributions, inverse_nis_gain
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
@@ -85,13 +86,13 @@ def stack_marks(marks: Sequence[MarkMeasurement], coordinates: Mapping[str, slic
 def innovation(mixture: InteractingMixture, stacked: StackedMarks, target: TargetMap) -> Innovation:
     """The innovation of a measurement that the mixture has not taken in yet."""
     rows, shared, P = stacked.rows, stacked.shared, mixture.P
-    y, S, cross = stacked.z - mixture.x[rows], P[np.ix_(rows, rows)] + stacked.R, target.linear(P[:, rows])
+    y, S, cross = stacked.z - mixture.x[rows], P[rows][:, rows] + stacked.R, target.linear(P[:, rows])
     if shared is not None:
         columns = mixture.mean_columns
         S += columns[rows] @ shared.T + shared @ columns[rows].T + shared @ shared.T
         cross += target.linear(columns) @ shared.T
-    S_inv = np.linalg.inv(S)
-    return Innovation(y, S, S_inv, float(y @ S_inv @ y), cross @ S_inv)
+    S_inv, nis, gain = inverse_nis_gain(y, np.ascontiguousarray(S), np.ascontiguousarray(cross))
+    return Innovation(y, S, S_inv, float(nis), gain)
 
 
 def information_shares(marks: Sequence[MarkMeasurement], found: Innovation, target_variance: float) -> dict[str, float]:
@@ -100,10 +101,5 @@ def information_shares(marks: Sequence[MarkMeasurement], found: Innovation, targ
     target_variance: trace of the target's covariance after it [m²]. Leaving out block i gives back
     G_i (S^-1_ii)^-1 G_i' of what the update took, G the gain of the target.
     """
-    dim = len(found.gain)
-    shares = {}
-    for k, mark in enumerate(marks):
-        own = slice(k * dim, (k + 1) * dim)
-        gain, S_inv = found.gain[:, own], found.S_inv[own, own]
-        shares[mark.node] = float(np.sum(gain * np.linalg.solve(S_inv, gain.T).T)) / target_variance
-    return shares
+    contributions = block_contributions(found.gain, found.S_inv, len(found.gain)) / target_variance
+    return {mark.node: share for mark, share in zip(marks, contributions.tolist(), strict=True)}
