@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -43,6 +43,7 @@ class OpenLoopCovariance:
         self._target = np.zeros((network.dim, len(self.cov)))
         self._target[:, [*range(len(hidden)), *range(self._n, self._n + self._m)]] = matrix[:, [*hidden, *driven]]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
+        self._frame: tuple[tuple[bool, float, frozenset[str]], tuple[Floats, Floats, Floats]] | None = None
 
     @property
     def target_cov(self) -> Floats:
@@ -51,6 +52,18 @@ class OpenLoopCovariance:
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
         """Go on by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
+        key = dt > 0.0, round(dt, 9), frozenset(noise)
+        if self._frame is None or self._frame[0] != key:
+            self._frame = key, self._matrices(dt, noise)
+        F, G, Q = self._frame[1]
+        R = np.zeros((self._m, self._m))
+        for node, cov in noise.items():
+            place = self._places[node]
+            R[place, place] = cov
+        self.cov = F @ self.cov @ F.T + G @ R @ G.T + Q
+
+    def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats]:
+        """What moves the state over dt [s] to a frame with these marks, adds their noise, and the noise of force."""
         n = self._n
         if dt > 0.0:
             own, start, end, noise_added = self._step(dt)
@@ -60,17 +73,15 @@ class OpenLoopCovariance:
         F, G, Q = np.eye(n + self._m), np.zeros((n + self._m, self._m)), np.zeros_like(self.cov)
         F[:n, :n] = own
         F[:n, n:] = start + end
-        R = np.zeros((self._m, self._m))
-        for node, cov in noise.items():
+        for node in seen:
             place = self._places[node]
             among = slice(n + place.start, n + place.stop)
-            R[place, place] = cov
             F[:n, among] = start[:, place]
             F[among, among] = 0.0
             G[:n, place] = end[:, place]
-            G[among, place] = np.eye(len(cov))
+            G[among, place] = np.eye(place.stop - place.start)
         Q[:n, :n] = noise_added
-        self.cov = F @ self.cov @ F.T + G @ R @ G.T + Q
+        return F, G, Q
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
         """What the hidden masses, the marked ones' error at the start and that at the end make of the hidden ones.
