@@ -11,6 +11,7 @@ from estimators.association import IdentitySettings
 from experiments.pipeline.live import LiveSettings
 from experiments.studies.estimation.figures import estimation_figures
 from experiments.studies.marks import marks_figures
+from experiments.studies.settings.body_figures import BodyConstants, body_figures
 from experiments.studies.settings.calibration_figures import calibration_figures
 from experiments.studies.settings.constants import Constants, constants_figures
 from experiments.studies.settings.constants_of_prediction import PredictionConstants, prediction_figures
@@ -38,6 +39,7 @@ class Family:
 FAMILIES: dict[str, Family] = {
     "estimation": Family(FilterSettings(), estimation_figures),
     "constants of estimation": Family(Constants(), constants_figures),
+    "stiff or large bodies": Family(BodyConstants(), body_figures),
     "constants of prediction": Family(PredictionConstants(), prediction_figures),
     "identification": Family(Identification(), identification_figures),
     "identity": Family(IdentitySettings(), identity_figures),
