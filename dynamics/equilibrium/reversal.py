@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -16,9 +18,15 @@ def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.b
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states the
     spring's length passes through zero or its direction through a right angle: no linearisation is valid there.
     """
+    return _reversed(np.ascontiguousarray(states), network.positions, _first_coordinates(network), network.springs)
+
+
+@lru_cache(maxsize=64)
+def _first_coordinates(network: MassSpringNetwork) -> NDArray[np.intp]:
+    """The place of each node's first coordinate among the free ones, (n_nodes,), -1 of an anchor's."""
     place = np.full(network.n_nodes, -1)
     place[network.free] = np.arange(len(network.free)) * network.dim
-    return _reversed(np.ascontiguousarray(states), network.positions, place, network.springs)
+    return place
 
 
 @njit(cache=True, nogil=True)
