@@ -248,20 +248,26 @@ def _updated(x, P, z, H, R, PH, innovation_cov):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
-    """Y' S^-1 y of an error (n,) by its covariance (n, n)."""
+    """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) by its covariance S (n, n)."""
     return np.dot(y, np.linalg.solve(S, y))
 
 
 @njit(cache=True, nogil=True)
 def inverse_nis_gain(y, S, cross):  # type: ignore[no-untyped-def]
-    """S^-1 (m, m), y' S^-1 y, and the gain cross S^-1 (n, m); cross: covariance with the innovation, (n, m)."""
+    """Of an innovation y (m,) of covariance S (m, m): S^-1 (m, m), its NIS y' S^-1 y [1], the gain cross S^-1 (n, m).
+
+    cross: covariance of the state, or of the target, with the innovation, (n, m)
+    """
     S_inv = np.linalg.inv(S)
     return S_inv, np.dot(np.dot(y, S_inv), y), np.dot(cross, S_inv)
 
 
 @njit(cache=True, nogil=True)
 def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
-    """Tr G_i (S^-1_ii)^-1 G_i' of each block of `width` measurements, (m / width,): gain (n, m), S_inv (m, m)."""
+    """What each block of `width` measurements takes from the target's variance: tr G_i (S^-1_ii)^-1 G_i', (m / width,).
+
+    gain: of the target, (n, m); S_inv: inverse covariance of the innovation, (m, m)
+    """
     traces = np.empty(len(S_inv) // width)
     for i in range(len(traces)):
         G = np.ascontiguousarray(gain[:, i * width : (i + 1) * width].T)

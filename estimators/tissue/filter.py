@@ -69,12 +69,12 @@ class TissueFilter:
         if self.settings.one_of not in (0, len(marked)):
             raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
         self.n_calibration, network = n_calibration, carried(network)
-        model = partial(TissueModel, network, marked, bias=self.settings.fix_bias, n_calibration=n_calibration)
-        self.model = model(uncertainty=uncertainty)
+        model_with = partial(TissueModel, network, marked, bias=self.settings.fix_bias, n_calibration=n_calibration)
+        self.model = model_with(uncertainty=uncertainty)
         if is_linearised(self.model):
             self.settings = self.settings.for_stiff_or_large()
             if uncertainty is None and self.settings.strain_sd > 0.0:
-                self.model = model(uncertainty=strain_uncertainty(network, self.settings.strain_sd))
+                self.model = model_with(uncertainty=strain_uncertainty(network, self.settings.strain_sd))
         self.target = target_map(network, target)
         self.time_s: float | None = None
         self.health = Health()

@@ -20,7 +20,7 @@ class LungConstants:
     strand_n: stiffness of a spring times its length [N]: strands of 20 mm x 20 mm of 2 kPa; choice
     damping_s: dashpot of a spring by its stiffness [s]: air and blood follow slowly; choice
     mass_kg: of a lung, spread evenly over its landmarks [kg]; choice
-    strain_sd: by which springs may be off, smoothly over the lung [1]: half of what a breath stretches it; choice
+    strain_sd: by which springs may be off, smoothly over the lung [1]; choice
     reading_sd_m: scatter of a landmark's reading, each axis [m]; source: readers scatter by about 1 mm
     """
 
