@@ -49,7 +49,7 @@ class ExtendedKalmanFilter(Baseline):
 
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float:
         H = np.eye(self.model.dim_x)[rows]
-        x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, H, R, self.P)
+        x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, H, R)
         if not definite:
             raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
         self.x, self.P = x, P

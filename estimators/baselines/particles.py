@@ -91,7 +91,7 @@ class ParticleFilter(Baseline):
         H = np.eye(self.model.dim_x)[rows]
         logs = np.empty(len(self.weights))
         for k, (x, P) in enumerate(zip(self.means, self.covs, strict=True)):
-            self.means[k], self.covs[k], _, _, _, nis, log_det, _ = joseph_update(x, P, z, H, R, P)
+            self.means[k], self.covs[k], _, _, _, nis, log_det, _ = joseph_update(x, P, z, H, R)
             logs[k] = -0.5 * (nis + log_det)
         weights = self.weights * np.exp(logs - logs.max())
         self.weights = weights / weights.sum()

@@ -61,7 +61,7 @@ def posterior_bound(
             for j, cov in enumerate(seen.values()):
                 own = slice(j * network.dim, (j + 1) * network.dim)
                 R[own, own] = cov
-            P = joseph_update(nothing, P, np.zeros(len(rows)), H, R, P)[1]
+            P = joseph_update(nothing, P, np.zeros(len(rows)), H, R)[1]
         bounds[k] = P
     return bounds
 

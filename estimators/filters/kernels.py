@@ -13,6 +13,12 @@ LOOPS = 24
 """Measurements beyond which LAPACK solves in place of loops, and Joseph's form is multiplied out, for its cost grows
 with the cube of the states."""
 
+TILE = 32
+"""Rows and columns of a matrix that stay in the cache while it is mirrored; numerical."""
+
+LOOPS_OF_COLUMNS = 2
+"""Columns beyond which their sums are products of matrices in place of loops; numerical."""
+
 
 @njit(cache=True, nogil=True)
 def chol_lower(P):  # type: ignore[no-untyped-def]
@@ -153,18 +159,35 @@ def mixed_each(weights, xs, Ps, Ss):  # type: ignore[no-untyped-def]
                 means[j, a] += weights[i, j] * xs[i, a]
                 for c in range(r):
                     columns[j, a, c] += weights[i, j] * Ss[i, a, c]
-        for i in range(k):
-            w = weights[i, j]
-            for a in range(n):
-                da = w * (xs[i, a] - means[j, a])
-                for b in range(a + 1):
-                    entry = w * Ps[i, a, b] + da * (xs[i, b] - means[j, b])
+        if r > LOOPS_OF_COLUMNS:
+            apart = np.empty((n, k * (1 + r)))
+            for i in range(k):
+                root, own = np.sqrt(weights[i, j]), i * (1 + r)
+                for a in range(n):
+                    apart[a, own] = root * (xs[i, a] - means[j, a])
                     for c in range(r):
-                        entry += w * (Ss[i, a, c] - columns[j, a, c]) * (Ss[i, b, c] - columns[j, b, c])
-                    covs[j, a, b] += entry
-        for a in range(n):
-            for b in range(a):
-                covs[j, b, a] = covs[j, a, b]
+                        apart[a, own + 1 + c] = root * (Ss[i, a, c] - columns[j, a, c])
+            covs[j] = apart @ apart.T
+            for a in range(n):
+                for i in range(k):
+                    w = weights[i, j]
+                    for b in range(a + 1):
+                        covs[j, a, b] += w * Ps[i, a, b]
+        else:
+            for i in range(k):
+                w = weights[i, j]
+                for a in range(n):
+                    da = w * (xs[i, a] - means[j, a])
+                    for b in range(a + 1):
+                        entry = w * Ps[i, a, b] + da * (xs[i, b] - means[j, b])
+                        for c in range(r):
+                            entry += w * (Ss[i, a, c] - columns[j, a, c]) * (Ss[i, b, c] - columns[j, b, c])
+                        covs[j, a, b] += entry
+        for a in range(0, n, TILE):
+            for b in range(0, a + 1, TILE):
+                for c in range(a, min(a + TILE, n)):
+                    for d in range(b, min(b + TILE, c)):
+                        covs[j, d, c] = covs[j, c, d]
     return means, covs, columns
 
 
@@ -172,6 +195,8 @@ def mixed_each(weights, xs, Ps, Ss):  # type: ignore[no-untyped-def]
 def with_columns(P, C):  # type: ignore[no-untyped-def]
     """P + C C', (n, n)."""
     n, r = C.shape
+    if r > LOOPS_OF_COLUMNS:
+        return P + C @ C.T
     total = P.copy()
     for a in range(n):
         for b in range(n):
@@ -181,13 +206,10 @@ def with_columns(P, C):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def joseph_update(x, P, z, H, R, total):  # type: ignore[no-untyped-def]
-    """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite.
-
-    total: the covariance that the gain and S are to be those of; P itself, or P and what is considered beside it.
-    """
-    PH = total @ H.T
-    return _updated(x, P, z, H, R, PH, H @ PH + R)
+def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
+    """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
+    HP, HPH = _measured(P, H)
+    return _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T, HPH + R)
 
 
 @njit(cache=True, nogil=True)
@@ -198,15 +220,34 @@ def schmidt_update(x, P, z, H, R, columns, shared, added_share):  # type: ignore
     Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain.
     """
     C = H @ columns + shared
-    PH = P @ H.T
-    S = H @ PH + C @ C.T + added_share * (shared @ shared.T) + R
-    return _updated(x, P, z, H, R, PH + columns @ C.T, S)
+    HP, HPH = _measured(P, H)
+    S = HPH + C @ C.T + added_share * (shared @ shared.T) + R
+    return _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T + columns @ C.T, S)
 
 
 @njit(cache=True, nogil=True)
-def _updated(x, P, z, H, R, PH, innovation_cov):  # type: ignore[no-untyped-def]
-    """What `joseph_update` gives for a covariance PH (n, m) of state and innovation, and the innovation's."""
-    y = z - H @ x
+def _measured(P, H):  # type: ignore[no-untyped-def]
+    """H P (m, n) and H P H' (m, m); of many measurements by those states alone that H depends on."""
+    m, n = H.shape
+    if m <= LOOPS:
+        HP = H @ P
+        return HP, HP @ H.T
+    on = np.zeros(n, dtype=np.bool_)
+    for a in range(m):
+        for i in range(n):
+            on[i] |= H[a, i] != 0.0
+    states = np.flatnonzero(on)
+    dense = np.ascontiguousarray(H[:, states])
+    HP = dense @ P[states]
+    return HP, np.ascontiguousarray(HP[:, states]) @ dense.T
+
+
+@njit(cache=True, nogil=True)
+def _updated(x, P, y, R, H, HP, HPH, PH, innovation_cov):  # type: ignore[no-untyped-def]
+    """What `joseph_update` gives for an innovation y, its covariance, and that of state and innovation, PH (n, m).
+
+    HP (m, n), HPH (m, m): H P and H P H', of P without what is considered beside it
+    """
     S = 0.5 * (innovation_cov + innovation_cov.T)
     C, definite = chol_lower(S)
     n, m = PH.shape
@@ -215,12 +256,11 @@ def _updated(x, P, z, H, R, PH, innovation_cov):  # type: ignore[no-untyped-def]
     if definite and m > LOOPS:
         for a in range(m):
             log_det += 2.0 * np.log(C[a, a])
-        solved = np.linalg.solve(S, np.hstack((PH.T, y.reshape(-1, 1))))
-        K = np.ascontiguousarray(solved[:, :n].T)
-        HP = H @ P
-        crossed = K @ HP
-        updated = P - crossed - crossed.T + K @ ((HP @ H.T + R) @ K.T)
-        return x + K @ y, 0.5 * (updated + updated.T), y, S, K, y @ solved[:, n], log_det, definite
+        S_inv = np.linalg.inv(S)
+        K = PH @ S_inv
+        # (1 - K H) P (1 - K H)' + K R K' is P and this with its transpose
+        beside = K @ (0.5 * ((HPH + R) @ K.T) - HP)
+        return x + K @ y, P + (beside + beside.T), y, S, K, y @ S_inv @ y, log_det, definite
     if definite:
         w = np.empty(m)
         for a in range(m):

@@ -201,8 +201,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         """Move what a cycle began with to its end, by the motion linearised about `cycle.about`."""
         found = cycle.motion(cycle.about)
         xs = found.ends + np.einsum("kij,kj->ki", found.F, cycle.means - cycle.about)
-        Ps = found.F @ cycle.covs @ found.F.swapaxes(1, 2) + found.Q
-        Ps = 0.5 * (Ps + Ps.swapaxes(1, 2))
+        Ps = found.predicted(cycle.covs)
         self.columns = found.F @ cycle.columns + found.added
         for f, x, P in zip(self.filters, xs, Ps, strict=True):
             f.x, f.P = x, P
@@ -271,14 +270,14 @@ class InteractingMixture(filterpy.IMMEstimator):
         shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
         """
         self._relinearise(z, H, R)
-        innovation_columns = H @ self.columns if shared is None else H @ self.columns + shared
+        moved = np.zeros((len(z), self.columns.shape[2])) if shared is None else shared
+        innovation_columns = H @ self.columns + moved
         updates = []
-        for k, f in enumerate(self.filters):
-            if shared is not None and self.considered:
-                found = schmidt_update(f.x, f.P, z, H, R, self.columns[k], shared, self.added_share)
+        for f, columns in zip(self.filters, self.columns, strict=True):
+            if self.considered and columns.shape[1]:
+                found = schmidt_update(f.x, f.P, z, H, R, columns, moved, self.added_share)
             else:
-                total = with_columns(f.P, self.columns[k]) if self.considered else f.P
-                found = joseph_update(f.x, f.P, z, H, R, total)
+                found = joseph_update(f.x, f.P, z, H, R)
             *_, nis, log_det, definite = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")

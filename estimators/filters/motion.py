@@ -16,12 +16,27 @@ class LinearMotion:
     """Motion of k modes to first order about states: x -> ends + F (x - about) + noise.
 
     ends (k, n): of the states themselves; F, Q (k, n, n); added (k, n, r): to what F makes of the columns
+    n_coupled: states from this one on are moved by themselves alone: their rows of F have no entry off the diagonal
     """
 
     ends: Floats
     F: Floats
     Q: Floats
     added: Floats
+    n_coupled: int
+
+    def predicted(self, covs: Floats) -> Floats:
+        """F P F' + Q of covariances P, (k, n, n), symmetric to the last bit."""
+        t = self.n_coupled
+        rows, own = self.F[:, :t], np.diagonal(self.F, axis1=1, axis2=2)[:, t:]
+        across = covs @ rows.swapaxes(1, 2)
+        Ps = np.empty_like(covs)
+        Ps[:, :t, :t] = rows @ across
+        Ps[:, t:, :t] = own[:, :, None] * across[:, t:]
+        Ps[:, :t, t:] = Ps[:, t:, :t].swapaxes(1, 2)
+        Ps[:, t:, t:] = own[:, :, None] * covs[:, t:, t:] * own[:, None, :]
+        Ps += self.Q
+        return np.asarray(0.5 * (Ps + Ps.swapaxes(1, 2)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -81,7 +81,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
 
         Of a linear measurement the unscented update is the Kalman update.
         """
-        x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R, self.P)
+        x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R)
         if not definite:
             raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
         self._accept(x, P, (y, S, K))

@@ -106,7 +106,7 @@ class NeedleTracker:
             self.x = np.r_[z, 0.0]
             self.P[:-1, :-1], self.P[-1, -1] = R, self.noise.speed_sd**2
             return
-        x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, np.eye(dim, dim + 1), R, self.P)
+        x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, np.eye(dim, dim + 1), R)
         if not definite:
             raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
         self.x, self.P, self.nis = x, P, float(nis)

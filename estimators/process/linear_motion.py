@@ -54,7 +54,7 @@ class LinearisedTissue:
         for _ in range(n_steps - 1):
             own, noise, shift, now = self._step(now, h, modes, push)
             F, Q, shifts = own @ F, own @ Q @ own.swapaxes(1, 2) + noise, own @ shifts + shift
-        return LinearMotion(now, F, Q, shifts)
+        return LinearMotion(now, F, Q, shifts, self.model.network.n_state)
 
     def noise_after(self, state: Floats, mode: ForceMode, seconds: float) -> Floats:
         """Covariance (dim_x, dim_x) that so many seconds of this mode's forces make about a state, from none."""
@@ -80,29 +80,35 @@ class LinearisedTissue:
             outside = outside + push.forces(now[:, None, :n]).reshape(-1, n // 2)
         about = now[:, :n].mean(axis=0, keepdims=True) if self._once else now[:, :n]
         tangent = self.stepper.linearised(about, h)
-        own, half = (np.zeros((k, model.dim_x, model.dim_x)) for _ in range(2))
-        own[:, :n, :n], half[:, :n, :n] = tangent.F, tangent.half
+        own = np.zeros((k, model.dim_x, model.dim_x))
+        own[:, :n, :n] = tangent.F
         own[:, :n, model.pokes] = tangent.by_force[:, :, rows] * shares[:, None, :]
-        # a poke that began within the step acts for half of it
-        half[:, :n, model.pokes] = 0.5 * own[:, :n, model.pokes]
         poke = range(model.pokes.start, model.pokes.stop)
-        own[:, poke, poke], half[:, poke, poke] = fade, 1.0
+        own[:, poke, poke] = fade
         ends = np.empty_like(now)
         ends[:, :n] = self.stepper.advance(now[:, :n], h, outside)
         ends[:, model.pokes] = fade * now[:, model.pokes]
-        density = np.zeros((k, model.dim_x))
+        # what a standard deviation of the noise of each speed and each poke makes of the network's state
+        made = np.empty((k, n, n // 2 + len(rows)))
+        faded = np.empty_like(fade)
         for j, mode in enumerate(modes):
-            density[j, n // 2 : n] = mode.white**2 * h
             sd = mode.pokes(len(rows) // model.network.dim, model.network.dim)[0]
-            density[j, model.pokes] = (sd * model.mass[rows]) ** 2 * (1.0 - fade[j] ** 2)
+            faded[j] = sd * model.mass[rows] * np.sqrt(1.0 - fade[j] ** 2)
+            made[j, :, : n // 2] = mode.white * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
+            # a poke that began within the step acts for half of it
+            made[j, :, n // 2 :] = 0.5 * faded[j] * own[j, :n, model.pokes]
+        Q = np.zeros_like(own)
+        Q[:, :n, :n] = made @ made.swapaxes(1, 2)
+        Q[:, :n, model.pokes] = made[:, :, n // 2 :] * faded[:, None, :]
+        Q[:, model.pokes, :n] = Q[:, :n, model.pokes].swapaxes(1, 2)
+        Q[:, poke, poke] = faded**2
         if model.bias is not None:
             slow, bias = np.exp(-h / model.bias.lasting_s), range(model.bias_rows.start, model.bias_rows.stop)
             ends[:, model.bias_rows] = slow * now[:, model.bias_rows]
-            own[:, bias, bias], half[:, bias, bias] = slow, 1.0
-            density[:, model.bias_rows] = (1.0 - slow**2) * model.bias.sd_m**2
-        spread = half * np.sqrt(density)[:, None, :]
+            own[:, bias, bias] = slow
+            Q[:, bias, bias] = (1.0 - slow**2) * model.bias.sd_m**2
         shift = np.zeros((k, model.dim_x, model.n_columns))
         for j in range(k if model.n_constants else 0):
             forces = 0.5 * (model.constant_forces(now[j]) + model.constant_forces(ends[j]))
             shift[j, :n, : model.n_constants] = tangent.by_force[0 if self._once else j] @ forces.T
-        return own, spread @ spread.swapaxes(1, 2), shift, ends
+        return own, Q, shift, ends

@@ -5,11 +5,11 @@ import pytest
 
 from estimators import InteractingMixture, UnscentedKalmanFilter, mean_bounds
 from estimators.filters.kernels import (
-    joseph_update,
     mixed_each,
     moments,
     moments_each,
     regressions,
+    schmidt_update,
     symmetric_points,
     symmetric_points_each,
     with_columns,
@@ -214,17 +214,19 @@ def test_the_regression_of_a_linear_map_is_its_matrix():
     np.testing.assert_allclose(regressions(points, moved), maps, rtol=0, atol=1e-10)
 
 
-def test_mixtures_with_columns_keep_the_total_covariance():
+@pytest.mark.parametrize(("n", "r"), [(4, 0), (4, 2), (4, 3), (70, 1), (70, 5)])
+def test_mixtures_with_columns_keep_the_total_covariance(n, r):
     """Errors e + C t of each part, e ~ (0, P), t ~ (0, 1) common: total variance, and covariance with t. Rounding."""
     rng = np.random.default_rng(4)
-    xs, Ps, Cs = beliefs(rng)
+    xs, Ps, Cs = beliefs(rng, n=n, r=r)
     w = rng.dirichlet(np.ones(3), size=2).T
     means, covs, columns = mixed_each(w, xs, Ps, Cs)
     for j in range(2):
         mean = w[:, j] @ xs
         total = sum(w[i, j] * (Ps[i] + Cs[i] @ Cs[i].T + np.outer(xs[i] - mean, xs[i] - mean)) for i in range(3))
         np.testing.assert_allclose(means[j], mean, rtol=0, atol=1e-13)
-        np.testing.assert_allclose(with_columns(covs[j], columns[j]), total, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(with_columns(covs[j], columns[j]), total, rtol=0, atol=1e-13 * np.abs(total).max())
+        np.testing.assert_array_equal(covs[j], covs[j].T)
         np.testing.assert_allclose(columns[j], np.einsum("i,iab->ab", w[:, j], Cs), rtol=0, atol=1e-13)
 
 
@@ -234,7 +236,7 @@ def test_the_update_takes_its_gain_from_the_total():
     (x, *_), (P, *_), (C, *_) = beliefs(rng)
     G, noise, z = rng.normal(size=(2, 4)), np.diag([0.3, 0.7]), rng.normal(size=2)
     T = with_columns(P, C)
-    found = joseph_update(x, P, z, G, noise, T)
+    found = schmidt_update(x, P, z, G, noise, C, np.zeros((2, C.shape[1])), 1.0)
     S = G @ T @ G.T + noise
     K = T @ G.T @ np.linalg.inv(S)
     keep = np.eye(4) - K @ G
