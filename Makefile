@@ -4,6 +4,8 @@ BIN := .venv/bin
 READY := .venv/ready
 # At some twenty states more threads of a linear algebra library only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
+# Each package is compiled to bytecode once, when it is first imported; most of what is installed never is
+unexport PYTHONDONTWRITEBYTECODE
 # A worker for each core; on a busy machine: make test WORKERS=1
 WORKERS ?= auto
 
@@ -49,5 +51,5 @@ clean:
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster]'
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster]'
 	@touch $(READY)

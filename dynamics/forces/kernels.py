@@ -10,8 +10,9 @@ against finite differences, as a scalar function and in each assembly.
 
 Laws and loops share this file because numba's cache on disk notices a change of a kernel's own file only. Arrays of the
 loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over neighbouring
-numbers and the compiler can take several states at a time. Nothing here checks its input: `dynamics.forces.energy` and
-`dynamics.integration.stepping` do.
+numbers and the compiler can take several states at a time. They copy number by number: an assignment to a slice takes
+seconds more to compile, with what it says of shapes that do not fit. Nothing here checks its input:
+`dynamics.forces.energy` and `dynamics.integration.stepping` do.
 """
 
 from __future__ import annotations
@@ -390,7 +391,7 @@ def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
     """Lower L with L L' = M + weight C + weight² K, the tangents of a state, which are written into K and C."""
-    tangents(x, v, p, place, True, K, C)
+    tangents(x, v, p, place, np.bool_(True), K, C)  # no literal, so that it is compiled once
     M = weight * C + (weight * weight) * K
     for r in range(len(masses)):
         M[r, r] += masses[r]
@@ -421,8 +422,9 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
             pushed = force[free[r // dim], r % dim, 0] + outside[r] - along[r]
             changed[r] = masses[r] * (target[n_half + r] - now[n_half + r]) + weight * pushed
         _solve_triangles(L, changed)
-        now[:n_half] += missing + weight * changed
-        now[n_half:] += changed
+        for r in range(n_half):
+            now[r] += missing[r] + weight * changed[r]
+            now[n_half + r] += changed[r]
         size = np.abs(changed).max()
         contracted = iteration > 0 and size <= CONTRACTED * before
         if iteration >= NEWTON - 1 and contracted:
@@ -466,15 +468,17 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
                 v[free[r // dim], r % dim, 0] = now[n_half + r]
             L = _factorise(x, v, p, place, weight, masses, K, C)
             spring_forces(x, v, p, pull, square, force)
-            before[:] = now
             for r in range(n_half):
+                before[r], before[n_half + r] = now[r], now[n_half + r]
                 target[r] = now[r] + weight * now[n_half + r]
                 pushed = force[free[r // dim], r % dim, 0] + outside[q, r]
                 target[n_half + r] = now[n_half + r] + weight * pushed / masses[r]
-            now[:n_half] += g * dt * before[n_half:]
+                now[r] += g * dt * before[n_half + r]
             _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside[q], scratch)
-            target[:] = second * now - first * before
-            now[:n_half] += (1.0 - g) * dt * now[n_half:]
+            for r in range(2 * n_half):
+                target[r] = second * now[r] - first * before[r]
+            for r in range(n_half):
+                now[r] += (1.0 - g) * dt * now[n_half + r]
             _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside[q], scratch)
     return ended
 

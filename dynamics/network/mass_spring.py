@@ -146,7 +146,7 @@ class MassSpringNetwork:
 
 
 def _frozen(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    array = np.array(value, dtype=np.float64)
+    array = np.array(value, dtype=np.float64, order="C")
     if array.shape != shape:
         raise NetworkError(f"{key}: expected shape {shape}, found {array.shape}")
     if not np.isfinite(array).all():
@@ -163,7 +163,7 @@ def _pairs(springs: ArrayLike) -> NDArray[np.int64]:
         raise NetworkError(
             f"springs: expected whole numbers of shape (n_springs, 2), found {pairs.dtype} {pairs.shape}"
         )
-    return pairs.astype(np.int64)
+    return pairs.astype(np.int64, order="C")
 
 
 def pack(positions: ArrayLike, velocities: ArrayLike) -> Floats:

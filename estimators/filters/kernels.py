@@ -112,7 +112,10 @@ def symmetric_points_each(xs, Ps, scales):  # type: ignore[no-untyped-def]
     points = np.empty((k, 2 * n + 1, n))
     definite = np.empty(k, dtype=np.bool_)
     for j in range(k):
-        points[j], definite[j] = symmetric_points(xs[j], Ps[j], scales[j])
+        drawn, definite[j] = symmetric_points(xs[j], Ps[j], scales[j])
+        for q in range(2 * n + 1):
+            for i in range(n):
+                points[j, q, i] = drawn[q, i]
     return points, definite
 
 
@@ -122,7 +125,11 @@ def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
     k, _, n = points.shape
     xs, Ps = np.empty((k, n)), np.empty((k, n, n))
     for j in range(k):
-        xs[j], Ps[j] = moments(points[j], Wm[j], Wc[j], Qs[j])
+        x, P = moments(points[j], Wm[j], Wc[j], Qs[j])
+        for i in range(n):
+            xs[j, i] = x[i]
+            for c in range(n):
+                Ps[j, i, c] = P[i, c]
     return xs, Ps
 
 
@@ -167,8 +174,10 @@ def mixed_each(weights, xs, Ps, Ss):  # type: ignore[no-untyped-def]
                     apart[a, own] = root * (xs[i, a] - means[j, a])
                     for c in range(r):
                         apart[a, own + 1 + c] = root * (Ss[i, a, c] - columns[j, a, c])
-            covs[j] = apart @ apart.T
+            between = apart @ apart.T
             for a in range(n):
+                for b in range(a + 1):
+                    covs[j, a, b] = between[a, b]
                 for i in range(k):
                     w = weights[i, j]
                     for b in range(a + 1):
@@ -209,7 +218,7 @@ def with_columns(P, C):  # type: ignore[no-untyped-def]
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
     """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
     HP, HPH = _measured(P, H)
-    return _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T, HPH + R)
+    return _updated(x, P, z - H @ x, R, H, HP, HPH, np.ascontiguousarray(HP.T), HPH + R)
 
 
 @njit(cache=True, nogil=True)
@@ -289,7 +298,7 @@ def _updated(x, P, y, R, H, HP, HPH, PH, innovation_cov):  # type: ignore[no-unt
 @njit(cache=True, nogil=True)
 def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
     """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) by its covariance S (n, n)."""
-    return np.dot(y, np.linalg.solve(S, y))
+    return np.dot(y, np.linalg.inv(S) @ y)
 
 
 @njit(cache=True, nogil=True)
@@ -312,7 +321,7 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
     for i in range(len(traces)):
         G = np.ascontiguousarray(gain[:, i * width : (i + 1) * width].T)
         block = np.ascontiguousarray(S_inv[i * width : (i + 1) * width, i * width : (i + 1) * width])
-        traces[i] = np.sum(G * np.linalg.solve(block, G))
+        traces[i] = np.sum(G * (np.linalg.inv(block) @ G))
     return traces
 
 

@@ -62,7 +62,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
             return
         R = self.R if R is None else R
         drawn = self._drawn()
-        seen = (self.hx if hx is None else hx)(drawn)
+        seen = np.ascontiguousarray((self.hx if hx is None else hx)(drawn))
         expected, S = moments(seen, self.Wm, self.Wc, R)
         cross = (self.Wc[:, None] * (drawn - self.x)).T @ (seen - expected)
         y = z - expected

@@ -206,7 +206,7 @@ def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-de
         F = _frame(w / scale)
     x, P = _moved(F, m, C)
     if length > 0.0 and d == 3:
-        _, V = rotation_of(P, 2)
+        _, V = rotation_of(P, d - 1)
         x, P = _moved(V, x, P)
     extra = scale * (0.5 * length - core)
     edge = 1.0 - (0.5 * scale * core) ** 2
@@ -338,6 +338,8 @@ def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # 
                 cov[a, b] = (1.0 - share) * covs[j, a, b] + share * covs[j + 1, a, b]
                 cov[a, b] += spread[0] + spread[1] * deep * deep if a == b else 0.0
                 cov[a, b] -= spread[1] * deep * deep * way[a] * way[b]
-        arrivals[i], depths[i], targets[i] = at, wanted, mean
+        arrivals[i], depths[i] = at, wanted
+        for a in range(d):
+            targets[i, a] = mean[a]
         p[i] = hit(offset, cov, way, to_ball, length, core)
     return arrivals, depths, targets, p

@@ -111,7 +111,7 @@ class TissueModel:
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
         """Sigma points of each mode, (n_modes, n_points, dim_x), dt seconds later."""
-        return self._moved(points, dt, modes)
+        return self._moved(np.ascontiguousarray(points), dt, modes)
 
     def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | None = None) -> Floats:
         n, half = self.network.n_state, self.network.n_state // 2
@@ -145,8 +145,9 @@ class TissueModel:
                 # of the start and the end of the step: held from the start on, it would lag by half a step
                 ends = self.constant_forces(mean) + self.constant_forces(base[k, 0])
                 outside[k, : self.n_constants] = 0.5 * ends
-        moved = self._moved(means[:, None] + columns.swapaxes(1, 2), dt, modes, outside)
-        return (moved - base).swapaxes(1, 2)
+        points = np.ascontiguousarray(means[:, None] + columns.swapaxes(1, 2))
+        moved = self._moved(points, dt, modes, outside)
+        return np.ascontiguousarray((moved - base).swapaxes(1, 2))
 
     def constant_forces(self, mean: Floats) -> Floats:
         """Forces on the free coordinates that constants in error, each by one direction, make [N], (n_constants, n)."""

@@ -89,7 +89,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """Whether there is one; plane, Gram matrix and noise of the colours behind the mark, all (3, 3)."""
+    """Whether there is one; plane, inverse Gram matrix and noise of the colours behind the mark, all (3, 3)."""
     none = np.zeros((3, 3))
     height, width = ring.shape
     total = 0
@@ -137,7 +137,9 @@ def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untype
                     sums[a, c] += places[i, a] * colors[i, c]
     if n_kept < 12 or np.linalg.det(gram) <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
         return False, none, none, none
-    plane = np.ascontiguousarray(np.linalg.solve(gram, sums))
+    # inverses: three by three is small, and LAPACK's solution of equations takes three times as long to compile
+    gram_inv = np.ascontiguousarray(np.linalg.inv(gram))
+    plane = gram_inv @ sums
     # All pixels count here: a line or a disc of another hue beside the mark turns the weights away from its colour.
     noise_cov = np.zeros((3, 3))
     stray = np.empty(3)
@@ -147,7 +149,7 @@ def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untype
         for a in range(3):
             for c in range(3):
                 noise_cov[a, c] += stray[a] * stray[c]
-    return True, plane, gram, noise_cov / (n - 3) + ROUNDING * np.eye(3)
+    return True, plane, gram_inv, noise_cov / (n - 3) + ROUNDING * np.eye(3)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -349,13 +351,13 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
     core = one - _grown(one - component, discs[1])
     ring = (one - near) * (one - others)
     figures = np.zeros(10)
-    there, plane, gram, noise_cov = _background(patch, ring, outlier_sds, fit_pixels)
+    there, plane, gram_inv, noise_cov = _background(patch, ring, outlier_sds, fit_pixels)
     if not there:
         return False, np.zeros(ring.shape), figures
     color, contrast = _contrast(patch, core if core.sum() >= 9 else component, plane)
     # Best linear unbiased estimate of alpha where pixel = background + alpha contrast + noise, noise ~ (0, N):
     # alpha = d' N^-1 (pixel - background) / d' N^-1 d
-    weights = np.linalg.solve(noise_cov, contrast)
+    weights = np.linalg.inv(noise_cov) @ contrast
     strength = weights @ contrast
     if not strength > 0:
         return False, np.zeros(ring.shape), figures
@@ -373,11 +375,13 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
         at_edge = edge_gain * _power(_lopsided(measured, leverage, u, v), leverage, lag)
     # What is wrong with the background's plane reaches the centre too; it comes from the noise where it was fitted.
-    through = np.ascontiguousarray(np.linalg.solve(gram, np.ascontiguousarray(by_plane.T)))
+    through = gram_inv @ np.ascontiguousarray(by_plane.T)
     cov = max(behind, at_edge) * arms + behind * by_plane @ through + floor_px2 * np.eye(2)
     figures[0], figures[1] = u, v
     figures[2], figures[3], figures[4] = cov[0, 0], cov[0, 1], cov[1, 1]
-    figures[5], figures[6], figures[7:] = area, 1.0 / np.sqrt(strength), color
+    figures[5], figures[6] = area, 1.0 / np.sqrt(strength)
+    for c in range(3):
+        figures[7 + c] = color[c]
     return True, alpha, figures
 
 
@@ -498,5 +502,7 @@ def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
     patch = frame[box[1] + v0 : box[1] + v1, box[0] + u0 : box[0] + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
-    valid, alpha, figures = covered(patch, component, np.zeros_like(component), discs, settings, fit_pixels, False)
+    thorough = np.bool_(False)  # no literal: of one type with a choice made at run time, so that it is compiled once
+    others = np.zeros_like(component)
+    valid, alpha, figures = covered(patch, component, others, discs, settings, fit_pixels, thorough)
     return valid, box[0] + u0, box[1] + v0, alpha, figures

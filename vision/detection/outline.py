@@ -76,7 +76,7 @@ def fit_outline(
     settings: `reach` is how far from there the edge may lie [sizes]; where none is nearer another mark goes on
     """
     center, cov, share, beyond, size = _fitted(
-        alpha, start_px, outline.shape_px, outline.size_sd, settings.reach, settings.for_kernel()
+        alpha, np.ascontiguousarray(start_px), outline.shape_px, outline.size_sd, settings.reach, settings.for_kernel()
     )
     return Fitted(center, cov, share, beyond, size) if share >= settings.min_share else None
 
@@ -205,7 +205,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         step = np.array([g0, g1, g2])
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
             return fit, np.eye(3), variance, 0.0, 0.0, 0.0
-        step = np.linalg.solve(normal, step)
+        step = np.linalg.inv(normal) @ step
         fit += step
         narrower, variance = variance, max(squares / n_on, floor)
         if last:

@@ -135,7 +135,7 @@ def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-d
             score += w
         if n_on < 3.0 or abs(np.linalg.det(normal)) < 1e-9:
             return 0.0, fit, np.eye(2), 0.0
-        fit += np.linalg.solve(normal, gradient)
+        fit += np.linalg.inv(normal) @ gradient
         variance = max(squares / n_on, (edge_sd_px / scale) ** 2)
         limit = max(0.75 * limit, narrowest)
     share = n_on / N_RAYS

@@ -307,7 +307,8 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, an
             evidence[0, row, column] = total / len(inside)
             evidence[1, row, column] = like / len(inside)
             evidence[2, row, column] = around / max(n_ring, 1)
-            evidence[3:, row, column] = own_core
+            for c in range(3):
+                evidence[3 + c, row, column] = own_core[c]
     return evidence
 
 

@@ -219,7 +219,7 @@ def test_mixtures_with_columns_keep_the_total_covariance(n, r):
     """Errors e + C t of each part, e ~ (0, P), t ~ (0, 1) common: total variance, and covariance with t. Rounding."""
     rng = np.random.default_rng(4)
     xs, Ps, Cs = beliefs(rng, n=n, r=r)
-    w = rng.dirichlet(np.ones(3), size=2).T
+    w = np.ascontiguousarray(rng.dirichlet(np.ones(3), size=2).T)
     means, covs, columns = mixed_each(w, xs, Ps, Cs)
     for j in range(2):
         mean = w[:, j] @ xs
