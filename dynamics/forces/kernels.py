@@ -372,20 +372,24 @@ swings as with four."""
 CONTRACTED = 0.5
 """An iteration changes speeds by less than this share of the one before, or tangents made elsewhere do not serve."""
 
+STILL = 1e-12
+"""Change of a place in a stage, by the largest coordinate, below which an iteration's rest is rounding's."""
 
-@njit(cache=True, nogil=True)
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right` (n,) by (L L')^-1 right, L (n, n) lower triangular."""
+    """Overwrite `right` (n,) by (L L')^-1 right, L (n, n) lower triangular; by its rows, as it is stored."""
     n = len(right)
     for i in range(n):
-        entry = right[i]
+        entry = 0.0
         for k in range(i):
-            entry -= L[i, k] * right[k]
-        right[i] = entry / L[i, i]
+            entry += L[i, k] * right[k]
+        right[i] = (right[i] - entry) / L[i, i]
     for i in range(n - 1, -1, -1):
-        right[i] /= L[i, i]
+        entry = right[i] / L[i, i]
+        right[i] = entry
         for k in range(i):
-            right[k] -= L[i, k] * right[i]
+            right[k] -= L[i, k] * entry
 
 
 @njit(cache=True, nogil=True)
@@ -426,7 +430,8 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
             now[r] += missing[r] + weight * changed[r]
             now[n_half + r] += changed[r]
         size = np.abs(changed).max()
-        contracted = iteration > 0 and size <= CONTRACTED * before
+        still = weight * size <= STILL * np.abs(now[:n_half]).max()
+        contracted = iteration > 0 and (still or size <= CONTRACTED * before)
         if iteration >= NEWTON - 1 and contracted:
             break
         renew = renew or (iteration > 0 and not contracted)

@@ -65,22 +65,18 @@ class ImplicitStepper:
         h = dt / n
         K, C = self._tangents(np.ascontiguousarray(states))
         half, by_mass = K.shape[1], 1.0 / self._masses
-        A = np.zeros((len(states), 2 * half, 2 * half))
-        A[:, range(half), range(half, 2 * half)] = h
-        A[:, half:, :half], A[:, half:, half:] = -h * by_mass[:, None] * K, -h * by_mass[:, None] * C
-        # W = 1 / (1 - w A) by its blocks, as in each stage: one inverse of half the size
-        w = 0.5 * TR_BDF2
-        inverse = np.linalg.inv(np.eye(half) * self._masses[:, None] + w * h * C + (w * h) ** 2 * K)
-        W = np.empty_like(A)
-        W[:, half:, half:] = inverse * self._masses
-        W[:, half:, :half] = -w * h * inverse @ K
-        W[:, :half, half:] = w * h * W[:, half:, half:]
-        W[:, :half, :half] = np.eye(half) + w * h * W[:, half:, :half]
+        # W = 1 / (1 - w A), as in each stage, of A = h (0, 1; -K / M, -C / M), by its lower half
+        w, each = 0.5 * TR_BDF2, self._masses[:, None]
+        inverse = np.linalg.inv(np.eye(half) * each + w * h * C + (w * h) ** 2 * K)
+        lower = np.concatenate([-w * h * inverse @ K, inverse * self._masses], axis=2)
+        W = np.concatenate([w * h * lower, lower], axis=1)
+        W[:, :half, :half] += np.eye(half)
         second, first = 1.0 / (TR_BDF2 * (2.0 - TR_BDF2)), (1.0 - TR_BDF2) ** 2 / (TR_BDF2 * (2.0 - TR_BDF2))
-        F = W @ (second * (W + w * (A @ W)))
+        # A W = (W - 1) / w
+        F = _times(lower, w * h, (2.0 * second) * W - second * np.eye(2 * half))
         F -= first * W
         pushed = W[:, :, half:] * (h * by_mass)
-        by_force = second * TR_BDF2 * (W @ pushed) + w * pushed
+        by_force = second * TR_BDF2 * _times(lower, w * h, pushed) + w * pushed
         before = F
         for _ in range(n.bit_length() - 1):
             before = F
@@ -97,6 +93,13 @@ class ImplicitStepper:
                 clipped, C_clipped = tangents_each(states[k : k + 1], True, *own)
                 K[k], C[k] = clipped[0], C_clipped[0]
         return K, C
+
+
+def _times(lower: Floats, step: float, right: Floats) -> Floats:
+    """W right of W = (1, 0; 0, 0) + (step, 1)' lower: lower (k, n, 2 n), right (k, 2 n, m)."""
+    n = lower.shape[1]
+    below = lower @ right
+    return np.concatenate([right[:, :n] + step * below, below], axis=1)
 
 
 def _is_semidefinite(K: Floats) -> bool:

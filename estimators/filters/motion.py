@@ -27,16 +27,16 @@ class LinearMotion:
 
     def predicted(self, covs: Floats) -> Floats:
         """F P F' + Q of covariances P, (k, n, n), symmetric to the last bit."""
-        t = self.n_coupled
-        rows, own = self.F[:, :t], np.diagonal(self.F, axis1=1, axis2=2)[:, t:]
-        across = covs @ rows.swapaxes(1, 2)
-        Ps = np.empty_like(covs)
-        Ps[:, :t, :t] = rows @ across
-        Ps[:, t:, :t] = own[:, :, None] * across[:, t:]
-        Ps[:, :t, t:] = Ps[:, t:, :t].swapaxes(1, 2)
-        Ps[:, t:, t:] = own[:, :, None] * covs[:, t:, t:] * own[:, None, :]
-        Ps += self.Q
-        return np.asarray(0.5 * (Ps + Ps.swapaxes(1, 2)))
+        t, Ps = self.n_coupled, np.empty_like(covs)
+        for P, cov, F, Q in zip(Ps, covs, self.F, self.Q, strict=True):
+            rows, own = F[:t], np.diagonal(F)[t:]
+            across = cov @ rows.T
+            P[:t, :t] = rows @ across
+            P[t:, :t] = own[:, None] * across[t:]
+            P[:t, t:] = P[t:, :t].T
+            P[t:, t:] = cov[t:, t:] * np.outer(own, own)
+            P[:] = 0.5 * ((P + Q) + (P + Q).T)
+        return Ps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
