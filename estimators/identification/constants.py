@@ -37,11 +37,11 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
 """Starts are within this of the constants given, in logarithms: a third to three times; rest lengths, which are
-measured on a picture, to a tenth; choice."""
+measured on a picture, to a tenth; choice, its cost in docs/settings.md."""
 
 SCREENED = 100
 """Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
-cost time, with fewer half a swing of the phantom is left; choice."""
+cost time, with fewer half a swing of the phantom is left; choice, its cost in docs/settings.md."""
 
 SEARCH_SHARE = 0.85
 """Share of the time for the search; what is left is for the target without its mark, before and after."""

@@ -23,10 +23,12 @@ LARGEST = 60
 """Length of the state up to which sigma points are passed through: the cost of a pass grows with its cube."""
 
 SHORTEST_STEP = 1.0 / 120.0
-"""Stable step [s] below which sigma points of a network scatter off its stiff springs."""
+"""Stable step [s] below which sigma points of a network scatter off its stiff springs; choice, its cost in
+docs/settings.md."""
 
 DECIDING = 50
-"""Frames that decide between the sides of an elbow at the first frame: half a second at 100 frames/s; choice."""
+"""Frames that decide between the sides of an elbow at the first frame: half a second at 100 frames/s; choice, its cost
+in docs/settings.md."""
 
 LEAST_WEIGHT = 1e-6
 """Probability of a mode below which its innovations add nothing: rounding."""

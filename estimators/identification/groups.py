@@ -27,7 +27,7 @@ some twenty combinations, and each costs a column of the filter."""
 
 RIGID_SD = float(np.log(10.0))
 """Prior standard deviation of the log stiffness of a rigid link, a number that stands for "stiff": a tenth to ten
-times; choice."""
+times; choice, its cost in docs/settings.md."""
 
 LEAST_REST = 0.1
 """Share of a rest length that is left at the least where a soft spring has to keep a large tension."""

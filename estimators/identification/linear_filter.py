@@ -29,19 +29,22 @@ from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
 
 POKE_LEVEL = 1e-3
-"""Probability of a frame's marks without a poke below which there was one; choice."""
+"""Probability of a frame's marks without a poke below which there was one; choice, its cost in docs/settings.md."""
 
 TURNED = 0.1
-"""Change of a spring by its length [1] beyond which the motion is linearised again; choice."""
+"""Change of a spring by its length [1] beyond which the motion is linearised again; choice, its cost in
+docs/settings.md."""
 
 GRAVITY = 9.81
 """A body that falls through its own reach is as fast as bodies are at a start [m/s²]."""
 
 FRAMES_A_PERIOD = 4.0
-"""Frames in a period of an oscillation that they show, at least [1]: twice Nyquist's two; choice."""
+"""Frames in a period of an oscillation that they show, at least [1]: twice Nyquist's two; choice, its cost in
+docs/settings.md."""
 
 RIGID_SHARE = 1e-3
-"""Share of a spring's motion along itself in oscillations that frames show below which it is a rigid link; choice."""
+"""Share of a spring's motion along itself in oscillations that frames show below which it is a rigid link; choice,
+its cost in docs/settings.md."""
 
 MOST_DIFFERENCED = 40
 """States up to which the transition matrix is that of the motion itself, by differences: a link that turns fast is not

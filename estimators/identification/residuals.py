@@ -11,7 +11,8 @@ from estimators.arrays import Floats
 from estimators.identification.filter_pass import Pass
 
 LEVEL = 0.01
-"""Probability by which each of the two tests calls the residuals of a right model unexplained; choice."""
+"""Probability by which each of the two tests calls the residuals of a right model unexplained; choice, its cost in
+docs/settings.md."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from importlib import import_module
+from typing import Any
 from unittest.mock import patch
 
 from estimators import FilterSettings
@@ -19,9 +20,19 @@ PLACES = {
 """The module's constant of each name."""
 
 
-def _now(name: str) -> float:
-    module, _, constant = PLACES[name].rpartition(".")
-    return float(getattr(import_module(module), constant))
+def constant(place: str) -> float:
+    """The constant at this place, `package.module.NAME`."""
+    module, _, name = place.rpartition(".")
+    return float(getattr(import_module(module), name))
+
+
+@contextmanager
+def constants_in_place(values: Any, places: Mapping[str, str]) -> Iterator[None]:
+    """Within it, the constants at these places have the values of the record's fields of these names."""
+    with ExitStack() as patched:
+        for name, place in places.items():
+            patched.enter_context(patch(place, getattr(values, name)))
+        yield
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +44,12 @@ class Constants:
     least_frames: frames whose innovations are tested together, at least [1]; choice
     """
 
-    longest_step_s: float = _now("longest_step_s")
-    narrow: float = _now("narrow")
-    least_frames: int = int(_now("least_frames"))
+    longest_step_s: float = constant(PLACES["longest_step_s"])
+    narrow: float = constant(PLACES["narrow"])
+    least_frames: int = int(constant(PLACES["least_frames"]))
 
 
 def constants_figures(constants: Constants) -> Mapping[str, float]:
     """Figures of `estimation_figures` with these constants in place of the modules' own."""
-    with ExitStack() as patched:
-        for field in fields(constants):
-            patched.enter_context(patch(PLACES[field.name], getattr(constants, field.name)))
+    with constants_in_place(constants, PLACES):
         return estimation_figures(FilterSettings())

@@ -10,7 +10,7 @@ far mass's mark is not used. The seeds are no published study's.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from unittest.mock import patch
 
@@ -48,12 +48,12 @@ OTHERS = tuple(kind for kind in KINDS if kind not in ("stiffness", "rest_length"
 class Identification:
     """Settings and prior standard deviations of identification.
 
-    settings: what is kept of the covariance
+    kept: share of the target's variance by uncertain constants that the kept directions explain [1]; choice
     stiffness_sd, rest_length_sd, other_sd: of the logarithm of a constant, by kind [1]; choice
     level_log_sd: of the logarithm of a noise level [1]; choice
     """
 
-    settings: IdentificationSettings = field(default_factory=IdentificationSettings)
+    kept: float = IdentificationSettings().kept
     stiffness_sd: float = PRIOR_SD["stiffness"]
     rest_length_sd: float = PRIOR_SD["rest_length"]
     other_sd: float = PRIOR_SD[OTHERS[0]]
@@ -115,7 +115,8 @@ def identified(choices: Identification, seed: int, duration_s: float) -> tuple[I
     change = np.array([PRIOR_SD[one.kind] for one in which]) * np.random.default_rng([seed, 1]).normal(size=len(which))
     wrong = scale_parameters(network, which, change)
     frames, _ = recorded(seed, duration_s)
-    found = identify_constants(wrong, frames, (NEAR,), FAR, prior_sd=choices.prior_sd, search=choices.settings)
+    search = IdentificationSettings(kept=choices.kept)
+    found = identify_constants(wrong, frames, (NEAR,), FAR, prior_sd=choices.prior_sd, search=search)
     return found, found.change + change
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import IdentificationSettings
 from estimators.identification.constants import PRIOR_SD
 from estimators.tissue.fast_prediction import SPEEDS_M_S
 from experiments.studies.settings.constants_of_prediction import PredictionConstants, prediction_figures
@@ -29,7 +28,7 @@ def test_a_prior_that_excludes_the_truth_is_found_out() -> None:
 
 @pytest.mark.slow
 def test_fewer_directions_are_kept_of_less_of_the_variance() -> None:
-    settings = {"usual": Identification(), "half": Identification(IdentificationSettings(0.5))}
+    settings = {"usual": Identification(), "half": Identification(kept=0.5)}
     found = {name: identification_figures(one, seeds=(853,), durations_s=(1.0, 0.5)) for name, one in settings.items()}
     assert found["half"]["directions"] < found["usual"]["directions"]
     assert found["half"]["level_score"] == found["usual"]["level_score"]  # noise levels do not depend on what is kept
