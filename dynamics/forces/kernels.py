@@ -640,14 +640,28 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
 
 @njit(cache=True, nogil=True)
-def write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """Write what a change of the log of each constant adds to the force on the free coordinates [N] into `out`.
+def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
+    """What a change of the log of each of n constants adds to the force on the free coordinates [N], in each state.
 
-    x, v: of all nodes, (n_nodes, dim); kinds, indices: of the constants as in `dynamics.forces.parameters`
-    out: (n, n_free dim)
+    states: (n_points, n_state); nodes: where all nodes stand, of which only the anchors are used [m], (n_nodes, dim)
+    kinds, indices: of the constants as in `dynamics.forces.parameters`; returns (n_points, n, n_state / 2)
     """
+    half = states.shape[1] // 2
+    dim = nodes.shape[1]
+    forces = np.zeros((states.shape[0], kinds.shape[0], half))
+    x, v = nodes.copy(), np.zeros(nodes.shape)
+    for q in range(states.shape[0]):
+        for r in range(half):
+            x[free[r // dim], r % dim] = states[q, r]
+            v[free[r // dim], r % dim] = states[q, half + r]
+        _write_parameter_forces(x, v, p, kinds, indices, free, forces[q])
+    return forces
+
+
+@njit(cache=True, nogil=True)
+def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
+    """`parameter_forces_each` of one state, into zeros (n, n_free dim); x, v: of all nodes, (n_nodes, dim)."""
     dim = x.shape[1]
-    out[:] = 0.0
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]
         square, along = 0.0, 0.0

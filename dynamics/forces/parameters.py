@@ -16,10 +16,10 @@ from dynamics.forces.kernels import (
     SHORTEST,
     node_constants,
     packed,
+    parameter_forces_each,
     resistance_by_log_constants,
     spring_constants,
     tension_by_log_constants,
-    write_parameter_forces,
 )
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
 
@@ -169,19 +169,16 @@ def parameter_forces(
 
 
 class ParameterForces:
-    """The function `parameter_forces` of one network's states, compiled: a filter calls it at every step."""
+    """The function `parameter_forces` of states of one network, compiled: a filter calls it at every step."""
 
     def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
         self._network, self._packed = network, packed(network)
         self._kinds = np.array([KINDS.index(parameter.kind) for parameter in which], dtype=np.int64)
         self._indices = np.array([parameter.index for parameter in which], dtype=np.int64)
 
-    def __call__(self, state: NDArray[np.float64]) -> Floats:
-        """For a state of the free nodes, (n_state,): (n_parameters, n_state / 2)."""
-        network, half = self._network, self._network.n_state // 2
-        x, v = network.positions.copy(), np.zeros_like(network.positions)
-        x[network.free] = state[:half].reshape(-1, network.dim)
-        v[network.free] = state[half:].reshape(-1, network.dim)
-        forces = np.empty((len(self._kinds), half))
-        write_parameter_forces(x, v, self._packed, self._kinds, self._indices, network.free, forces)
-        return forces
+    def __call__(self, states: NDArray[np.float64]) -> Floats:
+        """For states of the free nodes, (..., n_state): (..., n_parameters, n_state / 2)."""
+        each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
+        own = self._packed, self._kinds, self._indices, self._network.free
+        forces = parameter_forces_each(each, self._network.positions, *own)
+        return np.asarray(forces.reshape(*states.shape[:-1], *forces.shape[1:]))

@@ -38,6 +38,7 @@ class Stepper:
         inverse_mass = np.zeros(network.n_nodes)
         inverse_mass[network.free] = 1.0 / network.masses[network.free]
         self._inverse_mass = inverse_mass
+        self._n_state = network.n_state
 
     def n_steps(self, dt: float) -> int:
         """How many equal steps an interval of dt seconds takes."""
@@ -50,14 +51,11 @@ class Stepper:
         driven: free nodes that keep their velocity whatever the forces on them
         Raises ValueError for other shapes or a dt below zero.
         """
-        n_points = len(states)
-        outside = np.zeros((n_points, self.network.n_state // 2)) if forces is None else forces
-        if states.shape != (n_points, self.network.n_state) or outside.shape != (
-            n_points,
-            self.network.n_state // 2,
-        ):
+        n_points, n_state = len(states), self._n_state
+        outside = np.zeros((n_points, n_state // 2)) if forces is None else forces
+        if states.shape != (n_points, n_state) or outside.shape != (n_points, n_state // 2):
             raise ValueError(
-                f"expected states (n, {self.network.n_state}) and forces (n, {self.network.n_state // 2}), "
+                f"expected states (n, {n_state}) and forces (n, {n_state // 2}), "
                 f"found {states.shape} and {outside.shape}"
             )
         if not dt >= 0:

@@ -141,19 +141,22 @@ class TissueModel:
         base = self._moved(means[:, None], dt, modes)
         outside = np.zeros((len(means), columns.shape[2], n // 2))
         if self.n_constants:
-            for k, mean in enumerate(means):
-                # of the start and the end of the step: held from the start on, it would lag by half a step
-                ends = self.constant_forces(mean) + self.constant_forces(base[k, 0])
-                outside[k, : self.n_constants] = 0.5 * ends
+            # of the start and the end of the step: held from the start on, it would lag by half a step
+            ends = self.constant_forces(np.stack((means, base[:, 0])))
+            outside[:, : self.n_constants] = 0.5 * (ends[0] + ends[1])
         points = np.ascontiguousarray(means[:, None] + columns.swapaxes(1, 2))
         moved = self._moved(points, dt, modes, outside)
         return np.ascontiguousarray((moved - base).swapaxes(1, 2))
 
-    def constant_forces(self, mean: Floats) -> Floats:
-        """Forces on the free coordinates that constants in error, each by one direction, make [N], (n_constants, n)."""
+    def constant_forces(self, means: Floats) -> Floats:
+        """Forces on the n free coordinates that constants in error, each by one direction, make [N].
+
+        means: (..., dim_x); returns (..., n_constants, n)
+        """
+        n = self.network.n_state
         if self._forces is None or self.uncertainty is None:
-            return np.zeros((0, self.network.n_state // 2))
-        return np.asarray(self.uncertainty.directions @ self._forces(mean[: self.network.n_state]))
+            return np.zeros((*means.shape[:-1], 0, n // 2))
+        return np.asarray(self.uncertainty.directions @ self._forces(means[..., :n]))
 
     def lasting(self, modes: Sequence[ForceMode]) -> Floats:
         """Correlation times of the pokes [s], (n_modes, 1, n_pokes); those of the modes asked for last are kept."""
