@@ -13,7 +13,7 @@ from estimators.identification.budget import OutOfTimeError
 from estimators.identification.filter_pass import Pass
 
 MOST_PASSES = 12
-"""Limit of the iteration: Gauss-Newton needs three to five passes."""
+"""Limit of the iteration: Gauss-Newton needs three to five passes; choice, its cost in docs/settings.md."""
 
 CONVERGED = 0.1
 """Tolerance of the iteration in standard errors of a constant: it adds 0.5 % to the error at most."""
@@ -21,7 +21,8 @@ CONVERGED = 0.1
 SLACK = 0.01
 """Tolerance of the log posterior in the line search for each innovation: steps leave out what constants change of the
 innovations' covariance, and merging modes leaves it uneven. On the phantom, at 0 and without limit the same constants
-were found in the same number of passes; on a block of 27 nodes steps that are right lose up to 0.005."""
+were found in the same number of passes; on a block of 27 nodes steps that are right lose up to 0.005; choice, its cost
+in docs/settings.md."""
 
 FULL_STEPS = 5
 """Passes after which steps are halved, so that two points that lead to each other end in the middle."""

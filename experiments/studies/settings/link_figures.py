@@ -48,6 +48,8 @@ PLACES = {
     "shortest_step_s": "estimators.identification.filter_pass.SHORTEST_STEP",
     "deciding": "estimators.identification.filter_pass.DECIDING",
     "screened": "estimators.identification.constants.SCREENED",
+    "most_passes": "estimators.identification.search.MOST_PASSES",
+    "slack": "estimators.identification.search.SLACK",
     "residual_level": "estimators.identification.residuals.LEVEL",
 }
 """The module's constant of each name."""
@@ -68,6 +70,8 @@ class LinkIdentification:
     shortest_step_s: stable step of a network below which the linear filter is taken [s]; choice
     deciding: frames that decide between the sides of an elbow at the first one [1]; choice
     screened: frames through which all starts are followed; the best goes through all [1]; choice
+    most_passes: of the filter from a start, at most [1]; choice
+    slack: tolerance of the log posterior in the line search for each innovation [1]; choice
     residual_level: probability by which a test calls residuals of a right model unexplained [1]; choice
     """
 
@@ -82,6 +86,8 @@ class LinkIdentification:
     shortest_step_s: float = constant(PLACES["shortest_step_s"])
     deciding: int = int(constant(PLACES["deciding"]))
     screened: int = int(constant(PLACES["screened"]))
+    most_passes: int = int(constant(PLACES["most_passes"]))
+    slack: float = constant(PLACES["slack"])
     residual_level: float = constant(PLACES["residual_level"])
 
     @property

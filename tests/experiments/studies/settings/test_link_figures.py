@@ -7,7 +7,9 @@ import pytest
 
 from estimators import IdentificationError
 from estimators.identification.constants import START_SPREAD
+from estimators.identification.filter_pass import is_linear
 from experiments.studies.settings import link_figures as study
+from experiments.studies.settings.constants import constants_in_place
 from experiments.studies.settings.link_figures import (
     PLACES,
     LinkIdentification,
@@ -19,7 +21,7 @@ from experiments.studies.settings.link_figures import (
 )
 
 SEED = 40
-LINKS = Recorded("chain2", (SEED,), 0.12, 0.12)
+LINKS = Recorded("chain2", (SEED,), 0.08, 0.08)
 SELDOM = replace(LINKS, seldom=True)
 ONE_START = LinkIdentification(n_starts=1)
 
@@ -37,13 +39,14 @@ def test_the_defaults_are_those_of_the_modules():
     "change",
     [
         {"poke_level": 0.5},
-        {"turned": 10.0},
+        {"turned": 0.0},
         {"frames_a_period": 1.0},
         {"rigid_share": 0.0},
         {"rigid_sd": 0.1},
-        {"shortest_step_s": 1e-9},
         {"deciding": 1},
         {"screened": 5},
+        {"most_passes": 2},
+        {"slack": -1e3},
         {"residual_level": 1.0 - 1e-12},
     ],
     ids=str,
@@ -51,6 +54,14 @@ def test_the_defaults_are_those_of_the_modules():
 def test_constants_reach_the_identification(change, found):
     other = identified(replace(ONE_START, **change), SELDOM, SEED)
     assert not np.array_equal(other.cov, found.cov)
+
+
+def test_the_shortest_step_decides_between_the_filters():
+    """Of links of 2,000 N/m, whose stable step is 4.8 ms."""
+    network = study._judged(LINKS, SEED).network
+    for step_s, linear in ((4e-3, False), (6e-3, True)):
+        with constants_in_place(replace(ONE_START, shortest_step_s=step_s), PLACES):
+            assert is_linear(network, 1) is linear
 
 
 def test_starts_and_their_spread_reach_the_identification():
@@ -80,7 +91,7 @@ def test_hidden_joints_are_seen_once_or_always():
     counts = [
         sum(mark.node == "n1" for _, marks in recorded_frames(one, SEED) for mark in marks) for one in (LINKS, SELDOM)
     ]
-    assert counts == [12, 1]
+    assert counts == [8, 1]
 
 
 def test_figures_are_those_of_the_seeds_in_which_constants_are_found(monkeypatch, found):
