@@ -121,6 +121,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp_path, monkeypatch):
     """Frames drawn by OpenCV alone at the truth's places; without truth.csv M2's own mark tells the error."""
     folder = tmp_path / "theirs"
@@ -171,6 +172,7 @@ def test_bad_recordings_are_one_line_and_nothing_is_written(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, monkeypatch, capfd):
     (tmp_path / "notes.txt").write_text("mine")
     assert softaim(monkeypatch, "track", recording, "--out", tmp_path) == 2

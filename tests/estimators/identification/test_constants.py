@@ -28,6 +28,7 @@ from estimators.identification.noise_levels import log_likelihood
 
 SD = 5e-4
 PRIOR = {"stiffness": 0.3, "rest_length": 0.03}
+ONE_START = IdentificationSettings(n_starts=1)
 SETTINGS = FilterSettings(
     quiet=ForceMode(0.1, 0.1, 0.05), poked=ForceMode(0.1, 2.0, 0.2), calm_s=3.0, between_s=1.0, poked_s=0.3
 )
@@ -114,7 +115,9 @@ def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found
 
 def test_more_frames_make_it_surer(recorded, found):
     told, _ = wrong(chain())
-    short = identify_constants(told, recorded[0][:60], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS)
+    short = identify_constants(
+        told, recorded[0][:60], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS, search=ONE_START
+    )
     assert (found[0].sd < short.sd).all()
 
 
@@ -124,7 +127,13 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
     Directions are by prior standard deviations, equal here: (1, -1) / sqrt 2 on the two stiffnesses.
     """
     identified = identify_constants(
-        chain(double=True), recorded[0][:80], ("near",), "far", prior_sd={"stiffness": 0.3}, settings=SETTINGS
+        chain(double=True),
+        recorded[0][:80],
+        ("near",),
+        "far",
+        prior_sd={"stiffness": 0.3},
+        settings=SETTINGS,
+        search=ONE_START,
     )
     left, directions = identified.identifiable()
     assert left[0] == pytest.approx(1.0, abs=1e-6)
@@ -176,7 +185,7 @@ def test_what_is_found_is_most_probable_with_its_prior(recorded):
     told, _ = wrong(chain())
     prior = {"stiffness": 0.1, "rest_length": 0.003}
     frames = recorded[0][:25]
-    identified = identify_constants(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS)
+    identified = identify_constants(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS, search=ONE_START)
 
     def posterior(share):
         change = share * identified.change

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
+from estimators import IdentificationSettings
 from experiments.commands.app import main
 from experiments.formats.recording import open_recording
 from experiments.formats.scenario import read_scenario
@@ -20,6 +21,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.studies.estimation.trials import Trial, seen, truth
 
 SD_MM = 4.14
+ONE_START = IdentificationSettings(n_starts=1)
 
 
 def softaim(monkeypatch, *words):
@@ -63,11 +65,15 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory, cache):
-    """A calibration recording of 8 s, all marks seen, the scene that identify makes of it, its report to programs."""
+    """A calibration recording of 8 s, all marks seen, the scene that identify makes of it, its report to programs.
+
+    The search has one start: `test_identify_links` has the usual ones.
+    """
     folder = tmp_path_factory.mktemp("calibration")
     trial = Trial("poked", 1, duration_s=8.0)
     recording = recorded(folder / "rec", trial, cache, ("M1", "M2", "M3", "M4"))
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as printed:
+        patch.setattr("estimators.identification.constants.IdentificationSettings", lambda: ONE_START)
         assert softaim(patch, "identify", recording, "--out", folder / "scene.toml", "--json") == 0
     return recording, folder / "scene.toml", printed.getvalue()
 
@@ -204,6 +210,7 @@ def test_trials_repeat_and_keep_their_truth(cache):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, monkeypatch, capsys):
     """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)

@@ -42,12 +42,25 @@ def recording(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def identified(recording, tmp_path_factory):
-    """The scene that identify makes of it."""
-    out = tmp_path_factory.mktemp("out") / "scene.toml"
+def run(recording, tmp_path_factory):
+    """The scene that identify makes of it, and the result behind it."""
+    out, results = tmp_path_factory.mktemp("out") / "scene.toml", []
+    honest = identify.identify_constants
+
+    def kept(*args, **keys):
+        results.append(honest(*args, **keys))
+        return results[-1]
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identify, "identify_constants", kept)
         assert softaim(patch, "identify", recording, "--out", out) == 0
-    return out
+    return out, results[0]
+
+
+@pytest.fixture(scope="module")
+def identified(run):
+    """The scene that identify makes of it."""
+    return run[0]
 
 
 def test_the_lengths_of_links_that_swing_are_found(recording, identified):
@@ -96,9 +109,8 @@ def test_residuals_that_are_not_explained_are_said_in_one_line(recording, monkey
         ({"target_error_m": 3e-3, "target_error_before_m": 2e-3}, "found 3.00 mm after 2.00 mm"),
     ],
 )
-def test_a_scene_that_fits_worse_is_not_written(recording, monkeypatch, capsys, tmp_path, worse, message):
-    honest = identify.identify_constants
-    monkeypatch.setattr(identify, "identify_constants", lambda *args, **keys: replace(honest(*args, **keys), **worse))
+def test_a_scene_that_fits_worse_is_not_written(recording, run, monkeypatch, capsys, tmp_path, worse, message):
+    monkeypatch.setattr(identify, "identify_constants", lambda *_args, **_keys: replace(run[1], **worse))
     out = tmp_path / "scene.toml"
     assert softaim(monkeypatch, "identify", recording, "--out", out) == 2
     error = capsys.readouterr().err

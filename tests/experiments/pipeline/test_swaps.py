@@ -78,6 +78,7 @@ def test_marks_of_two_hues_are_not_alike(scene):
     assert [sorted(group) for group in scene.nodes_alike] == [sorted(OUTER)]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, monkeypatch, capsys):
     rows = [[MarkRow(m.node, m.position, NOISE_M) for m in marks(places, k, since=FROM)] for k in range(FRAMES)]
     (tmp_path / "rec").mkdir()

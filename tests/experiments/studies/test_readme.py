@@ -16,6 +16,7 @@ def numbers(table: str) -> list[float]:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_the_table_in_the_readme_is_what_the_demo_gives(tmp_path: Path) -> None:
     figures = demo(tmp_path / "demo", stage=lambda _name: lambda _share: None)
     shown = re.search(r"<!-- demo table -->\n(.*)\n<!-- end of demo table -->", README.read_text("utf-8"), re.DOTALL)
