@@ -1,8 +1,9 @@
-"""For all tests: examples of property-based ones, and the order in which workers take tests.
+"""For all tests: examples of property-based ones, the order in which workers take tests, and what is left to collect.
 
 Property-based tests draw the same examples in every run, so that a red run is a changed line.
 """
 
+import gc
 from pathlib import Path
 
 import pytest
@@ -29,3 +30,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     others = [item for item in items if not item.path.is_relative_to(VISION) and item.path not in LONGEST]
     half = len(items) // 2
     items[:] = [*others[:half], *vision, *longest, *others[half:]]
+
+
+def pytest_collection_finish() -> None:
+    """Keep what imports and collection made out of the garbage collector's passes: it stays until the end anyway."""
+    gc.collect()
+    gc.freeze()

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from estimators import IdentificationSettings
 from experiments.engine.workers import OWN_PROCESS
 from experiments.studies.estimation import page as estimation_page
 from experiments.studies.estimation.limits import bound, hard_trial
@@ -117,13 +118,18 @@ def test_a_page_is_rewritten_between_its_marks_and_nowhere_else(outcomes):
 
 @pytest.mark.slow
 def test_identified_runs_hold_their_figures(study, monkeypatch):
-    """One phantom 10 % off, identified from 6 s, tracked for 5 s: quiet below 0.2, poked below 0.3."""
+    """One phantom 10 % off, identified from 6 s, tracked for 5 s: quiet below 0.2, poked below 0.3.
+
+    The search has one start.
+    """
     import experiments.studies.estimation.study as module
 
     def short(name, seed, duration_s=5.0):
         return Trial(name, seed, duration_s=min(duration_s, 6.0))
 
     monkeypatch.setattr(module, "Trial", short)
+    one_start = IdentificationSettings(n_starts=1)
+    monkeypatch.setattr("estimators.identification.constants.IdentificationSettings", lambda: one_start)
     found = identified_run(100, study.cache)
     assert found["chi2"] < 80.0  # of 38 constants
     for name, limit in (("quiet", 0.2), ("poked", 0.3), ("shoved", 0.35)):
