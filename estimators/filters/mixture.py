@@ -208,7 +208,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         if self.trace is not None:
             beliefs = ModeBeliefs(self.cbar, xs, Ps)
             self.trace.append(Transition(self.omega, cycle.means, cycle.covs, found.F, beliefs))
-        self.cycle = replace(cycle, F=found.F)
+        self.cycle = replace(cycle, F=found.F, straight=found.straight)
         self._compute_state_estimate()
 
     def _relinearise(self, z: Floats, H: Floats, R: Floats) -> None:
@@ -223,8 +223,11 @@ class InteractingMixture(filterpy.IMMEstimator):
                 HF = H @ F
                 S = H @ f.P @ H.T + R
                 about[k] = mean + P @ HF.T @ np.linalg.solve(S, z - H @ f.x)
-                squared = (about[k] - cycle.about[k]) ** 2
-                settled = settled and bool((squared <= SETTLED**2 * np.maximum(np.diag(P), 0.0)).all())
+                change = about[k] - cycle.about[k]
+                settled = settled and (
+                    bool((change**2 <= SETTLED**2 * np.maximum(np.diag(P), 0.0)).all())
+                    or bool((np.abs(F @ change) <= cycle.straight).all())
+                )
             if settled or not np.isfinite(about).all():
                 return
             if self.trace:

@@ -17,6 +17,7 @@ class LinearMotion:
 
     ends (k, n): of the states themselves; F, Q (k, n, n); added (k, n, r): to what F makes of the columns
     n_coupled: states from this one on are moved by themselves alone: their rows of F have no entry off the diagonal
+    straight (n,): how far an end may be from `ends` for F to hold there; 0 where that is not known
     """
 
     ends: Floats
@@ -24,6 +25,7 @@ class LinearMotion:
     Q: Floats
     added: Floats
     n_coupled: int
+    straight: Floats
 
     def predicted(self, covs: Floats) -> Floats:
         """F P F' + Q of covariances P, (k, n, n), symmetric to the last bit."""
@@ -44,7 +46,7 @@ class Cycle:
     """The last prediction of a linearised motion, kept for the update that follows.
 
     means, covs, columns: of each mode at its start; motion(about (k, n)): the motion linearised there
-    passes: how often at most it may be linearised; about: where it was last; F: as it was found there
+    passes: how often at most it may be linearised; about: where it was last; F, straight: as they were found there
     """
 
     means: Floats
@@ -54,6 +56,7 @@ class Cycle:
     passes: int
     about: Floats
     F: Floats = field(default_factory=lambda: np.empty((0, 0, 0)))
+    straight: Floats = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

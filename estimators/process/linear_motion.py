@@ -20,7 +20,10 @@ MANY_STATES = 48
 """From so many states of the network on, matrices in place of sigma points, whose cost grows faster."""
 
 VERY_MANY_STATES = 96
-"""From so many on a cycle is linearised once: a body of so many nodes is soft beside its links, and time counts."""
+"""From so many on all modes are linearised about one state, half way through a cycle: time counts."""
+
+TURNED = 0.1
+"""By so many of the links' lengths may an update move the ends of so large a body without another pass [1]; choice."""
 
 PASSES = 3
 """How often a cycle is linearised at most; numerical: once leaves a cable shaken at 3 m/s 92 mm off, three times 15,
@@ -42,7 +45,11 @@ class LinearisedTissue:
         self.model = model
         self._once = model.network.n_state > VERY_MANY_STATES
         self.stepper = ImplicitStepper(model.network)
-        self.passes = 1 if self._once else PASSES
+        self.passes = PASSES
+        half = model.network.n_state // 2
+        self._straight = np.zeros(model.dim_x)
+        if self._once:
+            self._straight[:half], self._straight[half:] = TURNED * np.median(model.network.rest_lengths), np.inf
 
     def __call__(self, about: Floats, dt: float, modes: Sequence[ForceMode], push: KnownForce | None) -> LinearMotion:
         """From states about these means (n_modes, dim_x), dt [s] later, under the forces of these modes and a push."""
@@ -54,7 +61,7 @@ class LinearisedTissue:
         for _ in range(n_steps - 1):
             own, noise, shift, now = self._step(now, h, modes, push)
             F, Q, shifts = own @ F, own @ Q @ own.swapaxes(1, 2) + noise, own @ shifts + shift
-        return LinearMotion(now, F, Q, shifts, self.model.network.n_state)
+        return LinearMotion(now, F, Q, shifts, self.model.network.n_state, self._straight)
 
     def noise_after(self, state: Floats, mode: ForceMode, seconds: float) -> Floats:
         """Covariance (dim_x, dim_x) that so many seconds of this mode's forces make about a state, from none."""
@@ -78,21 +85,25 @@ class LinearisedTissue:
         if push is not None:
             push.step(h)
             outside = outside + push.forces(now[:, None, :n]).reshape(-1, n // 2)
-        about = now[:, :n].mean(axis=0, keepdims=True) if self._once else now[:, :n]
+        ends, about = np.empty_like(now), now[:, :n]
+        if self._once:
+            half_way = self.stepper.advance(about, 0.5 * h, outside)
+            ends[:, :n] = self.stepper.advance(half_way, 0.5 * h, outside)
+            about = half_way.mean(axis=0, keepdims=True)
+        else:
+            ends[:, :n] = self.stepper.advance(about, h, outside)
         tangent = self.stepper.linearised(about, h)
         own = np.zeros((k, model.dim_x, model.dim_x))
         own[:, :n, :n] = tangent.F
         own[:, :n, model.pokes] = tangent.by_force[:, :, rows] * shares[:, None, :]
         poke = range(model.pokes.start, model.pokes.stop)
         own[:, poke, poke] = fade
-        ends = np.empty_like(now)
-        ends[:, :n] = self.stepper.advance(now[:, :n], h, outside)
         ends[:, model.pokes] = fade * now[:, model.pokes]
         # what a standard deviation of the noise of each speed and each poke makes of the network's state
         made = np.empty((k, n, n // 2 + len(rows)))
         faded = np.empty_like(fade)
         for j, mode in enumerate(modes):
-            sd = mode.pokes(len(rows) // model.network.dim, model.network.dim)[0]
+            sd = model.force_noise(mode)[0]
             faded[j] = sd * model.mass[rows] * np.sqrt(1.0 - fade[j] ** 2)
             made[j, :, : n // 2] = mode.white * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
             # a poke that began within the step acts for half of it

@@ -74,6 +74,7 @@ class TissueModel:
     n_calibration: directions in which the camera's calibration may be off; their columns come after those and are
         moved by no force of their own
     bias: of fixes of the target, if there are to be any
+    led: marked nodes that are led by these forces whatever the mode; raises ValueError where one is not marked
     dim_x: the network's state, one poke for each coordinate of a marked node, and the bias
     push: the known force that acts while points are moved, None where there is none
     """
@@ -86,6 +87,7 @@ class TissueModel:
         uncertainty: ParameterUncertainty | None = None,
         bias: FixBias | None = None,
         n_calibration: int = 0,
+        led: tuple[Sequence[str], ForceMode] | None = None,
     ) -> None:
         self.network = network
         self.stepper = Stepper(network, LONGEST_STEP)
@@ -94,6 +96,11 @@ class TissueModel:
         self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
         n_fixed = network.n_state + len(self.poked_rows)
         self.dim_x = n_fixed + (0 if bias is None else network.dim)
+        nodes: Sequence[str] = () if led is None else led[0]
+        self._led_by = None if led is None else led[1]
+        if unmarked := sorted(set(nodes) - set(marked)):
+            raise ValueError(f"led nodes: expected marked ones, {', '.join(marked)}, found {', '.join(unmarked)}")
+        self._led = np.repeat([node in nodes for node in marked], network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownForce | None = None
         self._asked: tuple[Sequence[ForceMode], Floats] | None = None
@@ -161,11 +168,15 @@ class TissueModel:
     def lasting(self, modes: Sequence[ForceMode]) -> Floats:
         """Correlation times of the pokes [s], (n_modes, 1, n_pokes); those of the modes asked for last are kept."""
         if self._asked is None or self._asked[0] is not modes:
-            self._asked = modes, np.array([self._pokes(mode)[1] for mode in modes])[:, None, :]
+            self._asked = modes, np.array([self.force_noise(mode)[1] for mode in modes])[:, None, :]
         return self._asked[1]
 
-    def _pokes(self, mode: ForceMode) -> tuple[Floats, Floats]:
-        return mode.pokes(len(self.poked_rows) // self.network.dim, self.network.dim)
+    def force_noise(self, mode: ForceMode) -> tuple[Floats, Floats]:
+        """Standard deviation [m/s²] and correlation time [s] of each poke in a mode, (n_pokes,)."""
+        sd, lasting = mode.pokes(len(self._led) // self.network.dim, self.network.dim)
+        if self._led_by is not None:
+            sd[self._led], lasting[self._led] = self._led_by.poke, self._led_by.lasting_s
+        return sd, lasting
 
     def turned(self, points: Floats) -> NDArray[np.bool_]:
         """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""
@@ -204,7 +215,7 @@ class TissueModel:
         white = mode.white**2
         Q[q, q], Q[v, v] = white * dt**3 / 3.0, white * dt
         Q[q, v] = Q[v, q] = white * dt**2 / 2.0
-        poke = np.array([_poke_noise(dt, sd, lasting) for sd, lasting in zip(*self._pokes(mode), strict=True)])
+        poke = np.array([_poke_noise(dt, sd, lasting) for sd, lasting in zip(*self.force_noise(mode), strict=True)])
         rows, mass = self.poked_rows, self.mass[self.poked_rows]
         places = (rows, half + rows, n + np.arange(len(rows)))
         scales = (np.ones(len(rows)), np.ones(len(rows)), mass)  # acceleration to force in the third only
@@ -243,7 +254,7 @@ class TissueModel:
         A[half:n, :half] = _without_growth(A[half:n, :half], self.mass)
         density = np.zeros_like(A)
         density[range(half, n), range(half, n)] = mode.white**2
-        for k, (row, sd, lasting) in enumerate(zip(self.poked_rows, *self._pokes(mode), strict=True)):
+        for k, (row, sd, lasting) in enumerate(zip(self.poked_rows, *self.force_noise(mode), strict=True)):
             A[half + row, n + k] = 1.0 / self.mass[row]
             A[n + k, n + k] = -1.0 / lasting
             density[n + k, n + k] = 2.0 * (sd * self.mass[row]) ** 2 / lasting

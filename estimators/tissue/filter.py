@@ -31,9 +31,9 @@ from estimators.tissue.prediction import (
     target_by_modes,
     target_path,
 )
-from estimators.tissue.settings import FilterSettings
+from estimators.tissue.settings import LED, FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
-from estimators.tissue.start import forget, inflate, restart_from_marks, restart_from_shape
+from estimators.tissue.start import forget, inflate, mark_speeds, restart_from_marks, restart_from_shape
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
 
 
@@ -69,7 +69,9 @@ class TissueFilter:
         if self.settings.one_of not in (0, len(marked)):
             raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
         self.n_calibration, network = n_calibration, carried(network)
-        model_with = partial(TissueModel, network, marked, bias=self.settings.fix_bias, n_calibration=n_calibration)
+        led = (self.settings.led_nodes, self.settings.led or LED) if self.settings.led_nodes else None
+        bias = self.settings.fix_bias
+        model_with = partial(TissueModel, network, marked, bias=bias, n_calibration=n_calibration, led=led)
         self.model = model_with(uncertainty=uncertainty)
         if is_linearised(self.model):
             self.settings = self.settings.for_stiff_or_large()
@@ -85,6 +87,7 @@ class TissueFilter:
         self._before_s = -np.inf
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
+        self._seen: dict[str, tuple[float, Floats]] = {}
         self._marked = tuple(marked)
         self._elbows = find_elbows(network, marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
@@ -118,6 +121,7 @@ class TissueFilter:
             mixture_state(self.mixture),
             self.health,
             self._seen_s.copy(),
+            self._seen.copy(),
             self._outlying.copy(),
             self.rejected.copy(),
             self._updated_s,
@@ -132,7 +136,7 @@ class TissueFilter:
         """Set the state back to a snapshot."""
         restore_mixture(self.mixture, then.mixture)
         self.time_s, self.health = then.time_s, then.health
-        self._seen_s, self._outlying = then.seen_s.copy(), then.outlying.copy()
+        self._seen_s, self._seen, self._outlying = then.seen_s.copy(), then.seen.copy(), then.outlying.copy()
         self.rejected, self._before_s = then.rejected.copy(), then.before_s
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop_cov
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
@@ -258,6 +262,8 @@ class TissueFilter:
             return self._estimate(self.time_s, 0, None)
         stacked = stack_marks(accepted, self._places, self.model)
         found = innovation(self.mixture, stacked, self.target)
+        earlier = self._seen.copy()
+        self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         if starting:
             self._start(self.time_s, accepted, stacked)
             return self._estimate(self.time_s, len(accepted), found.nis)
@@ -270,7 +276,7 @@ class TissueFilter:
         least = min(f.nis for f in self.mixture.filters)
         self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
-            self._refuted(self.time_s, accepted, stacked)
+            self._refuted(self.time_s, accepted, stacked, earlier)
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
         return self._estimate(self.time_s, len(accepted), found.nis, shares)
@@ -314,19 +320,28 @@ class TissueFilter:
         self._seen_s = dict.fromkeys(self._marked, time_s)
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
-    def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
+    def _refuted(
+        self,
+        time_s: float,
+        marks: Sequence[MarkMeasurement],
+        stacked: StackedMarks,
+        earlier: dict[str, tuple[float, Floats]],
+    ) -> None:
         """Inflate the state after a divergence; restart from the marks after another within lost_s.
 
         The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is
-        kept but that the tissue rests as the marks hold it.
+        kept but that the tissue rests as the marks hold it; of a stiff or large body always, for straight lines to far
+        marks would stretch links, and it then moves as the marks did since they were seen before.
         """
         again = self._refuted_s is not None and time_s - self._refuted_s <= self.settings.lost_s
-        again |= self.mixture.move.linear is not None  # straight lines to far marks would stretch links
+        linear = self.mixture.move.linear is not None
         self._refuted_s = time_s
-        self.repairs["restarted" if again else "inflated"] += 1
-        if again:
-            inflation = self.settings.inflation**2
-            restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked, inflation=inflation)
+        self.repairs["restarted" if again or linear else "inflated"] += 1
+        restart = partial(restart_from_marks, self.mixture, self.model, self.settings, marks, stacked=stacked)
+        if linear:
+            restart(speeds=mark_speeds(marks, time_s, earlier, (self.settings.led or LED).poke))
+        elif again:
+            restart(inflation=self.settings.inflation**2)
         else:
             inflate(self.mixture, self.settings.inflation * self._start_cov, stacked)
 

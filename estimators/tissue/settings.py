@@ -30,6 +30,7 @@ class FilterSettings:
     quiet, poked: forces without and with a poke; source: fields of `ForceMode`
     led: forces on nodes that a hand leads against any weight, as fast as it likes; None: nobody does; source: fields of
         `ForceMode`
+    led_nodes: marked nodes that a hand is known to lead, all the time; then no other is led; source: the scene
     calm_s, between_s, poked_s: mean duration of each mode [s]; choice
     calm_share: share of the pokes after which there is calm [1]; choice
     impulse_m_s: a node's velocity may change by this at once [m/s]; choice
@@ -57,6 +58,7 @@ class FilterSettings:
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)
     led: ForceMode | None = None
+    led_nodes: tuple[str, ...] = ()
     calm_s: float = 100.0
     between_s: float = 1.5
     poked_s: float = 0.3
@@ -80,7 +82,7 @@ class FilterSettings:
     @property
     def modes(self) -> tuple[ForceMode, ...]:
         """What calm, between, poked and led assume of the force; poked once, or once for each of `one_of` nodes."""
-        led = () if self.led is None else (self.led,)
+        led = (self.led,) if self.led is not None and not self.led_nodes else ()
         if not self.one_of:
             return (self.quiet, self.quiet, self.poked, *led)
         one = (replace(self.poked, only=k, others=self.quiet) for k in range(self.one_of))
@@ -89,14 +91,15 @@ class FilterSettings:
     @property
     def rates(self) -> Floats:
         """How often each mode turns into each other [1/s], (n_modes, n_modes), rows summing to zero."""
-        n = len(self.modes)
+        modes = self.modes
+        n = len(modes)
         n_poked = n - N_QUIET
         rates = np.zeros((n, n))
         rates[0, N_QUIET:] = 1.0 / self.calm_s / n_poked
         rates[1, N_QUIET:] = 1.0 / self.between_s / n_poked
         rates[N_QUIET:, 0] = self.calm_share / self.poked_s
         rates[N_QUIET:, 1] = (1.0 - self.calm_share) / self.poked_s
-        if self.led is not None:
+        if modes[-1] is self.led:
             # a hand that leads is slow, then fast
             rates[N_QUIET:-1, -1] = 1.0 / self.poked_s
             rates[-1, N_QUIET:-1] = 1.0 / self.poked_s / (n_poked - 1)

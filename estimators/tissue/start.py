@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -30,6 +30,24 @@ LONG_RUN = 50.0
 
 SAME = 1e-3
 """Nodes that move by less than this share of the most are in the same place in two shapes."""
+
+
+def mark_speeds(
+    marks: Sequence[MarkMeasurement], time_s: float, earlier: Mapping[str, tuple[float, Floats]], acceleration: float
+) -> tuple[Floats, Floats]:
+    """Speeds of marks since they were seen earlier, by coordinate [m/s], and their variances [m²/s²], (m,) each.
+
+    By two-point differencing. earlier: by node, the time [s] and the place [m], (dim,); of a mark without, the variance
+    is infinite. acceleration: standard deviation of what is not known of it in between [m/s²]. Source:
+    [barshalom2001], section 5.5.3.
+    """
+    values, variances = [], []
+    for mark in marks:
+        then_s, place = earlier.get(mark.node, (-np.inf, mark.position))
+        dt = time_s - then_s
+        values.append((mark.position - place) / dt)
+        variances.append((0.5 * acceleration * dt) ** 2 + 2.0 * np.diag(mark.total_cov) / dt**2)
+    return np.concatenate(values), np.concatenate(variances)
 
 
 def restart_from_shape(
@@ -85,6 +103,7 @@ def restart_from_marks(
     *,
     stacked: StackedMarks,
     inflation: float = 1.0,
+    speeds: tuple[Floats, Floats] | None = None,
 ) -> None:
     """Set every mode to the tissue at rest with its marked nodes fixed where they are seen.
 
@@ -94,7 +113,7 @@ def restart_from_marks(
     of the marks, and so are its covariance (Joseph's form) and columns. Where the marks leave several such shapes, an
     elbow to the left or to the right, a branch follows each, at odds by its energy: exp(-E / E0), E0 that of the nodes
     which differ at a velocity of impulse_m_s.
-    inflation: factor on the covariance of the start
+    inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
     """
     network, places = model.network, {mark.node: mark.position for mark in marks}
     try:
@@ -111,7 +130,7 @@ def restart_from_marks(
     odds = np.array([each for each, _ in likely])
     kept = odds >= settings.least_odds * odds.max()
     beliefs = [
-        _held(model, settings, each, stacked=stacked, inflation=inflation)
+        _held(model, settings, each, stacked=stacked, inflation=inflation, speeds=speeds)
         for (_, each), one in zip(likely, kept, strict=True)
         if one
     ]
@@ -122,9 +141,15 @@ def restart_from_marks(
 
 
 def _held(
-    model: TissueModel, settings: FilterSettings, shape: Floats, *, stacked: StackedMarks, inflation: float
+    model: TissueModel,
+    settings: FilterSettings,
+    shape: Floats,
+    *,
+    stacked: StackedMarks,
+    inflation: float,
+    speeds: tuple[Floats, Floats] | None,
 ) -> tuple[Floats, Floats, Floats]:
-    """Mean, covariance and columns of the tissue at rest in a shape in which marks hold it."""
+    """Mean, covariance and columns of the tissue in a shape in which marks hold it, at rest or with their speeds."""
     network, rows = model.network, stacked.rows
     mean, cov = _at_rest(model, settings, shape)
     K = stiffness_matrix(network, shape)
@@ -138,6 +163,12 @@ def _held(
     columns = model.resting_columns(shape, rows)
     if stacked.shared is not None:
         columns -= G @ stacked.shared
+    if speeds is not None and (known := np.isfinite(speeds[1])).any():
+        half = network.n_state // 2
+        values, variances, on = speeds[0][known], speeds[1][known], half + np.asarray(rows)[known]
+        gain = np.linalg.solve(P[np.ix_(on, on)] + np.diag(variances), P[on]).T
+        mean = mean + gain @ values
+        P = P - gain @ P[on]
     return mean, 0.5 * (P + P.T), columns
 
 

@@ -31,7 +31,7 @@ def mixture_of(motion, passes=3):
 def straight(about):
     """A motion that is the same wherever it is linearised."""
     k = len(about)
-    return LinearMotion(about @ F.T, np.tile(F, (k, 1, 1)), np.tile(Q, (k, 1, 1)), np.zeros((k, 2, 0)), 2)
+    return LinearMotion(about @ F.T, np.tile(F, (k, 1, 1)), np.tile(Q, (k, 1, 1)), np.zeros((k, 2, 0)), 2, np.zeros(2))
 
 
 def turning(about):
@@ -40,7 +40,7 @@ def turning(about):
     ends = np.column_stack([angle + DT * about[:, 1], about[:, 1] - 10.0 * DT * np.sin(angle)])
     tangent = np.tile(F, (k, 1, 1))
     tangent[:, 1, 0] = -10.0 * DT * np.cos(angle)
-    return LinearMotion(ends, tangent, np.tile(1e-6 * np.eye(2), (k, 1, 1)), np.zeros((k, 2, 0)), 2)
+    return LinearMotion(ends, tangent, np.tile(1e-6 * np.eye(2), (k, 1, 1)), np.zeros((k, 2, 0)), 2, np.zeros(2))
 
 
 def test_a_linear_motion_is_kalmans():
@@ -64,7 +64,7 @@ def test_states_moved_by_themselves_alone_need_no_whole_product(n_coupled):
     F, roots, noise = (rng.normal(size=(2, 5, 5)) for _ in range(3))
     F[:, n_coupled:] *= np.eye(5)[n_coupled:]
     P, Q = roots @ roots.swapaxes(1, 2), noise @ noise.swapaxes(1, 2)
-    found = LinearMotion(np.zeros((2, 5)), F, Q, np.zeros((2, 5, 0)), n_coupled).predicted(P)
+    found = LinearMotion(np.zeros((2, 5)), F, Q, np.zeros((2, 5, 0)), n_coupled, np.zeros(5)).predicted(P)
     np.testing.assert_allclose(found, np.einsum("kab,kbc,kdc->kad", F, P, F) + Q, rtol=0, atol=1e-12)
     np.testing.assert_array_equal(found, found.swapaxes(1, 2))
 
