@@ -217,7 +217,7 @@ def with_columns(P, C):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
     """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
-    HP, HPH = _measured(P, H)
+    HP, HPH = measured(P, H)
     return _updated(x, P, z - H @ x, R, H, HP, HPH, np.ascontiguousarray(HP.T), HPH + R)
 
 
@@ -229,13 +229,13 @@ def schmidt_update(x, P, z, H, R, columns, shared, added_share):  # type: ignore
     Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain.
     """
     C = H @ columns + shared
-    HP, HPH = _measured(P, H)
+    HP, HPH = measured(P, H)
     S = HPH + C @ C.T + added_share * (shared @ shared.T) + R
     return _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T + columns @ C.T, S)
 
 
 @njit(cache=True, nogil=True)
-def _measured(P, H):  # type: ignore[no-untyped-def]
+def measured(P, H):  # type: ignore[no-untyped-def]
     """H P (m, n) and H P H' (m, m); of many measurements by those states alone that H depends on."""
     m, n = H.shape
     if m <= LOOPS:

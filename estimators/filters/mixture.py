@@ -19,6 +19,7 @@ from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import (
     is_finite,
     joseph_update,
+    measured,
     mixed_each,
     moments_each,
     regressions,
@@ -220,9 +221,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         while (cycle := self.cycle) is not None and cycle.passes > 1:
             about, settled = np.empty_like(cycle.means), True
             for k, (f, mean, P, F) in enumerate(zip(self.filters, cycle.means, cycle.covs, cycle.F, strict=True)):
-                HF = H @ F
-                S = H @ f.P @ H.T + R
-                about[k] = mean + P @ HF.T @ np.linalg.solve(S, z - H @ f.x)
+                S = measured(f.P, H)[1] + R
+                about[k] = mean + P @ (F.T @ (H.T @ np.linalg.solve(S, z - H @ f.x)))
                 change = about[k] - cycle.about[k]
                 settled = settled and (
                     bool((change**2 <= SETTLED**2 * np.maximum(np.diag(P), 0.0)).all())

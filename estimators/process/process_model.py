@@ -74,8 +74,9 @@ class TissueModel:
     n_calibration: directions in which the camera's calibration may be off; their columns come after those and are
         moved by no force of their own
     bias: of fixes of the target, if there are to be any
+    hidden_share: of a poke, what may act on each free node that is not marked [1]; none at 0
     led: marked nodes that are led by these forces whatever the mode; raises ValueError where one is not marked
-    dim_x: the network's state, one poke for each coordinate of a marked node, and the bias
+    dim_x: the network's state, one poke for each coordinate of a node that is poked, and the bias
     push: the known force that acts while points are moved, None where there is none
     """
 
@@ -88,11 +89,13 @@ class TissueModel:
         bias: FixBias | None = None,
         n_calibration: int = 0,
         led: tuple[Sequence[str], ForceMode] | None = None,
+        hidden_share: float = 0.0,
     ) -> None:
         self.network = network
         self.stepper = Stepper(network, LONGEST_STEP)
         self.bias = bias
-        places = [network.coordinates(node) for node in marked]
+        hidden = [network.names[i] for i in network.free if network.names[i] not in marked] if hidden_share else []
+        places = [network.coordinates(node) for node in [*marked, *hidden]]
         self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
         n_fixed = network.n_state + len(self.poked_rows)
         self.dim_x = n_fixed + (0 if bias is None else network.dim)
@@ -100,7 +103,8 @@ class TissueModel:
         self._led_by = None if led is None else led[1]
         if unmarked := sorted(set(nodes) - set(marked)):
             raise ValueError(f"led nodes: expected marked ones, {', '.join(marked)}, found {', '.join(unmarked)}")
-        self._led = np.repeat([node in nodes for node in marked], network.dim)
+        self._led = np.repeat([node in nodes for node in [*marked, *hidden]], network.dim)
+        self._share = np.repeat([1.0] * len(marked) + [hidden_share] * len(hidden), network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownForce | None = None
         self._asked: tuple[Sequence[ForceMode], Floats] | None = None
@@ -176,7 +180,7 @@ class TissueModel:
         sd, lasting = mode.pokes(len(self._led) // self.network.dim, self.network.dim)
         if self._led_by is not None:
             sd[self._led], lasting[self._led] = self._led_by.poke, self._led_by.lasting_s
-        return sd, lasting
+        return self._share * sd, lasting
 
     def turned(self, points: Floats) -> NDArray[np.bool_]:
         """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""

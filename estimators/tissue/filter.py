@@ -76,7 +76,8 @@ class TissueFilter:
         if is_linearised(self.model):
             self.settings = self.settings.for_stiff_or_large()
             if uncertainty is None and self.settings.strain_sd > 0.0:
-                self.model = model_with(uncertainty=strain_uncertainty(network, self.settings.strain_sd))
+                uncertainty = strain_uncertainty(network, self.settings.strain_sd)
+            self.model = model_with(uncertainty=uncertainty, hidden_share=self.settings.hidden_share)
         self.target = target_map(network, target)
         self.time_s: float | None = None
         self.health = Health()
