@@ -139,3 +139,12 @@ def toml_text(value: str) -> str:
 def toml_bool(value: bool) -> str:
     """`true` or `false`."""
     return "true" if value else "false"
+
+
+def toml_value(value: bool | float | Sequence[str]) -> str:
+    """A truth value, a number or texts on one line."""
+    if isinstance(value, bool):
+        return toml_bool(value)
+    if isinstance(value, int | float):
+        return toml_number(value)
+    return f"[{', '.join(toml_text(text) for text in value)}]"

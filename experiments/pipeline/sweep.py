@@ -29,8 +29,8 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import Scenario
 from experiments.formats.scene.filter import settings_of
 from experiments.formats.scene.scene import Scene, scene_of_tables
-from experiments.formats.scene.schema import FilterTable, SceneFile
-from experiments.formats.sweep_file import SeenMarks, Sweep
+from experiments.formats.scene.schema import FilterTable, SceneError, SceneFile
+from experiments.formats.sweep_file import SeenMarks, Setup, Sweep
 from experiments.formats.toml_file import validated
 from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
@@ -63,6 +63,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
         if (name := json.dumps(scenario)) not in checked:
             _check_forces(setup.scenario, text, sweep)
             checked.add(name)
+        _check_led(setup, text, sweep)
         table = {
             "scenario": scenario,
             "filter": setup.filter.model_dump(exclude_unset=True),
@@ -91,6 +92,15 @@ def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
         start_and_forces(network, brief, np.random.default_rng(0))
     except InputError as fault:
         raise InputError(f"{sweep.path}: {fault}") from None
+
+
+def _check_led(setup: Setup, text: str | None, sweep: Sweep) -> None:
+    """Raise InputError for led nodes that the tissue does not have, before all runs."""
+    if setup.filter.led_nodes:
+        try:
+            assumed_scene(true_scene(text, setup.scenario, str(sweep.scene)), {}, setup.filter, text)
+        except SceneError as fault:
+            raise InputError(f"{sweep.path}: grid.{fault}") from None
 
 
 @lru_cache(maxsize=8)

@@ -1,4 +1,4 @@
-"""The filter's tables of a scene file: `[uncertainty]` of the constants and `[filter]`, noise levels."""
+"""The filter's tables of a scene file: `[uncertainty]` of the constants and `[filter]`, noise levels and led nodes."""
 
 from __future__ import annotations
 
@@ -50,6 +50,7 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
     lasting_s = usual.poked.lasting_s if table.poke_lasting_s is None else table.poke_lasting_s
     return replace(
         usual,
+        led_nodes=tuple(table.led_nodes),
         quiet=replace(usual.quiet, white=white, poke=usual.quiet.poke * white / usual.quiet.white),
         poked=replace(usual.poked, white=white, poke=poke, lasting_s=lasting_s),
         fix_bias=None if table.fix_bias_mm is None else FixBias(1e-3 * table.fix_bias_mm),
@@ -57,11 +58,11 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
     )
 
 
-def filter_table(settings: FilterSettings) -> dict[str, float | bool]:
+def filter_table(settings: FilterSettings) -> dict[str, float | bool | list[str]]:
     """The keys of `[filter]` for these settings; none where they are the usual ones."""
     if settings == FilterSettings():
         return {}
-    keys: dict[str, float | bool] = {
+    keys: dict[str, float | bool | list[str]] = {
         "white_m_s2_sqrt_hz": settings.quiet.white,
         "poke_m_s2": settings.poked.poke,
         "poke_lasting_s": settings.poked.lasting_s,
@@ -70,6 +71,8 @@ def filter_table(settings: FilterSettings) -> dict[str, float | bool]:
         keys["fix_bias_mm"] = 1e3 * settings.fix_bias.sd_m
     if settings.marks_bounds != (1.0, 1.0):
         keys["adapt_marks"] = True
+    if settings.led_nodes:
+        keys["led_nodes"] = list(settings.led_nodes)
     return keys
 
 

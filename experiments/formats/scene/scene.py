@@ -15,7 +15,7 @@ from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import network_lines, network_of, spring_groups
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.target import Target, target_lines, target_of
-from experiments.formats.toml_file import VERSION, read_toml, toml_bool, toml_list, toml_number, toml_text
+from experiments.formats.toml_file import VERSION, read_toml, toml_list, toml_text, toml_value
 from vision import PlaneCamera
 
 
@@ -24,7 +24,7 @@ class Scene:
     """What is in view: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit.
 
     uncertainty: how well the constants of the tissue are known, None where they are taken as exact
-    settings: noise levels and pokes that the filter assumes
+    settings: noise levels, pokes and led nodes that the filter assumes
     spring_groups: name of the group of each spring, whose constants are identified together, (n_springs,), empty for a
         spring by itself; none at all where the network has no groups
     """
@@ -44,6 +44,7 @@ class Scene:
                     f"network.node[{i}].name: expected a name that prints on one line, found {shown(name)}"
                 )
         self._check_marks()
+        self._check_led()
         self._check_free("target.node", self.target.node, "a hidden target")
         if len(self.target.offset_m) not in (0, self.network.dim):
             raise SceneError(
@@ -80,6 +81,14 @@ class Scene:
             seen[mark.node] = i
         if not self.measured_nodes:
             raise SceneError("mark: expected one or more measured marks, found none")
+
+    def _check_led(self) -> None:
+        for i, node in enumerate(self.settings.led_nodes):
+            key = f"filter.led_nodes[{i}]"
+            if node not in self.network.names:
+                raise SceneError(f"{key}: no node named {shown(node)}")
+            if node not in self.measured_nodes:
+                raise SceneError(f"{key}: expected a node with a measured mark, found {shown(node)} without")
 
     def _check_free(self, key: str, node: str, why: str) -> None:
         if node not in self.network.names:
@@ -148,7 +157,7 @@ def write_scene(scene: Scene, path: Path) -> None:
         lines += ["directions = [", *(f"    {toml_list(row)}," for row in scene.uncertainty.directions), "]"]
     if keys := filter_table(scene.settings):
         lines += ["", "[filter]"]
-        lines += [f"{key} = {toml_bool(v) if isinstance(v, bool) else toml_number(v)}" for key, v in keys.items()]
+        lines += [f"{key} = {toml_value(value)}" for key, value in keys.items()]
     for camera in scene.cameras:
         lines += camera_lines(camera)
     write_whole(path, "\n".join(lines) + "\n")

@@ -140,13 +140,14 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: noise levels for this tissue and camera in place of the usual ones, see `FilterSettings`."""
+    """`[filter]`: noise levels in place of the usual ones, and the nodes that a hand leads, see `FilterSettings`."""
 
     white_m_s2_sqrt_hz: Positive | None = None
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
     fix_bias_mm: Positive | None = None
     adapt_marks: bool = False
+    led_nodes: list[Name] = Field(default_factory=list)
 
 
 class SceneFile(Strict):

@@ -173,6 +173,10 @@ def test_a_run_that_fails_does_not_end_the_sweep(tmp_path, monkeypatch):
     [
         (TEXT.replace('"ekf"', '"kalman"'), r'sweep\.toml: methods\[1\]: expected one of open-loop, .* found "kalman"'),
         (TEXT + 'scenario.pokes.nodes = [["M9"]]\n', r'sweep\.toml: scenario: .*"M9"'),
+        (
+            TEXT + 'filter.led_nodes = [["M1"], ["M2"]]\n',
+            r'sweep\.toml: grid\.filter\.led_nodes\[0\]: expected a node with a measured mark, found "M2" without',
+        ),
         (TEXT.replace("[grid]", 'scene = "gone.toml"\n[grid]'), r"gone\.toml: expected a file, found none"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What a scene says of the filter: uncertainty in both forms, noise levels, faults, and back to a file."""
+"""What a scene states of the filter: uncertainty in both forms, noise levels, led nodes, faults, and back to a file."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +10,7 @@ from dynamics import four_mass_phantom, parameter_label, parameters
 from estimators import FilterSettings, FixBias, ForceMode
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.formats.scene.scene import SceneError, read_scene, write_scene
 from experiments.simulation.simulate import scene_of
 
 
@@ -86,6 +86,33 @@ def test_what_is_read_is_written_and_read_again(path):
     np.testing.assert_allclose(again.uncertainty.directions, [[0.1, -0.2]], rtol=1e-14)
 
 
+def test_led_nodes_are_read_and_change_nothing_else(path):
+    scene = told(path, '[filter]\nled_nodes = ["M4", "M1"]\n')
+    assert scene.settings == replace(FilterSettings(), led_nodes=("M4", "M1"))
+
+
+def test_led_nodes_are_written_and_read_again_whatever_their_names(path):
+    """Beside usual levels and beside others; a name with quotes, a backslash and letters beyond ASCII."""
+    scene = read_scene(path)
+    name = 'gr"i\\p ü'
+    network = replace(scene.network, names=(name, *scene.network.names[1:]))
+    marks = tuple(replace(mark, node=name) if mark.node == "M1" else mark for mark in scene.marks)
+    assert scene.network.names[0] == "M1"
+    for usual in (FilterSettings(), told(path, "[filter]\npoke_m_s2 = 2.0\nadapt_marks = true\n").settings):
+        settings = replace(usual, led_nodes=(name, "M4"))
+        write_scene(replace(scene, network=network, marks=marks, settings=settings), path)
+        assert read_scene(path).settings == settings
+        write_scene(scene, path)
+
+
+def test_a_scene_with_led_nodes_that_are_not_measured_cannot_be_made(path):
+    """Those of a program, too: M2, the target, has a mark for scoring only."""
+    scene = read_scene(path)
+    assert "M2" not in scene.measured_nodes
+    with pytest.raises(SceneError, match=r'^filter\.led_nodes\[1\]: expected a node with a measured mark, found "M2"'):
+        replace(scene, settings=replace(scene.settings, led_nodes=("M1", "M2")))
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -108,6 +135,17 @@ def test_what_is_read_is_written_and_read_again(path):
             ": uncertainty: expected parameters and directions or kinds, found both, drag",
         ),
         ("[filter]\npoke_m_s2 = 0.0\n", ": filter.poke_m_s2: expected more than 0, found 0.0"),
+        ('[filter]\nled_nodes = ["M1", "M9"]\n', ': filter.led_nodes[1]: no node named "M9"'),
+        (
+            '[filter]\nled_nodes = ["M2"]\n',
+            ': filter.led_nodes[0]: expected a node with a measured mark, found "M2" without',
+        ),
+        (
+            '[filter]\nled_nodes = ["In1"]\n',
+            ': filter.led_nodes[0]: expected a node with a measured mark, found "In1" without',
+        ),
+        ('[filter]\nled_nodes = "M1"\n', ': filter.led_nodes: expected a list, found "M1"'),
+        ("[filter]\nled_nodes = [1]\n", ": filter.led_nodes[0]: expected text in quotes, found 1"),
         ("[filter]\nnoise = 1.0\n", ": filter.noise: expected one of white_m_s2_sqrt_hz, poke_m_s2, poke_lasting_s,"),
     ],
 )

@@ -1,0 +1,87 @@
+"""`[filter] led_nodes` of a scene: read by the filters of `track`, kept in scenes that `identify` and `tune` write."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from estimators.tissue.settings import LED
+from experiments.commands.app import main
+from experiments.formats.recording import open_recording
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.pipeline.line import Line
+from experiments.simulation.simulate import scene_of
+
+
+def softaim(monkeypatch, *words):
+    """Exit code of the command."""
+    monkeypatch.setattr("sys.argv", ["softaim", *(str(word) for word in words)])
+    try:
+        main()
+    except SystemExit as end:
+        return 0 if end.code is None else end.code
+    return 0
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """Marks of the phantom where it is drawn, to 0.5 mm, 12 frames at 30 a second."""
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    scene = replace(scene_of(read_scenario("poked")), cameras=())
+    write_scene(scene, folder / "scene.toml")
+    rng = np.random.default_rng(0)
+    rows = []
+    for k in range(12):
+        for node in ("M1", "M2", "M3", "M4"):
+            place = 1e3 * scene.network.positions[scene.network.index(node)] + rng.normal(0.0, 0.5, 2)
+            rows.append((k / 30.0, node, *place, 0.5))
+    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    return folder
+
+
+def state_led(folder, *nodes):
+    """State in the scene of a recording that these nodes are led."""
+    path = folder / "scene.toml"
+    names = ", ".join(f'"{node}"' for node in nodes)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("\n[[mark]]", f"\n[filter]\nled_nodes = [{names}]\n\n[[mark]]", 1), encoding="utf-8")
+
+
+def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filter(recording):
+    state_led(recording, "M1")
+    filters = Line(open_recording(recording).scene, baseline=False, check=True)
+    assert len(filters.checks.without) == 3
+    for tissue in (filters.filter, *filters.checks.without.values()):
+        assert tissue.settings.led_nodes == ("M1",)
+        for mode in tissue.settings.modes:
+            sd, lasting_s = tissue.model.force_noise(mode)
+            np.testing.assert_array_equal(sd, [LED.poke] * 2 + [mode.poke] * 4)
+            np.testing.assert_array_equal(lasting_s, [LED.lasting_s] * 2 + [mode.lasting_s] * 4)
+
+
+def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recording, monkeypatch, capsys, tmp_path):
+    state_led(recording, "M1", "M2")
+    for word in ("track", "tune"):
+        out = tmp_path / f"out-{word}"
+        assert softaim(monkeypatch, word, recording, "--out", out) == 2
+        message = capsys.readouterr().err
+        assert 'scene.toml: filter.led_nodes[1]: expected a node with a measured mark, found "M2" without' in message
+        assert len(message.splitlines()) == 1
+        assert not out.exists()
+
+
+def test_identify_and_tune_keep_led_nodes_in_the_scenes_they_write(recording, monkeypatch, tmp_path):
+    """Levels found are those of the scene written; the hand's forces are no level."""
+    state_led(recording, "M1")
+    assert softaim(monkeypatch, "identify", recording, "--at-rest", "--out", tmp_path / "rest.toml") == 0
+    assert read_scene(tmp_path / "rest.toml").settings.led_nodes == ("M1",)
+    monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 30)
+    assert softaim(monkeypatch, "tune", recording, "--out", tmp_path / "tuned.toml") == 0
+    tuned = read_scene(tmp_path / "tuned.toml")
+    assert tuned.settings.led_nodes == ("M1",)
+    assert tuned.settings.poked != read_scene(recording / "scene.toml").settings.poked
+    model = Line(tuned, baseline=False).filter.model
+    np.testing.assert_array_equal(model.force_noise(tuned.settings.quiet)[0][:2], [LED.poke] * 2)
