@@ -9,19 +9,18 @@ from functools import partial
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, carried, rest_shape, strain_uncertainty
+from dynamics import MassSpringNetwork, ParameterUncertainty, carried, rest_shape
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
-from estimators.process.linear_motion import is_linearised
 from estimators.process.open_loop_cov import OpenLoopCovariance
-from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.elbows import branch_at_elbows, find_elbows
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
 from estimators.tissue.health import Health, after_frame
+from estimators.tissue.model import model_of
 from estimators.tissue.prediction import (
     advance,
     expected_place,
@@ -65,20 +64,11 @@ class TissueFilter:
         uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
     ) -> None:
-        self.settings = FilterSettings() if settings is None else settings
-        if self.settings.one_of not in (0, len(marked)):
-            raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {self.settings.one_of}")
         self.n_calibration, network = n_calibration, carried(network)
-        led = (self.settings.led_nodes, self.settings.led or LED) if self.settings.led_nodes else None
-        bias = self.settings.fix_bias
-        model_with = partial(TissueModel, network, marked, bias=bias, n_calibration=n_calibration, led=led)
-        self.model = model_with(uncertainty=uncertainty)
-        if is_linearised(self.model):
-            self.settings = self.settings.for_stiff_or_large()
-            if uncertainty is None and self.settings.strain_sd > 0.0:
-                uncertainty = strain_uncertainty(network, self.settings.strain_sd)
-            self.model = model_with(uncertainty=uncertainty, hidden_share=self.settings.hidden_share)
-        self.target = target_map(network, target)
+        settings = FilterSettings() if settings is None else settings
+        self.model, self.settings = model_of(
+            network, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
+        )
         self.time_s: float | None = None
         self.health = Health()
         self.rejected: Counter[str] = Counter()
@@ -89,7 +79,7 @@ class TissueFilter:
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
         self._seen: dict[str, tuple[float, Floats]] = {}
-        self._marked = tuple(marked)
+        self._marked, self.target = tuple(marked), target_map(network, target)
         self._elbows = find_elbows(network, marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
@@ -263,8 +253,6 @@ class TissueFilter:
             return self._estimate(self.time_s, 0, None)
         stacked = stack_marks(accepted, self._places, self.model)
         found = innovation(self.mixture, stacked, self.target)
-        earlier = self._seen.copy()
-        self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         if starting:
             self._start(self.time_s, accepted, stacked)
             return self._estimate(self.time_s, len(accepted), found.nis)
@@ -277,8 +265,9 @@ class TissueFilter:
         least = min(f.nis for f in self.mixture.filters)
         self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
-            self._refuted(self.time_s, accepted, stacked, earlier)
+            self._refuted(self.time_s, accepted, stacked)
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
+        self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
         return self._estimate(self.time_s, len(accepted), found.nis, shares)
 
@@ -319,15 +308,10 @@ class TissueFilter:
             self.repairs["restarted"] += 1
         restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked)
         self._seen_s = dict.fromkeys(self._marked, time_s)
+        self._seen = {mark.node: (time_s, mark.position) for mark in marks}
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
-    def _refuted(
-        self,
-        time_s: float,
-        marks: Sequence[MarkMeasurement],
-        stacked: StackedMarks,
-        earlier: dict[str, tuple[float, Floats]],
-    ) -> None:
+    def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
         """Inflate the state after a divergence; restart from the marks after another within lost_s.
 
         The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is
@@ -340,7 +324,7 @@ class TissueFilter:
         self.repairs["restarted" if again or linear else "inflated"] += 1
         restart = partial(restart_from_marks, self.mixture, self.model, self.settings, marks, stacked=stacked)
         if linear:
-            restart(speeds=mark_speeds(marks, time_s, earlier, (self.settings.led or LED).poke))
+            restart(speeds=mark_speeds(marks, time_s, self._seen, (self.settings.led or LED).poke))
         elif again:
             restart(inflation=self.settings.inflation**2)
         else:

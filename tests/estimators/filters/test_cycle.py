@@ -115,6 +115,21 @@ def test_only_the_update_after_a_prediction_repeats_it():
     np.testing.assert_allclose(mixture.filters[0].x, x + K @ (2.5 - H @ x), rtol=1e-12)
 
 
+@pytest.mark.parametrize(("straight", "repeated"), [(0.0, True), (0.01, True), (10.0, False)])
+def test_a_cycle_that_is_straight_as_far_as_its_end_moves_is_not_repeated(straight, repeated):
+    """An update moves the end by about one; another pass but where the motion is straight as far as that."""
+    asked = []
+
+    def counted(about):
+        asked.append(len(about))
+        return replace(turning(about), straight=np.full(2, straight))
+
+    mixture = mixture_of(counted)
+    mixture.predict(DT)
+    mixture.update_linear(np.array([3.0]), H, R)
+    assert (len(asked) > 1) == repeated
+
+
 def test_a_smoother_is_given_the_transition_as_it_was_linearised_last():
     """One transition for each prediction, whose F is that about the start after the update."""
     mixture = mixture_of(turning)

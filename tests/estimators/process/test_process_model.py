@@ -296,3 +296,20 @@ def test_without_negative_stiffness_a_motion_is_as_it_was():
     for squares in ([-4.0, -2.0, -0.5], [-4.0, -2.0, 0.0]):
         kept = np.diag(squares)
         assert _without_growth(kept, np.array([1.0, 4.0, 16.0])) is kept
+
+
+def test_led_nodes_bear_the_same_forces_in_every_mode(phantom):
+    """Those of M3 are the hand's, of the other marked ones the mode's; a node without a mark is not led."""
+    hand, mode = ForceMode(white=5.0, poke=50.0, lasting_s=0.1), ForceMode(white=0.1, poke=2.0, lasting_s=0.3)
+    sd, lasting = TissueModel(phantom, ("M1", "M3"), led=(("M3",), hand)).force_noise(mode)
+    assert (sd.tolist(), lasting.tolist()) == ([2.0, 2.0, 50.0, 50.0], [0.3, 0.3, 0.1, 0.1])
+    with pytest.raises(ValueError, match="led nodes: expected marked ones, M1, M3, found M2"):
+        TissueModel(phantom, ("M1", "M3"), led=(("M2",), hand))
+
+
+def test_hidden_nodes_bear_a_share_of_a_poke(phantom):
+    """After the marked ones, in the network's order: two coordinates each of M2 and M4, at a third of the force."""
+    model, mode = TissueModel(phantom, ("M3", "M1"), hidden_share=0.3), ForceMode(white=0.1, poke=2.0, lasting_s=0.3)
+    assert model.poked_rows.tolist() == [4, 5, 0, 1, 2, 3, 6, 7]
+    assert model.force_noise(mode)[0] == pytest.approx([2.0] * 4 + [0.6] * 4)
+    assert model.dim_x == phantom.n_state + 8

@@ -43,6 +43,7 @@ def test_slender_and_loose_bodies_do_not_run_away(name, seed, seconds):
     truth = body.positions[:, hidden]
     errors = np.linalg.norm(means - truth, axis=2)
     tracked = np.array([status is Status.TRACKING for status in statuses])
+    assert statuses[-1] is Status.TRACKING
     assert tracked.sum() > 10
     assert errors[tracked].max() < 0.1 * body.size_m
     if body.network.fixed.any():
@@ -52,7 +53,44 @@ def test_slender_and_loose_bodies_do_not_run_away(name, seed, seconds):
         assert (away <= 1.1 * reaches(body.network)[hidden] + spread).all()
     marks = measured(body, body.marked, seed)
     rivals = [rival for rival in (spline(body, marks), open_loop(body.network, body, marks)) if rival is not None]
-    assert errors[10:].mean() < 1.5 * max(np.linalg.norm(rival - truth, axis=2)[10:].mean() for rival in rivals)
+    assert errors[10:].mean() < 1.3 * max(np.linalg.norm(rival - truth, axis=2)[10:].mean() for rival in rivals)
+
+
+def mean_error(followed_body, after=0):
+    """Mean distance of hidden nodes from where they are [m], from the frame `after` on."""
+    body, means, _, _ = followed_body
+    truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
+    return np.linalg.norm(means - truth, axis=2)[after:].mean()
+
+
+def test_a_cable_whose_led_end_is_stated_is_followed_better():
+    """Led at 1 m/s: where no node is stated, every one may be led. Nine in ten in their regions."""
+    plain, stated = (followed("cable-slow", 3, 1.2, FilterSettings(led_nodes=nodes)) for nodes in ((), ("n12",)))
+    assert mean_error(stated) < 0.7 * mean_error(plain)
+    assert stated[3].mean() >= 0.9
+
+
+@pytest.mark.parametrize(("name", "seed", "led"), [("cable-fast", 2, ("n12",)), ("sheet", 2, ())])
+def test_a_body_that_was_lost_in_motion_is_found_as_fast_as_it_moves(name, seed, led):
+    """A cable at 3 m/s at its first frame, a cloth torn at 1 m/s: at most half as far off again as the better rival.
+
+    Restarted at rest they were 59 and 8 mm off over a whole recording, where a spline is 8 and the open loop 4 mm off.
+    """
+    found = followed(name, seed, 1.5, FilterSettings(led_nodes=led))
+    body = found[0]
+    assert Status.DIVERGED in found[2]
+    marks = measured(body, body.marked, seed)
+    truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
+    rivals = [rival for rival in (spline(body, marks), open_loop(body.network, body, marks)) if rival is not None]
+    assert mean_error(found) < 1.5 * min(np.linalg.norm(rival - truth, axis=2).mean() for rival in rivals)
+
+
+def test_forces_on_hidden_nodes_are_in_the_regions():
+    """A floating block, led by its faces, whose edges the springs have elsewhere: in regions more often with them."""
+    with_them, without = (
+        followed("floating", 0, 1.5, settings)[3] for settings in (None, FilterSettings(hidden_share=0.0))
+    )
+    assert with_them.mean() > without.mean() + 0.03
 
 
 def test_a_soft_block_is_followed_better_than_by_a_spline():
