@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from unittest.mock import patch
 
 import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty, strain_uncertainty
 from estimators import FilterSettings, ForceMode, coverage, normalised_error_squared
+from estimators.process.linear_motion import TURNED
 from estimators.tissue.gate import CROWD
 from estimators.tissue.settings import LED, POKED_WHITE, QUIET_WHITE
 from experiments.arrays import Floats
@@ -25,13 +26,13 @@ from experiments.studies.zoo.constants import Assumed, measured
 from experiments.studies.zoo.run import filtered
 
 SEEDS = (5, 6)
-BODIES: Mapping[str, float] = {"chain2": 2.0, "block27": 1.0, "cable-slow": 1.0, "cable-fast": 1.0}
+BODIES: Mapping[str, float] = {"chain2": 2.0, "block27": 1.0, "sheet": 1.0, "cable-slow": 1.0, "cable-fast": 1.0}
 """Bodies and how long each is followed [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class BodyConstants:
-    """Constants at the head of `estimators.tissue.settings` and `estimators.tissue.gate`, and those of the strain.
+    """Constants of the filter of stiff or large bodies: strain, forces, gate, linearisation.
 
     strain_sd: strain by which springs may be off, smoothly over the body [1]; choice
     strain_length: over which it changes, by the body's longest side [1]; choice
@@ -41,7 +42,10 @@ class BodyConstants:
     led_white: acceleration noise where a hand leads [m/s²/sqrt(Hz)]; choice
     led_poke: acceleration by a hand that leads [m/s²]; choice
     led_lasting_s: correlation time of that [s]; choice
+    hidden_share: of a poke, what may act on each node without a mark [1]; choice
     crowd: marks beyond the gate together that are taken, half of a frame's or more [1]; choice
+    turned: by so many of the links' lengths may an update move the ends of a body of many states without another pass
+        [1]; choice
     """
 
     strain_sd: float = FilterSettings().strain_sd
@@ -52,7 +56,9 @@ class BodyConstants:
     led_white: float = LED.white
     led_poke: float = LED.poke
     led_lasting_s: float = LED.lasting_s
+    hidden_share: float = FilterSettings().hidden_share
     crowd: int = CROWD
+    turned: float = TURNED
 
 
 def body_figures(
@@ -74,7 +80,12 @@ def body_figures(
         patch("estimators.tissue.settings.QUIET_WHITE", constants.quiet_white),
         patch("estimators.tissue.settings.POKED_WHITE", constants.poked_white),
         patch("estimators.tissue.settings.LED", led),
+        patch("estimators.tissue.filter.LED", led),
         patch("estimators.tissue.gate.CROWD", constants.crowd),
+        patch("estimators.process.linear_motion.TURNED", constants.turned),
+        patch(
+            "experiments.studies.zoo.run.FilterSettings", partial(FilterSettings, hidden_share=constants.hidden_share)
+        ),
     ):
         for name, seconds in bodies.items():
             runs = [_errors(name, seed, seconds) for seed in seeds]

@@ -21,9 +21,25 @@ def test_links_taken_as_exact_are_covered_less(default):
 
 
 @pytest.mark.parametrize(
-    "name", ["strain_length", "quiet_white", "poked_white", "led_white", "led_poke", "led_lasting_s"]
+    "name", ["strain_length", "quiet_white", "poked_white", "led_white", "led_poke", "led_lasting_s", "hidden_share"]
 )
 def test_constants_reach_the_filter(name, default):
     """Ten times of each gives other figures; two links have one mark, no crowd, and two directions of strain."""
     ten_times = replace(BodyConstants(), **{name: 10.0 * getattr(BodyConstants(), name)})
     assert body_figures(ten_times, (5,), LINKS) != default
+
+
+@pytest.mark.parametrize("changed", [{"turned": 1e-3}, {"hidden_share": 3.0}])
+def test_constants_of_large_bodies_reach_the_filter(changed):
+    """A sheet of 25 free nodes: more passes, and pokes on nodes within, give other figures."""
+    sheet = {"sheet": 0.2}
+    usual = body_figures(BodyConstants(), (5,), sheet)
+    assert body_figures(replace(BodyConstants(), **changed), (5,), sheet) != usual
+
+
+@pytest.mark.parametrize("name", ["led_poke", "led_lasting_s"])
+def test_forces_of_a_hand_reach_nodes_that_it_leads(name):
+    """The end of a cable is led, so that no mode of a hand is left."""
+    cable = {"cable-fast": 0.2}
+    ten_times = replace(BodyConstants(), **{name: 10.0 * getattr(BodyConstants(), name)})
+    assert body_figures(ten_times, (5,), cable) != body_figures(BodyConstants(), (5,), cable)
