@@ -37,14 +37,14 @@ def mark_speeds(
 ) -> tuple[Floats, Floats]:
     """Speeds of marks since they were seen earlier, by coordinate [m/s], and their variances [m²/s²], (m,) each.
 
-    By two-point differencing. earlier: by node, the time [s] and the place [m], (dim,); of a mark without, the variance
-    is infinite. acceleration: standard deviation of what is not known of it in between [m/s²]. Source:
+    By two-point differencing. earlier: by node, the time [s] and the place [m], (dim,); of a mark without one
+    the variance is infinite. acceleration: standard deviation of what is not known of it in between [m/s²]. Source:
     [barshalom2001], section 5.5.3.
     """
     values, variances = [], []
     for mark in marks:
         then_s, place = earlier.get(mark.node, (-np.inf, mark.position))
-        dt = time_s - then_s
+        dt = time_s - then_s if then_s < time_s else np.inf
         values.append((mark.position - place) / dt)
         variances.append((0.5 * acceleration * dt) ** 2 + 2.0 * np.diag(mark.total_cov) / dt**2)
     return np.concatenate(values), np.concatenate(variances)
