@@ -21,8 +21,9 @@ def model_of(
 ) -> tuple[TissueModel, FilterSettings]:
     """The model of a network with these marked nodes, and the settings for it.
 
-    Of a stiff or large body constants without uncertainty are off by a strain, hidden nodes are poked, too, and any node
-    may be led where the settings name none that are. Raises ValueError for settings that do not fit the marked nodes.
+    Of a stiff or large body constants without uncertainty are off by a strain, hidden nodes are poked, too, and any
+    node may be led where the settings name none that are. Raises ValueError for settings that do not fit the marked
+    nodes.
     """
     if settings.one_of not in (0, len(marked)):
         raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {settings.one_of}")
