@@ -206,11 +206,11 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.columns = found.F @ cycle.columns + found.added
         for f, x, P in zip(self.filters, xs, Ps, strict=True):
             f.x, f.P = x, P
+        beliefs = ModeBeliefs(self.mu, xs, Ps)
         if self.trace is not None:
-            beliefs = ModeBeliefs(self.cbar, xs, Ps)
             self.trace.append(Transition(self.omega, cycle.means, cycle.covs, found.F, beliefs))
         self.cycle = replace(cycle, F=found.F, straight=found.straight)
-        self._compute_state_estimate()
+        self._compute_state_estimate(beliefs)
 
     def _relinearise(self, z: Floats, H: Floats, R: Floats) -> None:
         """Repeat the last prediction about the states at its start that z makes the most probable.
@@ -311,8 +311,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         """What the modes believe now."""
         return ModeBeliefs(self.mu, np.array([f.x for f in self.filters]), np.array([f.P for f in self.filters]))
 
-    def _compute_state_estimate(self) -> None:
-        now = self.beliefs()
+    def _compute_state_estimate(self, now: ModeBeliefs | None = None) -> None:
+        now = self.beliefs() if now is None else now
         xs, Ps, columns = mixed_each(now.mu[:, None], now.means, now.covs, self.columns)
         x, P = xs[0], with_columns(Ps[0], columns[0])
         if not is_finite(x, P):

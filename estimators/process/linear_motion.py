@@ -100,19 +100,19 @@ class LinearisedTissue:
         own[:, poke, poke] = fade
         ends[:, model.pokes] = fade * now[:, model.pokes]
         # what a standard deviation of the noise of each speed and each poke makes of the network's state
-        made = np.empty((k, n, n // 2 + len(rows)))
-        faded = np.empty_like(fade)
+        made, Q = np.empty((n, n // 2 + len(rows))), np.zeros_like(own)
         for j, mode in enumerate(modes):
-            sd = model.force_noise(mode)[0]
-            faded[j] = sd * model.mass[rows] * np.sqrt(1.0 - fade[j] ** 2)
-            made[j, :, : n // 2] = mode.white * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
+            if self._once and (same := modes.index(mode)) < j:
+                Q[j] = Q[same]
+                continue
+            faded = model.force_noise(mode)[0] * model.mass[rows] * np.sqrt(1.0 - fade[j] ** 2)
+            made[:, : n // 2] = mode.white * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
             # a poke that began within the step acts for half of it
-            made[j, :, n // 2 :] = 0.5 * faded[j] * own[j, :n, model.pokes]
-        Q = np.zeros_like(own)
-        Q[:, :n, :n] = made @ made.swapaxes(1, 2)
-        Q[:, :n, model.pokes] = made[:, :, n // 2 :] * faded[:, None, :]
-        Q[:, model.pokes, :n] = Q[:, :n, model.pokes].swapaxes(1, 2)
-        Q[:, poke, poke] = faded**2
+            made[:, n // 2 :] = 0.5 * faded * own[j, :n, model.pokes]
+            Q[j, :n, :n] = made @ made.T
+            Q[j, :n, model.pokes] = made[:, n // 2 :] * faded
+            Q[j, model.pokes, :n] = Q[j, :n, model.pokes].T
+            Q[j, poke, poke] = faded**2
         if model.bias is not None:
             slow, bias = np.exp(-h / model.bias.lasting_s), range(model.bias_rows.start, model.bias_rows.stop)
             ends[:, model.bias_rows] = slow * now[:, model.bias_rows]
