@@ -104,25 +104,32 @@ def test_the_bias_of_fixes_fades(smooth, resting):
     np.testing.assert_allclose(own, (1.0 - fade**2) * 1e-4 * np.eye(2), rtol=0, atol=1e-9)
 
 
+def chain_of(phantom, places, *, mass, stiffness, damping):
+    """A chain of equal masses [kg] and springs [N/m, N s/m] from an anchor, at rest in these places [m], (n + 1, 2)."""
+    n = len(places) - 1
+    return replace(
+        phantom,
+        names=("anchor", *(f"n{i}" for i in range(n))),
+        positions=places,
+        masses=np.full(n + 1, mass),
+        fixed=np.arange(n + 1) == 0,
+        drag=np.zeros(n + 1),
+        friction=np.zeros(n + 1),
+        springs=np.column_stack([np.arange(n), np.arange(1, n + 1)]),
+        stiffness=np.full(n, stiffness),
+        rest_lengths=np.linalg.norm(np.diff(places, axis=0), axis=1),
+        damping=np.full(n, damping),
+    )
+
+
 def test_a_large_body_is_linearised_half_way(phantom):
     """A chain of 25 masses that swings by 20 degrees in a cycle: what it makes of changes of speed is 14 % off.
 
     Against ends of cycles that begin with them; by matrices about the state at its start it is 25 % off.
     """
     n, L, turned = 25, 0.05, 0.35
-    chain = replace(
-        phantom,
-        names=("anchor", *(f"n{i}" for i in range(n))),
-        positions=np.column_stack([np.zeros(n + 1), -L * np.arange(n + 1)]),
-        masses=np.full(n + 1, 0.02),
-        fixed=np.arange(n + 1) == 0,
-        drag=np.zeros(n + 1),
-        friction=np.zeros(n + 1),
-        springs=np.column_stack([np.arange(n), np.arange(1, n + 1)]),
-        stiffness=np.full(n, 200.0),
-        rest_lengths=np.full(n, L),
-        damping=np.full(n, 0.5),
-    )
+    places = np.column_stack([np.zeros(n + 1), -L * np.arange(n + 1)])
+    chain = chain_of(phantom, places, mass=0.02, stiffness=200.0, damping=0.5)
     model, dt = TissueModel(chain, ("n0",)), 1 / 30
     motion = LinearisedTissue(model)
     state = np.zeros((1, model.dim_x))
@@ -150,17 +157,6 @@ def test_stiff_and_large_networks_are_moved_so(phantom):
     stiff = replace(phantom, stiffness=50.0 * phantom.stiffness)
     assert is_linearised(TissueModel(stiff, OUTER))
     n = MANY_STATES // 4 + 1
-    chain = replace(
-        phantom,
-        names=("anchor", *(f"n{i}" for i in range(n))),
-        positions=np.column_stack([0.1 * np.arange(n + 1), np.zeros(n + 1)]),
-        masses=np.full(n + 1, 0.1),
-        fixed=np.arange(n + 1) == 0,
-        drag=np.zeros(n + 1),
-        friction=np.zeros(n + 1),
-        springs=np.column_stack([np.arange(n), np.arange(1, n + 1)]),
-        stiffness=np.full(n, 5.0),
-        rest_lengths=np.full(n, 0.1),
-        damping=np.full(n, 0.1),
-    )
+    places = np.column_stack([0.1 * np.arange(n + 1), np.zeros(n + 1)])
+    chain = chain_of(phantom, places, mass=0.1, stiffness=5.0, damping=0.1)
     assert is_linearised(TissueModel(chain, ("n0",)))
