@@ -30,7 +30,7 @@ from estimators.tissue.prediction import (
     target_by_modes,
     target_path,
 )
-from estimators.tissue.settings import LED, FilterSettings
+from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
 from estimators.tissue.start import forget, inflate, mark_speeds, restart_from_marks, restart_from_shape
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
@@ -324,7 +324,7 @@ class TissueFilter:
         self.repairs["restarted" if again or linear else "inflated"] += 1
         restart = partial(restart_from_marks, self.mixture, self.model, self.settings, marks, stacked=stacked)
         if linear:
-            restart(speeds=mark_speeds(marks, time_s, self._seen, (self.settings.led or LED).poke))
+            restart(speeds=mark_speeds(marks, time_s, self._seen, self.settings.leading.poke))
         elif again:
             restart(inflation=self.settings.inflation**2)
         else:

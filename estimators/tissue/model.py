@@ -8,7 +8,7 @@ from functools import partial
 from dynamics import MassSpringNetwork, ParameterUncertainty, strain_uncertainty
 from estimators.process.linear_motion import is_linearised
 from estimators.process.process_model import TissueModel
-from estimators.tissue.settings import LED, FilterSettings
+from estimators.tissue.settings import FilterSettings
 
 
 def model_of(
@@ -27,7 +27,7 @@ def model_of(
     """
     if settings.one_of not in (0, len(marked)):
         raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {settings.one_of}")
-    led = (settings.led_nodes, settings.led or LED) if settings.led_nodes else None
+    led = (settings.led_nodes, settings.leading) if settings.led_nodes else None
     model_with = partial(TissueModel, network, marked, bias=settings.fix_bias, n_calibration=n_calibration, led=led)
     model = model_with(uncertainty=uncertainty)
     if not is_linearised(model):

@@ -91,6 +91,11 @@ class FilterSettings:
         return (self.quiet, self.quiet, *one, *led)
 
     @property
+    def leading(self) -> ForceMode:
+        """Forces of a hand on nodes that it leads."""
+        return LED if self.led is None else self.led
+
+    @property
     def rates(self) -> Floats:
         """How often each mode turns into each other [1/s], (n_modes, n_modes), rows summing to zero."""
         modes = self.modes
@@ -111,7 +116,7 @@ class FilterSettings:
         """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out."""
         quiet = replace(self.quiet, white=max(self.quiet.white, QUIET_WHITE))
         poked = replace(self.poked, white=max(self.poked.white, POKED_WHITE))
-        return replace(self, quiet=quiet, poked=poked, led=LED if self.led is None else self.led)
+        return replace(self, quiet=quiet, poked=poked, led=self.leading)
 
     @property
     def least_odds(self) -> float:

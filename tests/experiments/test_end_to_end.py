@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 from scipy.stats import chi2
 
-from experiments.commands import app as cli
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.studies.bench import filter_pair
 from experiments.studies.hidden_error import run
+from tests.experiments.command import softaim
 
 SCENARIO = """
 version = 1
@@ -41,29 +41,18 @@ COLUMNS = [
 KEYS = {"mae_mm", "sd_mm", "rmse_mm", "coverage95", "mean_nees", "frames", "frames_lost", "ms_per_frame"}
 
 
-def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    """The exit code of `softaim` with these words."""
-    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
     (folder / "short.toml").write_text(SCENARIO)
-    with pytest.MonkeyPatch.context() as patch:
-        assert softaim(patch, "simulate", folder / "short.toml", "--out", folder / "rec") == 0
+    assert softaim("simulate", folder / "short.toml", "--out", folder / "rec") == 0
     return folder / "rec"
 
 
 @pytest.mark.slow
-def test_a_track_says_what_its_tables_say(recording, tmp_path, monkeypatch):
+def test_a_track_says_what_its_tables_say(recording, tmp_path):
     """summary.json recomputed from estimates.csv and truth.csv; 9 digits in the table."""
-    assert softaim(monkeypatch, "track", recording, "--out", tmp_path / "out") == 0
+    assert softaim("track", recording, "--out", tmp_path / "out") == 0
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     assert list(rows.columns) == COLUMNS
     assert (rows["marks_used"] == 3).all()
@@ -88,18 +77,18 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_recording(recording, tmp_path, monkeypatch):
+def test_the_same_seed_gives_the_same_recording(recording, tmp_path):
     (tmp_path / "again.toml").write_text(SCENARIO)
     (tmp_path / "other.toml").write_text(SCENARIO.replace("seed = 4", "seed = 5"))
     for name in ("again", "other"):
-        assert softaim(monkeypatch, "simulate", tmp_path / f"{name}.toml", "--out", tmp_path / name) == 0
+        assert softaim("simulate", tmp_path / f"{name}.toml", "--out", tmp_path / name) == 0
     for name in ("truth.csv", "video.avi"):
         assert (tmp_path / "again" / name).read_bytes() == (recording / name).read_bytes()
         assert (tmp_path / "other" / name).read_bytes() != (recording / name).read_bytes()
 
 
 @pytest.mark.slow
-def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch):
+def test_marks_of_another_tracker_without_truth(recording, tmp_path):
     """marks.csv written by hand, frames.csv saying that an estimate is due when nothing was seen."""
     folder = tmp_path / "theirs"
     folder.mkdir()
@@ -109,7 +98,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch
     seen.assign(sd_mm=1.0).to_csv(folder / "marks.csv", index=False)
     times = truth["time_s"].unique()
     pd.DataFrame({"frame": range(len(times)), "exposure_s": times}).to_csv(folder / "frames.csv", index=False)
-    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "out") == 0
+    assert softaim("track", folder, "--out", tmp_path / "out") == 0
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     unseen = rows["time_s"].between(0.9, 1.2)
     assert set(rows["status"][unseen]) == {"COASTING"}
@@ -122,7 +111,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, monkeypatch
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
-def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp_path, monkeypatch):
+def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp_path):
     """Frames drawn by OpenCV alone at the truth's places; without truth.csv M2's own mark tells the error."""
     folder = tmp_path / "theirs"
     folder.mkdir()
@@ -136,7 +125,7 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
             cv2.circle(image, (round(u * 16), round(v * 16)), 12 * 16, (40, 40, 200), -1, cv2.LINE_AA, 4)
         film.write(image)
     film.release()
-    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "out") == 0
+    assert softaim("track", folder, "--out", tmp_path / "out") == 0
     theirs = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
     assert theirs["frames_lost"] == 0
     assert theirs["mae_mm"] < 1.0  # marks found to a fifth of a pixel, tremor that moves M2 by 0.2 mm
@@ -154,16 +143,14 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
         ("video.avi", None, "no film", "expected a video"),
     ],
 )
-def test_bad_recordings_are_one_line_and_nothing_is_written(
-    recording, tmp_path, monkeypatch, capfd, file, old, new, told
-):
+def test_bad_recordings_are_one_line_and_nothing_is_written(recording, tmp_path, capfd, file, old, new, told):
     folder = tmp_path / "bad"
     folder.mkdir()
     for source in recording.iterdir():
         (folder / source.name).write_bytes(source.read_bytes())
     text = new if old is None else (folder / file).read_text().replace(old, new, 1)
     (folder / file).write_text(text)
-    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "out") == 2
+    assert softaim("track", folder, "--out", tmp_path / "out") == 2
     fault = capfd.readouterr().err
     assert fault.startswith("softaim: ")
     assert fault.count("\n") == 1
@@ -173,12 +160,12 @@ def test_bad_recordings_are_one_line_and_nothing_is_written(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
-def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, monkeypatch, capfd):
+def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, capfd):
     (tmp_path / "notes.txt").write_text("mine")
-    assert softaim(monkeypatch, "track", recording, "--out", tmp_path) == 2
+    assert softaim("track", recording, "--out", tmp_path) == 2
     assert "--force" in capfd.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-    assert softaim(monkeypatch, "track", recording, "--out", tmp_path, "--force") == 0
+    assert softaim("track", recording, "--out", tmp_path, "--force") == 0
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert (tmp_path / "estimates.csv").exists()
 
@@ -194,7 +181,7 @@ def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, 
 )
 def test_what_is_not_there_is_one_line(tmp_path, monkeypatch, capfd, words):
     monkeypatch.chdir(tmp_path)
-    assert softaim(monkeypatch, *words, "--out", "out") == 2
+    assert softaim(*words, "--out", "out") == 2
     fault = capfd.readouterr().err
     assert fault.startswith("softaim: ")
     assert fault.count("\n") == 1
@@ -216,8 +203,8 @@ def test_help_loads_nothing_that_is_slow():
     assert "simulate" in done.stdout
 
 
-def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, monkeypatch, capfd):
-    assert softaim(monkeypatch, "live", "--source", "phantom", "--duration", 2, "--out", tmp_path / "out") == 0
+def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
+    assert softaim("live", "--source", "phantom", "--duration", 2, "--out", tmp_path / "out") == 0
     told = capfd.readouterr().out
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     counted = re.match(r".*?(\d+) frames and (\d+) moments without one", told, re.DOTALL)

@@ -1,6 +1,5 @@
 """`softaim advise`: from a recording and a needle's file to a table and a picture; faults of the file in one line."""
 
-import sys
 from dataclasses import astuple
 from pathlib import Path
 
@@ -11,12 +10,12 @@ import pytest
 
 from dynamics import four_mass_phantom
 from estimators import AdviceSettings, Hit, Needle
-from experiments.commands import app as cli
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import open_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.advise import advise, table
+from tests.experiments.command import softaim
 
 GOOD = (Path(__file__).parents[1] / "needle.toml").read_text(encoding="utf-8")
 LEAST = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -2.0]\nspeed_mm_s = 200.0\n"
@@ -47,15 +46,6 @@ def recording(tmp_path: Path) -> Path:
     return folder
 
 
-def softaim(monkeypatch, *words) -> int:
-    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
 def test_everything_that_the_file_says_is_taken(path):
     path.write_text(GOOD)
     plan = read_needle(path, 0.005, 2)
@@ -77,11 +67,11 @@ def test_what_it_does_not_say_is_the_usual_and_the_scenes_radius(path):
 
 
 @pytest.mark.slow
-def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, monkeypatch, capsys):
+def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, capsys):
     """No guidance before 0.1 s of marks and from 0.12 s after the last; else the target rests on the needle's line."""
     path.write_text(GOOD)
     out = tmp_path / "out"
-    assert softaim(monkeypatch, "advise", recording, "--needle", path, "--out", out) == 0
+    assert softaim("advise", recording, "--needle", path, "--out", out) == 0
     rows = pd.read_csv(out / "advice.csv")
     assert list(rows.columns) == COLUMNS
     assert len(rows) == 30
@@ -149,9 +139,9 @@ def test_faults_are_told_in_one_line(path, fault):
     assert len(str(told.value).splitlines()) == 1
 
 
-def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, path, tmp_path, monkeypatch, capsys):
+def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, path, tmp_path, capsys):
     path.write_text(GOOD.replace("go = 0.8", "go = 1.1"))
-    assert softaim(monkeypatch, "advise", recording, "--needle", path, "--out", tmp_path / "out") == 2
+    assert softaim("advise", recording, "--needle", path, "--out", tmp_path / "out") == 2
     told = capsys.readouterr().err
     assert told == f"softaim: {path}: advice.go: expected 1 or less, found 1.1\n"
     assert not (tmp_path / "out").exists()

@@ -1,6 +1,5 @@
 """`softaim calibrate` as a user calls it: files that come out, and every fault in one line with exit code 2."""
 
-import sys
 import tomllib
 from pathlib import Path
 
@@ -8,24 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
-from experiments.commands import app as cli
 from experiments.formats.camera_file import read_camera_toml
 from experiments.formats.camera_yaml import read_opencv_yaml, read_ros_yaml
+from tests.experiments.command import softaim
 from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, drawn, poses, sub_pixel_rays
 from vision import Board, Pose, VideoWriter
 
 CHESS = ("--board", "9x6", "--square-mm", "25")
 TO_RIGHT = Pose(cv2.Rodrigues(np.array([0.0, 0.15, 0.0]))[0], np.array([-0.05, 0.0, 0.0]))
-
-
-def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    """The exit code of `softaim` with these words."""
-    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
 
 
 @pytest.fixture(scope="module")
@@ -46,11 +35,11 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_folder_becomes_a_camera_a_picture_and_yaml(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, also = tmp_path / "front.toml", ("--opencv-yaml", tmp_path / "o.yml", "--ros-yaml", tmp_path / "r.yaml")
     plane = ("--plane", pictures / "left" / "2.png")
-    assert softaim(monkeypatch, "calibrate", pictures / "left", *CHESS, *plane, "--out", out, *also) == 0
+    assert softaim("calibrate", pictures / "left", *CHESS, *plane, "--out", out, *also) == 0
     camera = read_camera_toml(out)
     assert camera.name == "front"
     # standard errors with 7 pictures are about 0.1 % of the focal length
@@ -66,37 +55,35 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
     assert sorted(p.name for p in tmp_path.iterdir()) == ["front.png", "front.toml", "o.yml", "r.yaml"]
 
 
-def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path) -> None:
     board = ("--board", "9x6", "--square-mm", "25", "--charuco", "DICT_4X4_50", "--marker-mm", "18")
-    assert softaim(monkeypatch, "calibrate", pictures / "charuco", *board, "--out", tmp_path / "c.toml") == 0
+    assert softaim("calibrate", pictures / "charuco", *board, "--out", tmp_path / "c.toml") == 0
     camera = read_camera_toml(tmp_path / "c.toml")
     np.testing.assert_allclose(camera.lens.matrix[[0, 1], [0, 1]], LENS.matrix[[0, 1], [0, 1]], rtol=0.02)
 
 
-def test_a_film_is_calibrated_from(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_film_is_calibrated_from(pictures: Path, tmp_path: Path) -> None:
     with VideoWriter(tmp_path / "film.avi", SIZE_PX, 5.0, codec="FFV1") as film:
         for path in sorted((pictures / "left").iterdir()):
             film.write(cv2.imread(str(path)))
-    assert softaim(monkeypatch, "calibrate", tmp_path / "film.avi", *CHESS, "--out", tmp_path / "c.toml") == 0
+    assert softaim("calibrate", tmp_path / "film.avi", *CHESS, "--out", tmp_path / "c.toml") == 0
     used = tomllib.loads((tmp_path / "c.toml").read_text(encoding="utf-8"))["images_used"]
     assert used == [f"frame {k:06d}" for k in range(7)]
 
 
-def test_a_picture_of_the_plane_may_lie_elsewhere(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_picture_of_the_plane_may_lie_elsewhere(pictures: Path, tmp_path: Path) -> None:
     plane = tmp_path / "phantom.png"
     plane.write_bytes((pictures / "left" / "1.png").read_bytes())
     words = (pictures / "left", *CHESS, "--plane", plane, "--out", tmp_path / "c.toml")
-    assert softaim(monkeypatch, "calibrate", *words) == 0
+    assert softaim("calibrate", *words) == 0
     written = tomllib.loads((tmp_path / "c.toml").read_text(encoding="utf-8"))
     assert written["plane_image"] == "phantom.png"
     assert len(written["images_used"]) == 8
 
 
-def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path) -> None:
     both = [word for name in ("left", "right") for word in ("--camera", f"{name}={pictures / name}")]
-    assert softaim(monkeypatch, "calibrate", *both, *CHESS, "--out", tmp_path / "rig") == 0
+    assert softaim("calibrate", *both, *CHESS, "--out", tmp_path / "rig") == 0
     assert sorted(p.name for p in (tmp_path / "rig").iterdir()) == ["left.png", "left.toml", "right.png", "right.toml"]
     left, right = (read_camera_toml(tmp_path / "rig" / f"{name}.toml") for name in ("left", "right"))
     between = right.pose.after(left.pose.inverse())
@@ -158,21 +145,18 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     line: str,
     pictures: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     (tmp_path / "broken.png").write_bytes(b"no picture")
     cv2.imwrite(str(tmp_path / "small.png"), np.full((30, 40), 9, dtype=np.uint8))
     filled = [word.format(p=pictures, t=tmp_path) for word in words]
-    assert softaim(monkeypatch, "calibrate", *filled, "--out", tmp_path / "out.toml") == 2
+    assert softaim("calibrate", *filled, "--out", tmp_path / "out.toml") == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert line in told
     assert sorted(p.name for p in tmp_path.iterdir()) == ["broken.png", "small.png"]
 
 
-def test_out_is_a_toml_file(
-    pictures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert softaim(monkeypatch, "calibrate", pictures / "left", *CHESS, "--out", tmp_path / "camera.png") == 2
+def test_out_is_a_toml_file(pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert softaim("calibrate", pictures / "left", *CHESS, "--out", tmp_path / "camera.png") == 2
     assert "expected a file name that ends in .toml" in capsys.readouterr().err

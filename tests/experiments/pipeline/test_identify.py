@@ -11,7 +11,6 @@ import pytest
 
 from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
 from estimators import IdentificationSettings
-from experiments.commands.app import main
 from experiments.formats.recording import open_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
@@ -19,19 +18,10 @@ from experiments.pipeline.line import Line
 from experiments.pipeline.track import summary, track
 from experiments.simulation.simulate import scene_of
 from experiments.studies.estimation.trials import Trial, seen, truth
+from tests.experiments.command import softaim
 
 SD_MM = 4.14
 ONE_START = IdentificationSettings(n_starts=1)
-
-
-def softaim(monkeypatch, *words):
-    """Exit code of the command."""
-    monkeypatch.setattr("sys.argv", ["softaim", *(str(word) for word in words)])
-    try:
-        main()
-    except SystemExit as end:
-        return 0 if end.code is None else end.code
-    return 0
 
 
 def told(network, off):
@@ -74,7 +64,7 @@ def calibrated(tmp_path_factory, cache):
     recording = recorded(folder / "rec", trial, cache, ("M1", "M2", "M3", "M4"))
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as printed:
         patch.setattr("estimators.identification.constants.IdentificationSettings", lambda: ONE_START)
-        assert softaim(patch, "identify", recording, "--out", folder / "scene.toml", "--json") == 0
+        assert softaim("identify", recording, "--out", folder / "scene.toml", "--json") == 0
     return recording, folder / "scene.toml", printed.getvalue()
 
 
@@ -110,15 +100,15 @@ def test_identify_reports_to_programs(calibrated):
     assert {"variance_left", "weights"} == set(report["not_told"][0])
 
 
-def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, monkeypatch, capsys):
+def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, capsys):
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=8.0), cache, OUTER)
     for word in ("identify", "identify --at-rest"):
-        assert softaim(monkeypatch, *word.split(), recording, "--out", tmp_path / "scene.toml") == 2
+        assert softaim(*word.split(), recording, "--out", tmp_path / "scene.toml") == 2
         assert "M2" in capsys.readouterr().err
     assert not (tmp_path / "scene.toml").exists()
 
 
-def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, monkeypatch, capsys):
+def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
     """Marks at the rest of another network, without noise told of as 0.01 mm: to 0.01 mm; stiffness as it was."""
     scene = scene_of(read_scenario("poked"))
     true = rest_shape(told(four_mass_phantom(), (0.1, 0.02)))
@@ -129,7 +119,7 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, monkeypa
     write_scene(replace(scene, cameras=()), folder / "scene.toml")
     rows = [(0.0, n, *(1e3 * true[scene.network.index(n)]), 0.01) for n in ("M1", "M2", "M3", "M4")]
     pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
-    assert softaim(monkeypatch, "identify", folder, "--at-rest", "--out", tmp_path / "scene.toml") == 0
+    assert softaim("identify", folder, "--at-rest", "--out", tmp_path / "scene.toml") == 0
     assert "it rests where the recording shows it" in capsys.readouterr().out
     found = read_scene(tmp_path / "scene.toml").network
     np.testing.assert_allclose(rest_shape(found), true, rtol=0, atol=1e-5)
@@ -141,7 +131,7 @@ def test_tune_writes_levels_that_tracking_uses(calibrated, cache, tmp_path, monk
     monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 30)
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=3.0), cache, OUTER)
     out = tmp_path / "tuned.toml"
-    assert softaim(monkeypatch, "tune", recording, "--scene", calibrated[1], "--out", out, "--json") == 0
+    assert softaim("tune", recording, "--scene", calibrated[1], "--out", out, "--json") == 0
     report = json.loads(capsys.readouterr().out)
     assert set(report["levels"]) == {"white", "poke", "marks"}
     assert report["log_likelihood"] > report["log_likelihood_before"]
@@ -152,11 +142,11 @@ def test_tune_writes_levels_that_tracking_uses(calibrated, cache, tmp_path, monk
 
 
 @pytest.mark.slow
-def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path, monkeypatch, capsys):
+def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path, capsys):
     """Two seconds; the filter's row is what track gives; every textbook filter beats the open loop at 4.14 mm."""
     recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=2.0), cache, OUTER)
     out = tmp_path / "out"
-    assert softaim(monkeypatch, "compare", recording, "--scene", calibrated[1], "--out", out) == 0
+    assert softaim("compare", recording, "--scene", calibrated[1], "--out", out) == 0
     assert "particles" in capsys.readouterr().out
     figures = json.loads((out / "summary.json").read_text())
     assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "smoother"]
@@ -169,12 +159,12 @@ def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path,
     assert len(pd.read_csv(out / "estimates.enkf.csv")) == 60
 
 
-def test_compare_with_some_methods_and_with_one_that_there_is_not(cache, tmp_path, monkeypatch, capsys):
+def test_compare_with_some_methods_and_with_one_that_there_is_not(cache, tmp_path, capsys):
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=1.0), cache, OUTER)
-    assert softaim(monkeypatch, "compare", recording, "--methods", "ekf", "--out", tmp_path / "some") == 0
+    assert softaim("compare", recording, "--methods", "ekf", "--out", tmp_path / "some") == 0
     assert list(json.loads((tmp_path / "some" / "summary.json").read_text())) == ["open-loop", "filter", "ekf"]
     capsys.readouterr()
-    assert softaim(monkeypatch, "compare", recording, "--methods", "ekf,oracle", "--out", tmp_path / "none") == 2
+    assert softaim("compare", recording, "--methods", "ekf,oracle", "--out", tmp_path / "none") == 2
     message = capsys.readouterr().err
     assert (
         '--methods: expected some of open-loop, filter, ekf, filterpy-ukf, enkf, particles, smoother, found "oracle"'
@@ -211,7 +201,7 @@ def test_trials_repeat_and_keep_their_truth(cache):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
-def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, monkeypatch, capsys):
+def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, capsys):
     """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)
     found = track(open_recording(recording, calibrated[1]), check=True).counts
@@ -222,7 +212,7 @@ def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, 
     scene = read_scene(recording / "scene.toml")
     write_scene(replace(scene, network=told(four_mass_phantom(), (0.3, 0.03))), tmp_path / "wrong.toml")
     words = ("track", recording, "--scene", tmp_path / "wrong.toml", "--check", "--out", tmp_path / "out")
-    assert softaim(monkeypatch, *words) == 0
+    assert softaim(*words) == 0
     assert "Marks predicted as if hidden: NEES" in capsys.readouterr().out
     wrong = json.loads((tmp_path / "out" / "summary.json").read_text())["filter"]
     assert wrong["check_nees"] > 1.5 * found["check_nees"]

@@ -7,22 +7,12 @@ import pandas as pd
 import pytest
 
 from estimators.tissue.settings import LED
-from experiments.commands.app import main
 from experiments.formats.recording import open_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.line import Line
 from experiments.simulation.simulate import scene_of
-
-
-def softaim(monkeypatch, *words):
-    """Exit code of the command."""
-    monkeypatch.setattr("sys.argv", ["softaim", *(str(word) for word in words)])
-    try:
-        main()
-    except SystemExit as end:
-        return 0 if end.code is None else end.code
-    return 0
+from tests.experiments.command import softaim
 
 
 @pytest.fixture
@@ -62,11 +52,11 @@ def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filte
             np.testing.assert_array_equal(lasting_s, [LED.lasting_s] * 2 + [mode.lasting_s] * 4)
 
 
-def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recording, monkeypatch, capsys, tmp_path):
+def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recording, capsys, tmp_path):
     state_led(recording, "M1", "M2")
     for word in ("track", "tune"):
         out = tmp_path / f"out-{word}"
-        assert softaim(monkeypatch, word, recording, "--out", out) == 2
+        assert softaim(word, recording, "--out", out) == 2
         message = capsys.readouterr().err
         assert 'scene.toml: filter.led_nodes[1]: expected a node with a measured mark, found "M2" without' in message
         assert len(message.splitlines()) == 1
@@ -76,10 +66,10 @@ def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recordin
 def test_identify_and_tune_keep_led_nodes_in_the_scenes_they_write(recording, monkeypatch, tmp_path):
     """Levels found are those of the scene written; the hand's forces are no level."""
     state_led(recording, "M1")
-    assert softaim(monkeypatch, "identify", recording, "--at-rest", "--out", tmp_path / "rest.toml") == 0
+    assert softaim("identify", recording, "--at-rest", "--out", tmp_path / "rest.toml") == 0
     assert read_scene(tmp_path / "rest.toml").settings.led_nodes == ("M1",)
     monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 30)
-    assert softaim(monkeypatch, "tune", recording, "--out", tmp_path / "tuned.toml") == 0
+    assert softaim("tune", recording, "--out", tmp_path / "tuned.toml") == 0
     tuned = read_scene(tmp_path / "tuned.toml")
     assert tuned.settings.led_nodes == ("M1",)
     assert tuned.settings.poked != read_scene(recording / "scene.toml").settings.poked

@@ -1,6 +1,5 @@
 """Advice in the live loop: as `softaim advise` gives it, none where marks or frames stop, and by the breath."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,6 @@ import pytest
 import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate, TissueFilter, guide
-from experiments.commands import app as cli
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.recording import Recording, open_recording
 from experiments.formats.scenario import read_scenario
@@ -19,6 +17,7 @@ from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.live import Session, follow
 from experiments.pipeline.live_advice import LiveAdvice, reach_s, words
 from experiments.simulation.simulate import draw, scene_of, simulate
+from tests.experiments.command import softaim
 from tests.experiments.pipeline.test_live import INTERVAL, Clocked, frames_at
 from vision import Frame
 
@@ -203,37 +202,24 @@ def test_words_say_what_where_and_why():
     assert words(Guidance(Advice.NO_GUIDANCE, "the estimate is LOST")) == "NO GUIDANCE: the estimate is LOST"
 
 
-def softaim(monkeypatch, *told: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, told)])
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
-def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(
-    recording, tmp_path, needle_file, monkeypatch, capsys
-):
+def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, tmp_path, needle_file, capsys):
     bad = tmp_path / "bad.toml"
     bad.write_text(NEEDLE.replace("go = 0.8", "go = 1.5"))
     words_of = ("live", "--source", recording.folder, "--needle", bad, "--out", tmp_path / "out")
-    assert softaim(monkeypatch, *words_of) == 2
+    assert softaim(*words_of) == 2
     assert capsys.readouterr().err == f"softaim: {bad}: advice.go: expected 1 or less, found 1.5\n"
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, needle_file, monkeypatch, capsys):
+def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, needle_file, capsys):
     """A recording played live for a second and a half; without --needle there is no advice."""
     out = tmp_path / "out"
-    assert softaim(monkeypatch, "live", "--source", recording.folder, "--needle", needle_file, "--out", out) == 0
+    assert softaim("live", "--source", recording.folder, "--needle", needle_file, "--out", out) == 0
     rows, estimates = pd.read_csv(out / "advice.csv"), pd.read_csv(out / "estimates.csv")
     assert list(rows.columns) == header(2)
     assert set(estimates["time_s"]) <= set(rows["time_s"])
     printed = capsys.readouterr().out
     assert f"Advice in {out / 'advice.csv'}: GO {(rows['advice'] == 'GO').sum()}, WAIT" in printed
-    assert (
-        softaim(monkeypatch, "live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
-    )
+    assert softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
     assert {path.name for path in (tmp_path / "plain").iterdir()} == {"estimates.csv"}
     assert "Advice" not in capsys.readouterr().out

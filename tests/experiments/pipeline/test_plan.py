@@ -1,7 +1,6 @@
 """`softaim plan`: tables, a picture, and what is said of a plan that cannot be read."""
 
 import json
-import sys
 from pathlib import Path
 
 import cv2
@@ -11,12 +10,12 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter
-from experiments.commands import app as cli
 from experiments.formats.plan_file import read_task
 from experiments.formats.recording import MarkRow, open_recording, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.plan import next_best, planned
 from experiments.pipeline.track import measurement
+from tests.experiments.command import softaim
 
 PLAN = """
 version = 1
@@ -60,19 +59,10 @@ def plan_file(tmp_path: Path) -> Path:
     return tmp_path / "plan.toml"
 
 
-def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
-    try:
-        cli.main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
-def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, monkeypatch, capsys):
+def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     """All paths in the table, ranked, in mm; the best of plan.json is its first row; the picture can be read."""
     out = tmp_path / "out"
-    assert softaim(monkeypatch, "plan", scene, "--plan", plan_file, "--out", out) == 0
+    assert softaim("plan", scene, "--plan", plan_file, "--out", out) == 0
     assert sorted(file.name for file in out.iterdir()) == ["plan.csv", "plan.json", "plan.png"]
     rows = pd.read_csv(out / "plan.csv", keep_default_na=False)
     told = json.loads((out / "plan.json").read_text())
@@ -96,7 +86,7 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, monkeypatch, c
     assert "Paths to M2" in capsys.readouterr().out
 
 
-def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path, monkeypatch):
+def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path):
     """Marks that moved: mean and covariance are those of `TissueFilter.predict_at`, 0.2 s after the last."""
     folder = tmp_path / "rec"
     folder.mkdir()
@@ -107,7 +97,7 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     moved = [0.006 * min(1.0, k / 10) for k in range(20)]
     rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + [by, 0.0], 1e-3) for n in OUTER] for by in moved]
     write_marks_csv(folder / "marks.csv", times, rows, dim=2)
-    assert softaim(monkeypatch, "plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0
+    assert softaim("plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0
     told = json.loads((tmp_path / "out" / "plan.json").read_text())
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     read = open_recording(folder)
@@ -118,7 +108,7 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     assert told["target"]["mean_mm"] == pytest.approx(1e3 * said.mean, abs=1e-3)
     np.testing.assert_allclose(told["target"]["cov_mm2"], 1e6 * said.cov, rtol=1e-3)
     assert told["target"]["time_s"] == pytest.approx(times[-1] + 0.2)
-    again = softaim(monkeypatch, "plan", folder, "--plan", plan_file, "--out", folder / "out")
+    again = softaim("plan", folder, "--plan", plan_file, "--out", folder / "out")
     assert again == 2
 
 
@@ -150,10 +140,10 @@ def test_a_plan_file_is_read_in_metres(plan_file):
     assert task.skin.max_angle_rad == pytest.approx(np.radians(55.0))
 
 
-def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, monkeypatch, capsys):
+def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, capsys):
     wall = '[[obstacle]]\nname = "wall"\nfrom_mm = [-300.0, 225.0]\nto_mm = [300.0, 225.0]\nradius_mm = 2.0\n'
     plan_file.write_text(PLAN + wall)
-    assert softaim(monkeypatch, "plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 0
+    assert softaim("plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 0
     told = json.loads((tmp_path / "out" / "plan.json").read_text())
     assert told["best"] is None
     assert told["rejected_by"]["wall"] == 300
@@ -193,10 +183,10 @@ def test_the_next_best_are_other_ways(scene, plan_file):
         ("version = 1", "version = 2", "version: expected 1, found 2"),
     ],
 )
-def test_a_fault_is_told_in_one_line(scene, plan_file, tmp_path, monkeypatch, capsys, old, new, told):
+def test_a_fault_is_told_in_one_line(scene, plan_file, tmp_path, capsys, old, new, told):
     assert old in PLAN
     plan_file.write_text(PLAN.replace(old, new, 1))
-    assert softaim(monkeypatch, "plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 2
+    assert softaim("plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert f"plan.toml: {told}" in line

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.commands import app as cli
 from experiments.errors import InputError
 from experiments.formats.recording import open_recording, read_frames
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.pipeline.recorder import Recorder, join, record
 from experiments.simulation.simulate import scene_of
+from tests.experiments.command import softaim
 from vision import EveryFrame, Frame, VideoWriter
 
 SIZE = (64, 48)
@@ -70,14 +70,6 @@ def small_scene() -> Scene:
     return replace(scene, cameras=(replace(scene.cameras[0], size_px=SIZE),))
 
 
-def softaim(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    """Exit code of a command."""
-    monkeypatch.setattr(sys, "argv", ["softaim", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    return int(end.value.code or 0)
-
-
 class Frames:
     """Frames that the test made."""
 
@@ -115,9 +107,7 @@ def check_frames(folder: Path, n: int) -> None:
 
 
 @pytest.mark.slow
-def test_a_recorder_killed_leaves_all_up_to_the_last_second(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """SIGKILL at frame 75, which is 2.5 s: lost are a second's frames, and the one that ends a piece."""
     folder, scene = tmp_path / "rec", tmp_path / "scene.toml"
     write_scene(small_scene(), scene)
@@ -139,10 +129,10 @@ def test_a_recorder_killed_leaves_all_up_to_the_last_second(
     np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between
     assert (folder / "scene.toml").read_bytes() == scene.read_bytes()
     check_frames(folder, len(times))
-    assert softaim(monkeypatch, "track", folder, "--out", tmp_path / "track") == 0
+    assert softaim("track", folder, "--out", tmp_path / "track") == 0
     rows = (tmp_path / "track" / "estimates.csv").read_text().splitlines()
     assert len(rows) == len(times) + 1
-    assert softaim(monkeypatch, "record", "--recover", folder) == 0
+    assert softaim("record", "--recover", folder) == 0
     assert f"{len(times)} frames in {folder}" in capfd.readouterr().out
     assert sorted(path.name for path in folder.iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
     check_frames(folder, len(times))
@@ -228,20 +218,18 @@ def test_another_size_or_a_time_that_goes_back_ends_it_and_what_came_is_kept(tmp
     assert join(tmp_path / "time") == 2
 
 
-def test_a_film_is_recorded_and_can_be_tracked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     with VideoWriter(tmp_path / "film.avi", SIZE, 30.0, codec="FFV1") as film:
         for k in range(40):
             film.write(picture(k))
     write_scene(small_scene(), tmp_path / "scene.toml")
     words = ("record", tmp_path / "film.avi", "--out", tmp_path / "rec", "--scene", tmp_path / "scene.toml")
-    assert softaim(monkeypatch, *words) == 0
+    assert softaim(*words) == 0
     assert f"40 frames in {tmp_path / 'rec'}; next: softaim track" in capfd.readouterr().out
     assert sorted(path.name for path in (tmp_path / "rec").iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
     check_frames(tmp_path / "rec", 40)
     # again: what is there is not written over
-    assert softaim(monkeypatch, *words) == 2
+    assert softaim(*words) == 2
     assert "rec: expected a new or an empty folder, found a folder with files" in capfd.readouterr().err
     check_frames(tmp_path / "rec", 40)
 
@@ -266,7 +254,7 @@ def test_what_cannot_be_recorded_is_one_line_and_nothing_is_made(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_scene(small_scene(), tmp_path / "small.toml")
-    assert softaim(monkeypatch, *words) == 2
+    assert softaim(*words) == 2
     fault = capfd.readouterr().err
     # what a machine too busy to draw the phantom in time says of it comes before
     lines = [line for line in fault.splitlines() if not re.match(r"softaim: [\d.]+ s: (BLOCKED|RESUMED): ", line)]
