@@ -80,8 +80,6 @@ def body_figures(
         patch("estimators.tissue.settings.QUIET_WHITE", constants.quiet_white),
         patch("estimators.tissue.settings.POKED_WHITE", constants.poked_white),
         patch("estimators.tissue.settings.LED", led),
-        patch("estimators.tissue.model.LED", led),
-        patch("estimators.tissue.filter.LED", led),
         patch("estimators.tissue.gate.CROWD", constants.crowd),
         patch("estimators.process.linear_motion.TURNED", constants.turned),
         patch(

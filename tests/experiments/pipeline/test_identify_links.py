@@ -13,7 +13,7 @@ from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.pipeline import identify
 from tests.estimators.identification.pendulum import LENGTHS, SD, hanging_links, swung
-from tests.experiments.pipeline.test_identify import softaim
+from tests.experiments.command import softaim
 
 N_FRAMES = 60
 
@@ -53,7 +53,7 @@ def run(recording, tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(identify, "identify_constants", kept)
-        assert softaim(patch, "identify", recording, "--out", out) == 0
+        assert softaim("identify", recording, "--out", out) == 0
     return out, results[0]
 
 
@@ -70,10 +70,10 @@ def test_the_lengths_of_links_that_swing_are_found(recording, identified):
     assert scene.spring_groups == ("upper arm", "")
 
 
-def test_how_well_it_fits_is_reported(recording, identified, monkeypatch, capsys, tmp_path):
+def test_how_well_it_fits_is_reported(recording, identified, capsys, tmp_path):
     """Another run: the same scene, and its report to programs."""
     out = tmp_path / "scene.toml"
-    assert softaim(monkeypatch, "identify", recording, "--out", out, "--json") == 0
+    assert softaim("identify", recording, "--out", out, "--json") == 0
     assert out.read_text() == identified.read_text()
     report = json.loads(capsys.readouterr().out)
     assert report["starts"]["followed"] == 4
@@ -87,13 +87,13 @@ def test_how_well_it_fits_is_reported(recording, identified, monkeypatch, capsys
     assert all(row["standard_error"] > 1e-5 for row in report["constants"])
 
 
-def test_residuals_that_are_not_explained_are_said_in_one_line(recording, monkeypatch, capsys, tmp_path):
+def test_residuals_that_are_not_explained_are_said_in_one_line(recording, capsys, tmp_path):
     """Links that weigh a tenth: one line names the size of the residuals and what it costs."""
     scene = read_scene(recording / "scene.toml")
     light = replace(scene, network=replace(scene.network, gravity=0.3 * scene.network.gravity))
     write_scene(light, tmp_path / "light.toml")
     out = tmp_path / "out.toml"
-    assert softaim(monkeypatch, "identify", recording, "--scene", tmp_path / "light.toml", "--out", out) == 0
+    assert softaim("identify", recording, "--scene", tmp_path / "light.toml", "--out", out) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len([line for line in lines if line.startswith("Residuals are not explained: mean square ")]) == 1
     assert len([line for line in lines if "starts agree on these constants" in line]) == 1
@@ -112,7 +112,7 @@ def test_residuals_that_are_not_explained_are_said_in_one_line(recording, monkey
 def test_a_scene_that_fits_worse_is_not_written(recording, run, monkeypatch, capsys, tmp_path, worse, message):
     monkeypatch.setattr(identify, "identify_constants", lambda *_args, **_keys: replace(run[1], **worse))
     out = tmp_path / "scene.toml"
-    assert softaim(monkeypatch, "identify", recording, "--out", out) == 2
+    assert softaim("identify", recording, "--out", out) == 2
     error = capsys.readouterr().err
     assert message in error
     assert len(error.splitlines()) == 1
@@ -125,7 +125,7 @@ def test_too_few_minutes_are_one_clear_error(recording, monkeypatch, capsys, tmp
     seconds = iter(range(100_000))
     monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
     out = tmp_path / "scene.toml"
-    assert softaim(monkeypatch, command, recording, "--minutes", "0.2", "--out", out) == 2
+    assert softaim(command, recording, "--minutes", "0.2", "--out", out) == 2
     error = [line for line in capsys.readouterr().err.splitlines() if "rests up to" not in line]
     assert len(error) == 1
     assert "expected more time, found 12 s" in error[0]
@@ -137,6 +137,6 @@ def test_tune_ends_with_the_best_that_its_time_allows(recording, identified, mon
     seconds = iter(range(1_000_000))
     monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
     out = tmp_path / "scene.toml"
-    assert softaim(monkeypatch, "tune", recording, "--scene", identified, "--minutes", "20", "--out", out) == 0
+    assert softaim("tune", recording, "--scene", identified, "--minutes", "20", "--out", out) == 0
     assert "The best within 20 minutes, by " in capsys.readouterr().out
     assert read_scene(out).settings != FilterSettings()
