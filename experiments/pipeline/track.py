@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from estimators import MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
+from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
@@ -92,19 +93,21 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> Floats:
     """Where the target was at each frame [m], (n_frames, dim), NaN where it is unknown.
 
-    From truth.csv; without it from the target's own mark, where that is seen for scoring only; and the target's offset.
+    Its node from truth.csv, without it from its own mark, where that is seen for scoring only; from there to the target
+    by the map that makes all estimates.
     """
-    node = recording.scene.target.node
-    known = np.full((len(steps), recording.scene.network.dim), np.nan)
+    scene = recording.scene
+    node = scene.target.node
+    known = np.full((len(steps), scene.network.dim), np.nan)
     if recording.truth is not None and node in recording.truth.nodes:
         inside, positions = recording.truth.at(recording.exposures_s, node)
         known[inside] = positions[inside]
-    elif node not in recording.scene.measured_nodes:
+    elif node not in scene.measured_nodes:
         for k, step in enumerate(steps):
             for mark in step.marks:
                 if mark.node == node:
                     known[k] = mark.position
-    return known + np.array(recording.scene.target.offset_m or 0.0)
+    return known + target_map(scene.network, scene.target.point).constant
 
 
 def table(done: Track, method: str) -> pd.DataFrame:

@@ -10,8 +10,9 @@ import pandas as pd
 import pytest
 
 import vision
-from dynamics import HIDDEN, OUTER, four_mass_phantom
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom
 from estimators.baselines.registry import METHODS
+from estimators.process.target import TargetMap, TargetPoint, target_map
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import open_recording
@@ -115,6 +116,22 @@ def test_it_is_scored_against_the_truth_of_the_point(tmp_path: Path) -> None:
     np.testing.assert_allclose(point.truth - node.truth, np.tile(OFFSET_M, (15, 1)), atol=1e-12)
     for method in (FILTER, OPEN_LOOP):
         assert figures(point, method)["mae_mm"] == pytest.approx(figures(node, method)["mae_mm"], rel=1e-9)
+
+
+def test_the_truth_has_whatever_the_target_has_beside_its_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A map that a new property moves by 20 mm: filter and truth move with it, errors stay. Rounding."""
+    folder = recording(tmp_path / "n", ())
+    before = track(open_recording(folder))
+
+    def deeper(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
+        made = target_map(network, target)
+        return replace(made, constant=made.constant + np.array([0.0, -0.02]))
+
+    for module in ("estimators.tissue.filter", "experiments.pipeline.track"):
+        monkeypatch.setattr(f"{module}.target_map", deeper)
+    after = track(open_recording(folder))
+    np.testing.assert_allclose(after.truth - before.truth, np.tile([0.0, -0.02], (15, 1)), atol=1e-12)
+    assert figures(after, FILTER)["mae_mm"] == pytest.approx(figures(before, FILTER)["mae_mm"], rel=1e-9)
 
 
 def test_a_scene_keeps_it_and_one_without_names_none(tmp_path: Path) -> None:
