@@ -92,7 +92,7 @@ class FilterSettings:
 
     @property
     def leading(self) -> ForceMode:
-        """Forces of a hand on nodes that it leads."""
+        """Forces of a hand on nodes that it leads: `led`, or `LED` where that is None; units as in `ForceMode`."""
         return LED if self.led is None else self.led
 
     @property
