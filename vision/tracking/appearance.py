@@ -63,8 +63,8 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is like the mark, so that it cannot be distinguished from it."""
-        return bool(_squared(self.behind, self.core, self.settings) < 1.0)
+        """Whether the background is so like the mark, as the ring of a match, that it cannot be distinguished from it."""
+        return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
 class AppearanceModel:

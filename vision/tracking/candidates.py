@@ -16,17 +16,26 @@ from vision.tracking.appearance import AppearanceMatch
 from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
-def is_mark(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; less of it need be seen where the ring is free."""
+def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
+    """Whether a match with a mark's own appearance is the mark; less of it need be seen where the ring is free.
+
+    color_distance: from the colour of its kind, squared [gates]; beyond 1 the score must be higher by its square
+    """
     share = settings.free_share if is_free(match, settings) else settings.share
-    return match.score >= settings.score and match.share >= share
+    return match.score >= settings.score * max(color_distance, 1.0) ** 2 and match.share >= share
 
 
-def is_mark_in_other_light(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match by a fitted colour is a mark: like it all over and unlike the ring, or alone in a free ring."""
+def is_mark_in_other_light(
+    match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
+) -> bool:
+    """Whether a match by a fitted colour is a mark: more like it than one of its own must be, and unlike the ring.
+
+    color_distance: as for `is_mark`, of the fitted colour
+    """
+    least = (settings.score + settings.margin) * max(color_distance, 1.0) ** 2
     if is_free(match, settings):
-        return is_mark(match, settings)
-    return match.share >= settings.share and match.around <= 0.0 and match.weighed >= settings.score
+        return match.score >= least and match.share >= settings.free_share
+    return match.share >= settings.share and match.around <= -settings.margin and match.weighed >= least
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:

@@ -236,17 +236,29 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
     """Whether a match is no other mark, and is like the mark."""
     match = candidate.match
-    return match is not None and is_mark(match, search.settings.candidates) and search.is_apart(seen)
+    if match is None or not search.is_apart(seen):
+        return False
+    return is_mark(match, search.color_distance(seen), search.settings.candidates)
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
     """Missing marks where the picture matches a mark of their hue in any light."""
+    limits = search.settings.candidates
     for one in search.missing:
-        if search.templates.can_compare(one):
-            match = search.templates.match_in_other_light(search.frame_bgr, one)
-            if match is not None and is_mark_in_other_light(match, search.settings.candidates):
-                seen = detection_in_other_light(search.frame_bgr, match, one, search.settings)
-                yield Candidate(seen, one.name, match)
+        match = (
+            search.templates.match_in_other_light(search.frame_bgr, one) if search.templates.can_compare(one) else None
+        )
+        if match is None:
+            continue
+        distance = search.color_distance(detection_at(match, one, limits))
+        if is_mark_in_other_light(match, distance, limits):
+            seen = detection_in_other_light(search.frame_bgr, match, one, search.settings)
+            yield Candidate(seen, one.name, match)
+
+
+def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
+    """Whether a detection is no other mark."""
+    return search.is_apart(seen)
 
 
 def _by_rim(search: Search) -> Iterator[Candidate]:
@@ -295,7 +307,7 @@ STAGES = (
     Stage("impulse", _after_impulse, _has_color),
     Stage("check", _checked, _is_like_it),
     Stage("appearance", _by_appearance, _is_match),
-    Stage("other light", _in_other_light, _has_color_apart),
+    Stage("other light", _in_other_light, _is_apart),
     Stage("rim", _by_rim, _has_color_apart),
     Stage("ambiguity", _touching, _is_unambiguous),
 )

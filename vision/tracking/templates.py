@@ -80,12 +80,13 @@ class AppearanceTemplates:
         match = self.match(frame_bgr, one)
         if match is not None:
             if self._is_near(match, seen):
-                if match.score >= limits.score or (is_free(match, limits) and match.share >= limits.free_share):
+                enough = limits.score - limits.margin
+                if match.score >= enough or (is_free(match, limits) and match.share >= limits.free_share):
                     return fused(seen, match, limits)
             elif self._score_at(frame_bgr, one, seen) >= max(match.score, limits.score):
                 return seen
             better = detection_at(match, one, limits)
-            if is_mark(match, limits) and color_distance(better) <= 1.0:
+            if is_mark(match, color_distance(better), limits):
                 return better
         return self._checked_in_other_light(frame_bgr, one, seen, color_distance)
 
@@ -96,10 +97,12 @@ class AppearanceTemplates:
         match = self.match_in_other_light(frame_bgr, one)
         if _sd_px(seen) <= self._settings.templates.unknown_sd_px and (match is None or self._is_near(match, seen)):
             return seen
-        if match is None or not is_mark_in_other_light(match, limits):
+        if match is None:
             return None
-        other = detection_in_other_light(frame_bgr, match, one, self._settings)
-        return other if color_distance(other) <= 1.0 else None
+        distance = color_distance(detection_at(match, one, limits))
+        if not is_mark_in_other_light(match, distance, limits):
+            return None
+        return detection_in_other_light(frame_bgr, match, one, self._settings)
 
     def match(
         self, frame_bgr: Image, one: Expected, about_px: Floats | None = None, within_px: float | None = None

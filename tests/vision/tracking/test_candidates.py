@@ -39,33 +39,49 @@ def test_a_place_is_the_less_sure_the_less_it_looks_like_the_mark() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "accepted"),
+    ("change", "distance", "accepted"),
     [
-        ({}, True),
-        ({"score": SETTINGS.score - 0.01}, False),
-        ({"share": 0.79}, False),
-        ({"share": 0.79, "around": -0.89}, False),
-        ({"share": 0.41, "around": -0.91}, True),
-        ({"share": 0.39, "around": -0.91}, False),
-        ({"score": SETTINGS.score - 0.01, "around": -0.91}, False),
+        ({}, 0.5, True),
+        ({"score": 0.56}, 1.0, True),
+        ({"score": 0.54}, 0.0, False),
+        ({"share": 0.71}, 0.5, True),
+        ({"share": 0.69}, 0.5, False),
+        ({"share": 0.69, "around": -0.89}, 0.5, False),
+        ({"share": 0.31, "around": -0.91}, 0.5, True),
+        ({"share": 0.29, "around": -0.91}, 0.5, False),
+        ({"score": 0.54, "around": -0.91}, 0.5, False),
+        ({"score": 1.25}, 1.5, True),
+        ({"score": 1.22}, 1.5, False),
+        ({"score": 1.49}, 2.8, False),
     ],
 )
-def test_a_missed_mark_must_look_like_it(change: dict[str, float], accepted: bool) -> None:
-    assert is_mark(replace(PLACE, **change)) is accepted
+def test_a_missed_mark_must_look_like_it(change: dict[str, float], distance: float, accepted: bool) -> None:
+    assert is_mark(replace(PLACE, **change), distance) is accepted
 
 
 @pytest.mark.parametrize(
-    ("change", "accepted"),
+    ("change", "distance", "accepted"),
     [
-        ({}, True),
-        ({"weighed": SETTINGS.score + 0.01}, True),
-        ({"weighed": SETTINGS.score - 0.01}, False),
-        ({"share": 0.79}, False),
-        ({"around": 0.01}, False),
+        ({}, 0.5, True),
+        ({"weighed": 0.76}, 1.0, True),
+        ({"weighed": 0.74}, 0.0, False),
+        ({"share": 0.71}, 0.5, True),
+        ({"share": 0.69}, 0.5, False),
+        ({"around": -0.21}, 0.5, True),
+        ({"around": -0.19}, 0.5, False),
+        ({"share": 0.31, "around": -0.91, "score": 0.76, "weighed": 0.1}, 0.5, True),
+        ({"share": 0.31, "around": -0.91, "score": 0.74}, 0.5, False),
+        ({"share": 0.29, "around": -0.91}, 0.5, False),
+        ({"weighed": 1.10}, 1.2, True),
+        ({"weighed": 1.06}, 1.2, False),
+        ({"score": 1.10, "around": -0.91}, 1.2, True),
+        ({"score": 1.06, "around": -0.91}, 1.2, False),
     ],
 )
-def test_in_other_light_a_mark_must_be_even_and_apart(change: dict[str, float], accepted: bool) -> None:
-    assert is_mark_in_other_light(replace(PLACE, **change)) is accepted
+def test_in_other_light_a_mark_must_be_even_and_apart(
+    change: dict[str, float], distance: float, accepted: bool
+) -> None:
+    assert is_mark_in_other_light(replace(PLACE, **change), distance) is accepted
 
 
 def test_a_place_goes_half_the_way_to_its_rim_and_is_less_sure_the_further_that_is() -> None:
