@@ -63,7 +63,7 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is so like the mark, as the ring of a match, that it cannot be distinguished from it."""
+        """Whether the background is like the mark, as the ring of a match may be, so that nothing distinguishes them."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
