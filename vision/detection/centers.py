@@ -58,6 +58,8 @@ def centers_of(
 
 def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
     """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
+    if seen.noise_sd > settings.components.max_noise:
+        return None
     fitted = fit_outline(seen.alpha, seen.center_px, outline, settings.outline)
     return _agreed(seen, fitted, outline, settings.centers, _trust(seen, outline, settings.centers))
 

@@ -99,12 +99,12 @@ class ComponentSettings:
 
     max_picture_share: share of the picture from which on a hue shows the scene, not marks [1]; choice
     max_elongation: longest by shortest axis [1]; choice
-    coarse_area_px: marks of at least this area are searched for at half the resolution [px]; choice
+    max_noise: noise of a pixel by the mark's contrast, above which it is a stain, as of blood [1]; choice
     """
 
     max_picture_share: float = 0.3
     max_elongation: float = 4.0
-    coarse_area_px: float = 60.0
+    max_noise: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,8 +80,7 @@ class CandidateSettings:
 
     score, share: least score, and least share of its pixels that are like the mark [1]; choice
     free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
-    margin: by how much more a match with a fitted colour must be like the mark, and its ring unlike it, and by how much
-        less a match near a detection [1]; choice
+    margin: by how much more a match with a fitted colour must be like the mark, its ring unlike it [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice

@@ -80,8 +80,7 @@ class AppearanceTemplates:
         match = self.match(frame_bgr, one)
         if match is not None:
             if self._is_near(match, seen):
-                enough = limits.score - limits.margin
-                if match.score >= enough or (is_free(match, limits) and match.share >= limits.free_share):
+                if match.score >= limits.score or (is_free(match, limits) and match.share >= limits.free_share):
                     return fused(seen, match, limits)
             elif self._score_at(frame_bgr, one, seen) >= max(match.score, limits.score):
                 return seen
