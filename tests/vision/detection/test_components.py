@@ -9,9 +9,11 @@ import pytest
 
 from vision import (
     Disc,
+    Expected,
     HueError,
     Lighting,
     MarkHue,
+    Outline,
     VideoFileFrames,
     VideoWriter,
     compress,
@@ -20,6 +22,7 @@ from vision import (
     draw_frame,
     paper_camera,
 )
+from vision.detection.fast_path import detect_isolated
 
 SIZE = (640, 480)
 RED = MarkHue(0.0)
@@ -278,6 +281,19 @@ def test_a_hue_that_takes_the_scene_is_an_error() -> None:
 def test_other_pictures_are_refused(frame: np.ndarray) -> None:
     with pytest.raises(ValueError, match=r"frame: expected uint8 \(height, width, 3\), found "):
         detect_marks(frame, [RED], min_area_px=10.0)
+
+
+@pytest.mark.parametrize(("noise_sd", "is_mark"), [(8.0, True), (16.0, False)])
+def test_what_hardly_stands_out_from_its_surroundings_is_a_stain(noise_sd: float, is_mark: bool) -> None:
+    """A disc 66 grey levels from its background, in noise of an eighth and of a quarter of that; by the fast path, too."""
+    inside = np.hypot(*(np.mgrid[:120, :120] - 60.0)) <= 9.0
+    image = np.full((120, 120, 3), 120.0) + np.random.default_rng(0).normal(0.0, noise_sd, (120, 120, 3))
+    image[inside] = 90.0, 90.0, 170.0
+    frame, at, outline = image.clip(0.0, 255.0).astype(np.uint8), np.array([60.0, 60.0]), Outline(9.0 * np.eye(2), 0.05)
+    marks = detect_marks(frame, [RED], min_area_px=60.0, outlines=[outline], expected_px=[at], expected_hues=[0.0])
+    assert bool(marks) is is_mark
+    alone = detect_isolated(frame, [RED], (10, 10, 100, 100), Expected("M1", at, np.eye(2), 0.0, outline))
+    assert (alone is not None) is is_mark
 
 
 def test_an_empty_scene_has_no_marks() -> None:
