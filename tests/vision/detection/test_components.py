@@ -285,7 +285,7 @@ def test_other_pictures_are_refused(frame: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("noise_sd", "is_mark"), [(8.0, True), (16.0, False)])
 def test_what_hardly_stands_out_from_its_surroundings_is_a_stain(noise_sd: float, is_mark: bool) -> None:
-    """A disc 66 grey levels from its background, in noise of an eighth and of a quarter of that; by the fast path, too."""
+    """A disc 66 grey levels from its background, in noise of an eighth and a quarter of that; by the fast path, too."""
     inside = np.hypot(*(np.mgrid[:120, :120] - 60.0)) <= 9.0
     image = np.full((120, 120, 3), 120.0) + np.random.default_rng(0).normal(0.0, noise_sd, (120, 120, 3))
     image[inside] = 90.0, 90.0, 170.0
