@@ -54,7 +54,7 @@ class OutlineSettings:
     highest_wave: int = 7
     edge_sd_px: float = 0.05
     min_share: float = 0.2
-    whole_share: float = 0.85
+    whole_share: float = 0.9
 
     def for_kernel(self) -> tuple[float, ...]:
         """As the kernels of `outline` and `rim` take them."""
