@@ -63,7 +63,7 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is like the mark, as the ring of a match may be: nothing distinguishes them."""
+        """Whether the background is like the mark, by the measure for a ring: nothing would distinguish them."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 

@@ -19,10 +19,10 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
     """Whether a match with a mark's own appearance is the mark; less of it need be seen where the ring is free.
 
-    color_distance: from the colour of its kind, squared [gates]; beyond 1 the score must be higher by its square
+    color_distance: squared distance of its colour from that of its kind [gates]; the further, the more it must be alike
     """
     share = settings.free_share if is_free(match, settings) else settings.share
-    return match.score >= settings.score * max(color_distance, 1.0) ** 2 and match.share >= share
+    return match.score >= _least_score(settings.score, color_distance) and match.share >= share
 
 
 def is_mark_in_other_light(
@@ -32,10 +32,15 @@ def is_mark_in_other_light(
 
     color_distance: as for `is_mark`, of the fitted colour
     """
-    least = (settings.score + settings.margin) * max(color_distance, 1.0) ** 2
+    least = _least_score(settings.score + settings.other_margin, color_distance)
     if is_free(match, settings):
         return match.score >= least and match.share >= settings.free_share
-    return match.share >= settings.share and match.around <= -settings.margin and match.weighed >= least
+    return match.share >= settings.share and match.around <= -settings.other_margin and match.weighed >= least
+
+
+def _least_score(score: float, color_distance: float) -> float:
+    """The score that a match needs: beyond the gate of its colour, times the square of that distance [1]."""
+    return score * max(color_distance, 1.0) ** 2
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:

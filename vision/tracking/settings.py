@@ -80,7 +80,7 @@ class CandidateSettings:
 
     score, share: least score, and least share of its pixels that are like the mark [1]; choice
     free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
-    margin: by how much more a match with a fitted colour must be like the mark, its ring unlike it [1]; choice
+    other_margin: by how much more a match with a fitted colour must be like the mark, its ring unlike it [1]; choice
     min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice
@@ -91,7 +91,7 @@ class CandidateSettings:
     share: float = 0.7
     free: float = -0.9
     free_share: float = 0.3
-    margin: float = 0.2
+    other_margin: float = 0.2
     min_sd_px: float = 0.27
     max_sd_px: float = 1.2
     best_score: float = 1.35

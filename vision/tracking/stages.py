@@ -21,7 +21,7 @@ from vision.detection.records import Detection, HueError
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceMatch
 from vision.tracking.association import associate_marks, squared_distance
-from vision.tracking.candidates import detection_at, detection_in_other_light, is_mark, is_mark_in_other_light
+from vision.tracking.candidates import detection_at, is_mark
 from vision.tracking.hue_tracking import AdaptiveHue
 from vision.tracking.regions import Box, inside, search_regions
 from vision.tracking.settings import FinderSettings
@@ -243,16 +243,11 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
     """Missing marks where the picture matches a mark of their hue in any light."""
-    limits = search.settings.candidates
+    frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
-        match = (
-            search.templates.match_in_other_light(search.frame_bgr, one) if search.templates.can_compare(one) else None
-        )
-        if match is None:
-            continue
-        distance = search.color_distance(detection_at(match, one, limits))
-        if is_mark_in_other_light(match, distance, limits):
-            seen = detection_in_other_light(search.frame_bgr, match, one, search.settings)
+        match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
+        seen = None if match is None else templates.mark_in_other_light(frame, one, match, search.color_distance)
+        if seen is not None:
             yield Candidate(seen, one.name, match)
 
 

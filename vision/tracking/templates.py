@@ -92,14 +92,20 @@ class AppearanceTemplates:
     def _checked_in_other_light(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        limits = self._settings.candidates
         match = self.match_in_other_light(frame_bgr, one)
         if _sd_px(seen) <= self._settings.templates.unknown_sd_px and (match is None or self._is_near(match, seen)):
             return seen
-        if match is None:
-            return None
-        distance = color_distance(detection_at(match, one, limits))
-        if not is_mark_in_other_light(match, distance, limits):
+        return None if match is None else self.mark_in_other_light(frame_bgr, one, match, color_distance)
+
+    def mark_in_other_light(
+        self, frame_bgr: Image, one: Expected, match: AppearanceMatch, color_distance: Callable[[Detection], float]
+    ) -> Detection | None:
+        """The detection of a match with a fitted colour; None where that is not the mark.
+
+        frame_bgr: (height, width, 3) uint8; color_distance: as for `checked`
+        """
+        limits = self._settings.candidates
+        if not is_mark_in_other_light(match, color_distance(detection_at(match, one, limits)), limits):
             return None
         return detection_in_other_light(frame_bgr, match, one, self._settings)
 
