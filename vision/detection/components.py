@@ -24,9 +24,9 @@ from vision.detection.palette import Palette, classes_of, equal, palette_of
 from vision.detection.records import Detection, HueError
 from vision.detection.settings import DETECTION, DetectionSettings
 
-COARSE_AREA_PX = 60.0
-"""Least area of marks that are searched for at half the resolution [px]: it only saves time, at half and at twice of
-it no figure of the marks changes."""
+BLOCK_AREA_PX = 8.0 * np.pi
+"""Area of the least circle that covers, wherever it lies, a whole block of 2 x 2 pixels [px]; source: geometry, that
+block's middle is within sqrt(2) px of the circle's in the worst place, and its corners sqrt(2) px further."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -63,7 +63,8 @@ def detect_marks(
     if not hues:
         return []
     palette = palette_of(tuple(hues))
-    scale = 2 if region is None and min_area_px >= COARSE_AREA_PX and min(part.shape[:2]) > 1 else 1
+    large = settings.centers.min_area * min_area_px >= BLOCK_AREA_PX
+    scale = 2 if region is None and large and min(part.shape[:2]) > 1 else 1
     classes = classes_of(part, palette, scale)
     corner = np.array([left, top], dtype=float)
     starts = np.reshape(expected_px, (-1, 2)) - corner

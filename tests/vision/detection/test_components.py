@@ -22,6 +22,7 @@ from vision import (
     draw_frame,
     paper_camera,
 )
+from vision.detection.components import BLOCK_AREA_PX
 from vision.detection.fast_path import detect_isolated
 
 SIZE = (640, 480)
@@ -237,6 +238,36 @@ def test_size_and_shape_decide_what_a_mark_is() -> None:
     image = draw_frame(SIZE, discs, Lighting(), np.random.default_rng(8))
     found = detect_marks(image, [RED], min_area_px=200.0, max_area_px=2000.0)
     np.testing.assert_allclose([d.center_px for d in found], [[200.0, 100.0]], atol=0.05)
+
+
+def test_the_least_circle_of_half_the_resolution_covers_a_block_wherever_it_lies() -> None:
+    corners = np.arange(-8, 9)
+    u, v = np.meshgrid(corners, corners, indexing="ij")
+
+    def blocks(radius: float, center: np.ndarray) -> int:
+        """Whole blocks of 2 x 2 pixels, their corners at even places, inside the circle."""
+        inside = (u - center[0]) ** 2 + (v - center[1]) ** 2 <= radius**2
+        even = inside[::2, ::2]
+        return int((even[1:, 1:] & even[:-1, 1:] & even[1:, :-1] & even[:-1, :-1]).sum())
+
+    least = np.sqrt(BLOCK_AREA_PX / np.pi)
+    offsets = np.linspace(0.0, 2.0, 41)
+    assert all(blocks(1.001 * least, np.array([a, b])) >= 1 for a in offsets for b in offsets)
+    assert any(blocks(0.999 * least, np.array([a, b])) == 0 for a in offsets for b in offsets)
+
+
+def test_small_marks_are_found_at_half_the_resolution_wherever_they_lie() -> None:
+    least = 2.0 * BLOCK_AREA_PX
+    radius = 1.05 * np.sqrt(least / np.pi)
+    offsets = np.linspace(0.0, 2.0, 9)
+    centers = np.array(
+        [[20.0 + 30.0 * i + a, 20.0 + 30.0 * j + b] for i, a in enumerate(offsets) for j, b in enumerate(offsets)]
+    )
+    discs = [Disc(center, (radius, radius), 0.0) for center in centers]
+    image = draw_frame(SIZE, discs, Lighting(), np.random.default_rng(12))
+    found = np.array([d.center_px for d in detect_marks(image, [RED], min_area_px=least)])
+    assert len(found) == len(centers)
+    assert max(np.linalg.norm(found - center, axis=1).min() for center in centers) < 0.1
 
 
 def test_a_mark_in_motion_is_found_in_the_middle_of_its_way() -> None:
