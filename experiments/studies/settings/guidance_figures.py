@@ -1,8 +1,5 @@
 """What the settings of advice and breathing are worth: advised insertions replayed on simulated phantoms.
 
-    python -m experiments.studies.settings.guidance_figures           # figures of the defaults
-    python -m experiments.studies.settings.guidance_figures --cost    # and of half and twice of each setting; minutes
-
 The poked and the breathing phantom, marks found to 1 mm, frames and marks missing now and then. The filter runs once a
 seed; the advice on its estimates is replayed for each variant. An insertion goes straight at the commanded speed; its
 tip and the target's true motion decide on a hit. The seeds are no published study's.
@@ -10,8 +7,6 @@ tip and the target's true motion decide on a hit. The seeds are no published stu
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -188,28 +183,3 @@ def guidance_figures(
         "breathing_nees": float(np.mean(nees)) if nees else 0.0,
         "breathing_share": breaths / max(n_breathing, 1),
     }
-
-
-def main() -> None:
-    """Print the figures, or what half and twice of each setting change."""
-    from experiments.studies.settings.sensitivity import changed, settings_of, variants
-
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--cost", action="store_true")
-    wanted = parser.parse_args()
-    rows = {"default": GuidanceSettings()}
-    if wanted.cost:
-        for one in settings_of(GuidanceSettings()):
-            for name, value in variants(one).items():
-                try:
-                    rows[f"{one.path} {name}"] = changed(GuidanceSettings(), one.path, value)
-                except ValueError as error:
-                    sys.stdout.write(f"{one.path} {name}: {error}\n")
-    for name, settings in rows.items():
-        figures = guidance_figures(settings)
-        sys.stdout.write(f"{name:32}" + "  ".join(f"{key} {value:.4f}" for key, value in figures.items()) + "\n")
-        sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main()
