@@ -60,6 +60,8 @@ class Search:
     @property
     def missing(self) -> list[Expected]:
         """Expected marks that are not found yet."""
+        if len(self.found) == len(self.expected):
+            return []
         return [one for one in self.expected if one.name not in self.found]
 
     def color_distance(self, seen: Detection) -> float:
@@ -72,7 +74,7 @@ class Search:
         return all(np.hypot(*(seen.center_px - other.center_px)) > near for other in self.found.values())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Candidate:
     """A detection that may be a mark.
 
@@ -124,8 +126,10 @@ def _isolated(search: Search) -> Iterator[Candidate]:
         return
     search.regions = regions
     hues = [followed.now for followed in search.hues.values()]
+    places = [(one, *one.center_px.tolist()) for one in search.expected]
     for region in regions:
-        own = [one for one in search.expected if inside(one.center_px, region)]
+        left, top, width, height = region
+        own = [one for one, u, v in places if left <= u < left + width and top <= v < top + height]
         if len(own) == 1:
             seen = detect_isolated(search.frame_bgr, hues, region, own[0], search.settings.detection)
             yield Candidate(seen, own[0].name)
