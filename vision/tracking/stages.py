@@ -126,10 +126,8 @@ def _isolated(search: Search) -> Iterator[Candidate]:
         return
     search.regions = regions
     hues = [followed.now for followed in search.hues.values()]
-    places = [(one, *one.center_px.tolist()) for one in search.expected]
     for region in regions:
-        left, top, width, height = region
-        own = [one for one, u, v in places if left <= u < left + width and top <= v < top + height]
+        own = [one for one in search.expected if inside(one.center_px, region)]
         if len(own) == 1:
             seen = detect_isolated(search.frame_bgr, hues, region, own[0], search.settings.detection)
             yield Candidate(seen, own[0].name)
