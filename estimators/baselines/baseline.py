@@ -121,6 +121,6 @@ class Baseline(ABC):
 
 
 def sub_steps(model: TissueModel, settings: FilterSettings, dt: float) -> tuple[int, int]:
-    """In how many intervals of at most mix_s, and in how many steps each, `TissueFilter` goes through dt [s]."""
-    n = max(1, int(np.ceil(dt / settings.mix_s - 1e-9)))
+    """In how many intervals of about mix_s, and in how many steps each, `TissueFilter` goes through dt [s]."""
+    n = max(1, round(dt / settings.mix_s))
     return n, model.stepper.n_steps(dt / n)

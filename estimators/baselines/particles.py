@@ -14,7 +14,7 @@ from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
 from estimators.process.target import TargetPoint
-from estimators.tissue.settings import N_QUIET, FilterSettings, stationary
+from estimators.tissue.settings import FilterSettings, stationary
 
 N_PARTICLES = 100
 """Size of the sample: with 100 histories kept three modes are resolved over four mixing intervals (3^4 = 81)."""
@@ -69,7 +69,8 @@ class ParticleFilter(Baseline):
     def _branch(self, dt: float, n_steps: int) -> None:
         """Every particle into its successors dt [s] later, one for each mode; before that down to the number kept."""
         self._thin()
-        modes = self.settings.modes
+        forces = self.settings.modes
+        modes = [forces[mode] for mode in self.settings.of_state]
         odds = small_expm(self.settings.rates * dt)[self.modes]
         moved = {mode: self._moved(mode, dt, n_steps) for mode in set(modes)}
         self.means = np.concatenate([moved[mode][0] for mode in modes])
@@ -107,7 +108,9 @@ class ParticleFilter(Baseline):
         return means[0], covs[0]
 
     def _poked(self) -> float:
-        return float(self.weights[self.modes >= N_QUIET].sum())
+        return float(
+            self.weights[~np.isin(np.asarray(self.settings.of_state)[self.modes], self.settings.quiet_modes)].sum()
+        )
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:

@@ -4,7 +4,8 @@ What may enter: probability without springs or marks.
 """
 
 from estimators.filters.adaptation import VarianceScale
-from estimators.filters.mixture import InteractingMixture, moment_matched
+from estimators.filters.gaussians import moment_matched
+from estimators.filters.mixture import InteractingMixture
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [

@@ -10,12 +10,14 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from math import isfinite
+from typing import NamedTuple
 
 import filterpy.kalman as filterpy
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.exponential import small_expm
+from estimators.filters.chain import ModeChain
+from estimators.filters.gaussians import nearest_definite
 from estimators.filters.kernels import (
     is_finite,
     joseph_update,
@@ -26,6 +28,7 @@ from estimators.filters.kernels import (
     schmidt_update,
     symmetric_points_each,
     with_columns,
+    with_outliers,
 )
 from estimators.filters.motion import Cycle, ModeBeliefs, Move, Transition
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
@@ -33,30 +36,33 @@ from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
 NARROW = 0.05
 """Spread of the sigma points, by the usual one, where the usual one would leave the model's ground; chosen."""
 
-LEAST = 1e-100
-"""Least probability of a mode: none is ruled out for good, and none is divided by nothing."""
-
 ADDED_SHARE = 1.0
 """Share of the variance of z's common errors that gains add as independent; choice, its cost in docs/settings.md.
 Schmidt's gain, 0, is the best of one update, but the next ones have the same error: it relies on them too much."""
-
-KEPT = 64
-"""Transition matrices that are kept, at most: it bounds the memory of a camera whose times are all different."""
 
 SETTLED = 0.3
 """Standard deviations by which a start may still move for its linearisation to hold; numerical: where it moves by less
 than it is uncertain, another pass is not worth its time."""
 
-FLOOR = 1e-12
-"""Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""
+
+class Outliers(NamedTuple):
+    """What a part of a measurement, `width` coordinates that come together, may be besides what it claims to be.
+
+    variance: added to that of its noise, in the units of z squared; log_odds: log of how often that is so
+    """
+
+    width: int
+    variance: float
+    log_odds: float
 
 
 class InteractingMixture(filterpy.IMMEstimator):
     """A bank of unscented filters of one state, mixed by how well each explains the measurements.
 
     filters: one for each mode, of equal state
-    rates: how often mode i turns into mode j [1/s], (n_modes, n_modes), rows summing to zero
-    mu: probability of each mode, (n_modes,)
+    mu: probability of each mode, (n_modes,); where it is set, states of one mode keep their odds to each other
+    chain: the states by which modes follow each other, made of `rates`, how often state i turns into state j [1/s],
+        `of_state`, the mode of each, and at first mu, their odds; without `of_state` modes are states
     columns: (n_modes, n, r): what r known, independent directions, each by one standard deviation, make of the error
         of each mode's mean; never estimated
     considered: whether gains allow for the columns; if not, these are the sensitivities of a filter that knows of none
@@ -72,87 +78,98 @@ class InteractingMixture(filterpy.IMMEstimator):
         odds are those of its measurements alone. Filters, mu and columns have one branch after the other.
 
     Differs from filterpy: the transition matrix is exp(rates dt), so that the odds do not depend on the frame rate;
-    likelihoods are compared as logarithms, so that two hopeless modes are still told apart; modes move together.
+    modes may be entered from states that differ; likelihoods are compared as logarithms, so that two hopeless modes are
+    still told apart; modes move together.
     """
 
     def __init__(
-        self, filters: Sequence[UnscentedKalmanFilter], mu: Floats, rates: Floats, move: Move | None = None
+        self,
+        filters: Sequence[UnscentedKalmanFilter],
+        mu: Floats,
+        rates: Floats,
+        move: Move | None = None,
+        of_state: Sequence[int] | None = None,
     ) -> None:
         self.columns = np.zeros((len(filters), filters[0].x.shape[0], 0))
         self.considered = True
         self.added_share = ADDED_SHARE
         self.filters: list[UnscentedKalmanFilter]
-        self.mu: Floats
         self.omega: Floats
         self.cbar: Floats
         self.innovation_columns = self.columns
         self.log_likelihood = 0.0
         self.repairs: Counter[str] = Counter()
-        super().__init__(list(filters), np.array(mu, dtype=float), np.eye(len(filters)))
-        self.rates = np.asarray(rates, dtype=float)
+        self.chain = ModeChain(mu, rates, of_state)
+        self._ahead = 0.0
+        super().__init__(list(filters), self.mu, np.eye(len(filters)))
         self.move = Move(self._one_by_one) if move is None else move
         self.trace: list[Transition] | None = None
         self.cycle: Cycle | None
-        self._mode_rates = self.rates
         self._scale = self.filters[0]._scale
-        self.set_branches(1)
+        self.make_room()
 
     def _one_by_one(self, points: Floats, dt: float) -> Floats:
         return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
 
     @property
+    def mu(self) -> Floats:  # noqa: D102
+        return self.chain.mode_odds
+
+    @mu.setter
+    def mu(self, odds: Floats) -> None:
+        self.chain.set_mode_odds(odds)
+
+    @property
     def n_branches(self) -> int:
         """How many beliefs are followed side by side."""
-        return len(self.filters) // len(self._mode_rates)
+        return self.chain.n_branches
 
     @property
     def branch_odds(self) -> Floats:
         """Probability of each branch, (n_branches,)."""
-        return np.asarray(self.mu.reshape(self.n_branches, -1).sum(axis=1))
+        return self.chain.branch_odds
 
     @property
     def mode_odds(self) -> Floats:
         """Probability of each mode in whatever branch, (n_modes,)."""
         return np.asarray(self.mu.reshape(self.n_branches, -1).sum(axis=0))
 
-    def set_branches(self, n: int) -> None:
-        """Make room for so many branches; beliefs, odds and columns are then to be set."""
-        k = len(self._mode_rates)
-        self.filters = [copy(self.filters[i % len(self.filters)]) for i in range(n * k)]
-        self.rates = np.kron(np.eye(n), self._mode_rates)
-        self.N, first = n * k, self.filters[0]
+    def make_room(self) -> None:
+        """A filter for each mode of each branch; beliefs and columns are then to be set."""
+        n = self.chain.n_branches * self.chain.n_modes
+        self.filters = [copy(self.filters[i % len(self.filters)]) for i in range(n)]
+        self.N, first = n, self.filters[0]
         self.cycle = None
-        self._transitions: dict[float, Floats] = {}
-        self._weights = (np.tile(first.Wm, (n * k, 1)), np.tile(first.Wc, (n * k, 1)))
+        self._weights = (np.tile(first.Wm, (n, 1)), np.tile(first.Wc, (n, 1)))
 
     def branch(self, beliefs: Sequence[tuple[Floats, Floats, Floats]], odds: Floats) -> None:
         """Follow these beliefs side by side: mean (n,), cov (n, n) and columns (n, r) of each; odds (n_branches,).
 
         The odds of the modes are those of now, the same in every branch.
         """
-        k = len(self._mode_rates)
-        modes = self.mode_odds
+        k = self.chain.n_modes
         self.repairs["branched"] += len(beliefs) - 1
-        self.set_branches(len(beliefs))
+        self.chain.branch(odds)
+        self.make_room()
         for i, f in enumerate(self.filters):
             f.x, f.P = beliefs[i // k][0].copy(), beliefs[i // k][1].copy()
         self.columns = np.repeat([columns for _, _, columns in beliefs], k, axis=0)
-        self.mu = np.asarray(np.kron(odds / np.sum(odds), modes), dtype=np.float64)
         self._compute_state_estimate()
 
     def prune(self, least: float) -> None:
         """Give up branches that are less probable than this."""
         if self.n_branches == 1:
             return
-        kept = self.branch_odds >= min(least, float(self.branch_odds.max()))
+        odds = self.branch_odds
+        kept = odds >= min(least, float(odds.max()))
         gone = int((~kept).sum())
         if gone:
             self.repairs["pruned"] += gone
-            own = np.repeat(kept, len(self._mode_rates))
+            own = np.repeat(kept, self.chain.n_modes)
             self.filters = [f for f, one in zip(self.filters, own, strict=True) if one]
-            self.columns, self.mu = self.columns[own], np.asarray(self.mu)[own]
-            self.set_branches(self.n_branches)
-            self.mu /= self.mu.sum()
+            self.columns = self.columns[own]
+            self.chain.keep(kept)
+            self.make_room()
             self._compute_state_estimate()
 
     def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
@@ -161,8 +178,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         The odds of the modes stay. Without columns, those of the first mode.
         """
         if self.n_branches > 1:
-            self.mu = self.mode_odds
-            self.set_branches(1)
+            self.chain.branch(np.ones(1))
+            self.make_room()
         for f in self.filters:
             f.x, f.P = mean.copy(), cov.copy()
         own = self.columns[0] if columns is None else columns
@@ -171,12 +188,12 @@ class InteractingMixture(filterpy.IMMEstimator):
 
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
-        self.M = self._transition(dt)
+        self._ahead = dt
         self._compute_mixing_probabilities()
         before = self.beliefs()
         xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
         if self.move.linear is not None:
-            self.mu = self.cbar
+            self.chain.odds = self._odds_ahead
             self._arrive(Cycle(xs, Ps, columns, *self.move.linear(len(xs), dt), about=xs))
             return
         Qs = np.array([f.Q for f in self.filters])
@@ -195,7 +212,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         for f, x, P in zip(self.filters, xs, Ps, strict=True):
             f.x, f.P = x, P
         # filterpy moves mu only in update; between two updates the prior is the one that the rates give
-        self.mu = self.cbar
+        self.chain.odds = self._odds_ahead
         self._compute_state_estimate()
 
     def _arrive(self, cycle: Cycle) -> None:
@@ -234,14 +251,6 @@ class InteractingMixture(filterpy.IMMEstimator):
                 self.trace.pop()
             self._arrive(replace(cycle, about=about, passes=cycle.passes - 1))
 
-    def _transition(self, dt: float) -> Floats:
-        """exp(rates dt); frames of one camera take some few different times, whose matrices are kept."""
-        if (known := self._transitions.get(dt)) is None:
-            if len(self._transitions) >= KEPT:
-                self._transitions.clear()
-            known = self._transitions[dt] = small_expm(self.rates * dt)
-        return known
-
     def _moved(self, xs: Floats, Ps: Floats, dt: float) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
         """Sigma points of each mode before and after a step, and their weights; narrow where they must be."""
         scales = np.full(len(xs), self._scale)
@@ -263,43 +272,45 @@ class InteractingMixture(filterpy.IMMEstimator):
         return points, self.move.points(points, dt), weights
 
     def _compute_mixing_probabilities(self) -> None:
-        self.cbar = np.maximum(self.mu @ self.M, LEAST)
-        self.omega = (self.M * np.asarray(self.mu)[:, None]) / self.cbar
+        self._odds_ahead, self.cbar, self.omega = self.chain.ahead(self._ahead)
 
-    def update_linear(self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None) -> None:
+    def update_linear(
+        self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None, outliers: Outliers | None = None
+    ) -> None:
         """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m).
 
         Raises CovarianceError where the innovation of any mode has no finite likelihood; then no mode has changed.
         shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
+        outliers: None, or what else a part of z may be: each mode takes for that what it cannot explain
         """
         self._relinearise(z, H, R)
         moved = np.zeros((len(z), self.columns.shape[2])) if shared is None else shared
         innovation_columns = H @ self.columns + moved
         updates = []
-        for f, columns in zip(self.filters, self.columns, strict=True):
+        for f, columns, own in zip(self.filters, self.columns, innovation_columns, strict=True):
+            R_own, log_odds, widened = R, 0.0, 0.0
+            if outliers is not None:
+                R_own, log_odds, widened = with_outliers(f.x, f.P, z, H, R, own, *outliers)
             if self.considered and columns.shape[1]:
-                found = schmidt_update(f.x, f.P, z, H, R, columns, moved, self.added_share)
+                found = schmidt_update(f.x, f.P, z, H, R_own, columns, moved, self.added_share)
             else:
-                found = joseph_update(f.x, f.P, z, H, R)
-            *_, nis, log_det, definite = found
+                found = joseph_update(f.x, f.P, z, H, R_own)
+            *gained, nis, log_det, definite = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
             if not (isfinite(nis) and isfinite(log_det)):
                 raise CovarianceError(f"innovation: expected a finite likelihood, found {nis} and {log_det}")
-            updates.append(found)
+            updates.append((*gained, nis - 2.0 * log_odds + widened, log_det - widened))
         # nothing changes before the update of every mode is known to succeed
         columns = np.empty_like(self.columns)
-        for k, (f, (x, P, y, S, K, nis, log_det, _)) in enumerate(zip(self.filters, updates, strict=True)):
+        for k, (f, (x, P, y, S, K, nis, log_det)) in enumerate(zip(self.filters, updates, strict=True)):
             f._accept(x, P, (y, S, K))
             f._judge(nis, log_det)
             columns[k] = self.columns[k] - K @ innovation_columns[k]
         self.columns, self.innovation_columns, self.cycle = columns, innovation_columns, None
         logs = np.array([f.log_likelihood for f in self.filters])
         self.likelihood = np.exp(logs - logs.max())
-        posterior = self.mu * self.likelihood
-        self.log_likelihood = float(logs.max() + np.log(posterior.sum()))
-        self.mu = np.maximum(posterior / posterior.sum(), LEAST)
-        self.mu /= self.mu.sum()
+        self.log_likelihood = float(logs.max() + np.log(self.chain.weigh(self.likelihood)))
         self._compute_state_estimate()
 
     @property
@@ -318,23 +329,3 @@ class InteractingMixture(filterpy.IMMEstimator):
         if not is_finite(x, P):
             raise CovarianceError("mean and covariance of the mixture: expected finite, found otherwise")
         self.x, self.P = x, P
-
-
-def nearest_definite(P: Floats) -> Floats:
-    """The covariance (n, n) with eigenvalues below rounding lifted to it.
-
-    Of the correlations, so that units do not matter.
-    """
-    root = np.sqrt(np.maximum(np.diag(P), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(P / np.outer(root, root))
-    lifted = np.maximum(values, FLOOR * max(values[-1], 1.0))
-    mended = root[:, None] * ((vectors * lifted) @ vectors.T) * root
-    return 0.5 * (mended + mended.T)
-
-
-def moment_matched(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
-    """Mean (n,) and covariance (n, n) of a Gaussian mixture: weights (k,), means (k, n), covs (k, n, n)."""
-    mean = weights @ means
-    away = means - mean
-    cov = np.einsum("k,kij->ij", weights, covs) + (weights[:, None] * away).T @ away
-    return mean, 0.5 * (cov + cov.T)

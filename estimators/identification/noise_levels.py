@@ -15,7 +15,7 @@ from estimators.identification.budget import Budget, IdentificationError, OutOfT
 from estimators.identification.filter_pass import Frames, is_linear, likeliest_start, steps
 from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.settings import FilterSettings, stationary
+from estimators.tissue.settings import FilterSettings
 
 NAMES = ("white", "poke", "marks")
 """Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by the reported one."""
@@ -75,7 +75,7 @@ def linear_log_likelihood(
 
     Raises OutOfTimeError where the time is over, CovarianceError where there is no finite state.
     """
-    poked = settings.poked_share(stationary(settings.rates))
+    poked = settings.long_run_poked
     linear = likeliest_start(network, ParameterUncertainty((), np.zeros((0, 0))), frames, marked, settings)
     total = 0.0
     for dt, marks in steps(frames):

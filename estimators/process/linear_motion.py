@@ -106,7 +106,7 @@ class LinearisedTissue:
                 Q[j] = Q[same]
                 continue
             faded = model.force_noise(mode)[0] * model.mass[rows] * np.sqrt(1.0 - fade[j] ** 2)
-            made[:, : n // 2] = mode.white * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
+            made[:, : n // 2] = model.white_noise(mode) * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
             # a poke that began within the step acts for half of it
             made[:, n // 2 :] = 0.5 * faded * own[j, :n, model.pokes]
             Q[j, :n, :n] = made @ made.T

@@ -40,6 +40,7 @@ class ForceMode:
     white: acceleration noise on every free node: what the model leaves out [m/s²/sqrt(Hz)]; choice
     poke: standard deviation of the poke on each marked node, by its mass [m/s²]; choice
     lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]; choice
+    jolt: acceleration noise on each node that may be poked, beside `white`: blows [m/s²/sqrt(Hz)]; source: the mode
     only: place among the marked nodes of the only one that is poked so; None: all are [1]; source: the scene
     others: the pokes on the others then; source: the scene
     """
@@ -47,6 +48,7 @@ class ForceMode:
     white: float
     poke: float
     lasting_s: float
+    jolt: float = 0.0
     only: int | None = None
     others: ForceMode | None = None
 
@@ -182,6 +184,12 @@ class TissueModel:
             sd[self._led], lasting[self._led] = self._led_by.poke, self._led_by.lasting_s
         return self._share * sd, lasting
 
+    def white_noise(self, mode: ForceMode) -> Floats:
+        """Acceleration noise of each free coordinate in a mode [m/s²/sqrt(Hz)], (n_free dim,)."""
+        white = np.full(len(self.mass), mode.white)
+        white[self.poked_rows] = np.hypot(white[self.poked_rows], self._share * mode.jolt)
+        return white
+
     def turned(self, points: Floats) -> NDArray[np.bool_]:
         """Which sets of sigma points, (n_sets, n_points, dim_x), have a spring turned against the mean's, (n_sets,)."""
         return inverted_springs(self.network, points)
@@ -216,7 +224,7 @@ class TissueModel:
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
         q, v = np.arange(half), np.arange(half, n)
-        white = mode.white**2
+        white = self.white_noise(mode) ** 2
         Q[q, q], Q[v, v] = white * dt**3 / 3.0, white * dt
         Q[q, v] = Q[v, q] = white * dt**2 / 2.0
         poke = np.array([_poke_noise(dt, sd, lasting) for sd, lasting in zip(*self.force_noise(mode), strict=True)])
@@ -257,7 +265,7 @@ class TissueModel:
         A[:n, :n] = state_matrix(self.network, shape)
         A[half:n, :half] = _without_growth(A[half:n, :half], self.mass)
         density = np.zeros_like(A)
-        density[range(half, n), range(half, n)] = mode.white**2
+        density[range(half, n), range(half, n)] = self.white_noise(mode) ** 2
         for k, (row, sd, lasting) in enumerate(zip(self.poked_rows, *self.force_noise(mode), strict=True)):
             A[half + row, n + k] = 1.0 / self.mass[row]
             A[n + k, n + k] = -1.0 / lasting

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from estimators.arrays import Floats
-from estimators.filters.mixture import moment_matched
+from estimators.filters.gaussians import moment_matched
 from estimators.filters.motion import ModeBeliefs, Transition
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter

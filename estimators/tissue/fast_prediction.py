@@ -1,10 +1,10 @@
 """The target's predicted path within a tenth of a millisecond, for a live loop: the filter's tables, made once.
 
-About the rest shape the tissue is linear, and each mode moves it by a matrix of its own. Under modes that turn into
-each other at given rates the moments m_i = P(mode i) E[x | i] and S_i = P(mode i) E[x x' | i] then move linearly, too:
-in each cycle they are mixed, m_j <- sum_i M_ij m_i, and moved, m <- F m, S <- F S F' + P(mode) Q. Mean and covariance
-of the target some cycles ahead are therefore a matrix times the moments of now. That matrix is made backwards, as
-adjoint of the cycles, and only its rows for the target are kept.
+About the rest shape the tissue is linear, and each mode moves it by a matrix of its own. Under states that turn into
+each other at given rates the moments m_i = P(state i) E[x | i] and S_i = P(state i) E[x x' | i] then move linearly,
+too: in each cycle they are mixed, m_j <- sum_i M_ij m_i, and moved, m <- F m, S <- F S F' + P(state) Q. Mean and
+covariance of the target some cycles ahead are therefore a matrix times the moments of now. That matrix is made
+backwards, as adjoint of the cycles, and only its rows for the target are kept.
 
 Differs from `TissueFilter.predict_path`: springs are taken as straight, friction as a dashpot of F / sqrt(slip² + v²)
 for a speed v out of a few; second moments are carried exactly where the filter matches moments cycle by cycle.
@@ -37,9 +37,10 @@ class FastPredictionTables:
     """Tables of a filter's predictions for n_times times, cycle_s [s] apart from its state's own on.
 
     rest: the network's state at rest, (n_state,)
-    first: what each mode's first moment makes of the target's mean, (n_speeds, n_times dim, n_modes dim_x)
-    second: what its second moment, the lower triangle, makes of the target's, (n_speeds, n_times pairs, n_modes n_low)
-    noise: and what the odds of now do, (n_speeds, n_times pairs, n_modes)
+    first: what the first moment in each state of the chain makes of the target's mean, (n_speeds, n_times dim,
+        n_states dim_x)
+    second: what its second moment, the lower triangle, makes of the target's, (n_speeds, n_times pairs, n_states n_low)
+    noise: and what the odds of now do, (n_speeds, n_times pairs, n_states)
     pushed: by how much a force on each free coordinate held for a cycle moves the target so many cycles after it began
         [m/N], (n_speeds, n_times, dim, n_free dim)
     """
@@ -100,11 +101,15 @@ def predict_fast(
     covs_now, columns = modes.covs, tissue.mixture.columns
     if columns.shape[2]:  # an error of the calibration moves as any error of the state
         covs_now = covs_now + columns @ columns.swapaxes(1, 2)
-    S = (modes.mu[:, None, None] * (covs_now + away[:, :, None] * away[:, None, :]))[:, low[0], low[1]]
-    first, odds = modes.mu[:, None] * away, modes.mu
-    if (n_branches := tissue.mixture.n_branches) > 1:  # moments of a mode are the sums of those in its branches
-        odds = tissue.mixture.mode_odds
-        first, S = (each.reshape(n_branches, len(odds), -1).sum(axis=0) for each in (first, S))
+    # a state's moments are those of its mode, in all branches
+    chain = tissue.mixture.chain
+    by_branch = chain.odds.reshape(chain.n_branches, -1)
+    second = (covs_now + away[:, :, None] * away[:, None, :])[:, low[0], low[1]]
+    first, S = (
+        np.einsum("bs,bsi->si", by_branch, each.reshape(chain.n_branches, chain.n_modes, -1)[:, chain.of_state])
+        for each in (away, second)
+    )
+    odds = chain.state_odds
     means = (tables.first[level] @ first.ravel()).reshape(k, dim)
     second_moments = tables.second[level] @ S.ravel() + tables.noise[level] @ odds
     a, b = _lower(dim)
@@ -140,12 +145,13 @@ def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:
 def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> tuple[Floats, Floats, Floats, Floats]:
     """The four tables of `FastPredictionTables` at one speed [m/s]: backwards from the target, cycle by cycle."""
     model, settings = tissue.model, tissue.settings
-    cycle, modes, n = settings.mix_s, settings.modes, model.network.n_state
+    cycle, n = settings.mix_s, model.network.n_state
+    forces, of_state = settings.modes, list(settings.of_state)
     n_steps = model.stepper.n_steps(cycle)
     M = small_expm(settings.rates * cycle)
     rate = state_matrix(model.network, shape, speed_m_s=speed)
     Fs, Qs = [], []
-    for mode in modes:
+    for mode in forces:
         A, _ = model.linearised(shape, mode)
         A[:n, :n] = rate
         F, Q = small_expm(A * cycle / n_steps), model.noise(cycle / n_steps, mode)
@@ -154,15 +160,15 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
             total = F @ total @ F.T + Q
         Fs.append(np.linalg.matrix_power(F, n_steps))
         Qs.append(total)
-    F_each, Q_each = np.array(Fs), np.array(Qs)
+    F_each, Q_each = np.array(Fs)[of_state], np.array(Qs)[of_state]
     matrix = tissue.target.matrix
     dim = len(matrix)
-    y = np.zeros((len(modes), dim, model.dim_x))
+    y = np.zeros((len(of_state), dim, model.dim_x))
     y[:, :, : matrix.shape[1]] = matrix
     pairs = list(zip(*np.tril_indices(dim), strict=True))
     Y = np.array([[np.outer(own[a], own[b]) for a, b in pairs] for own in y])
     Y = 0.5 * (Y + Y.swapaxes(2, 3))
-    c = np.zeros((len(modes), len(pairs)))
+    c = np.zeros((len(of_state), len(pairs)))
     first, second, noise = [y], [Y], [c]
     for _ in range(n_times - 1):
         c = M @ (np.einsum("jpab,jab->jp", Y, Q_each) + c)

@@ -33,11 +33,11 @@ from estimators.tissue.prediction import (
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
 from estimators.tissue.start import forget, inflate, mark_speeds, restart_from_marks, restart_from_shape
-from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
+from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, outliers_of, stack_marks
 
 
 class TissueFilter:
-    """Position of the target: unscented filters of the tissue, calm, between pokes and poked, mixed by the marks.
+    """Position of the target: unscented filters of the tissue, quiet, poked and struck, mixed by the marks.
 
     target: the node that is meant, by name, or a point beside it or between several; as an attribute, its map from the
         state, by which every output is made
@@ -65,9 +65,8 @@ class TissueFilter:
         n_calibration: int = 0,
     ) -> None:
         self.n_calibration, network = n_calibration, carried(network)
-        settings = FilterSettings() if settings is None else settings
         self.model, self.settings = model_of(
-            network, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
+            network, marked, settings or FilterSettings(), uncertainty=uncertainty, n_calibration=n_calibration
         )
         self.time_s: float | None = None
         self.health = Health()
@@ -85,7 +84,7 @@ class TissueFilter:
         self._rest = rest_shape(network)
         self._modes = self.settings.modes
         self._forget_s = max(self.settings.forget_s, self.settings.lost_s)
-        self.mixture = mixture_of_modes(self.model, self._modes, self.settings.rates)
+        self.mixture = mixture_of_modes(self.model, self.settings, self._modes)
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
         self._start_cov, self._start_columns = self.mixture.filters[0].P.copy(), self.mixture.columns[0].copy()
         self._model_only_m2 = self.settings.model_only_share * float(np.trace(self.target.cov(self.mixture.P)))
@@ -93,6 +92,7 @@ class TissueFilter:
         self.open_loop = OpenLoopCovariance(
             network, self.target.point, [node for node in marked if node in self._driven], self.settings.quiet.white
         )
+        self._outliers = outliers_of(network, self._rest, self.settings)
         self.marks_scale = VarianceScale(self.settings.marks_bounds)
 
     @property
@@ -155,7 +155,7 @@ class TissueFilter:
         moved = min(dt, self._forget_s)
         if moved < dt:
             forget(self.mixture, self.model, self.settings, self._rest, seconds=dt - moved)
-        force = None if self.time_s is None else known_force(push, self.model, self.time_s + dt - moved)
+        force = known_force(push, self.model, None if self.time_s is None else self.time_s + dt - moved)
         advance(self.mixture, self.model, self._modes, moved, mix_s=self.settings.mix_s, push=force)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
@@ -199,7 +199,7 @@ class TissueFilter:
         By the poked mode, not by the mixture: see `expected_place`.
         """
         own = None if shared is None else self.model.among_columns(shared)
-        return expected_place(self.mixture, self._places[node], own)
+        return expected_place(self.mixture, self._places[node], own, self.settings)
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """As `expected`, had an impulse on the node followed just after its mark was last taken in.
@@ -256,14 +256,14 @@ class TissueFilter:
         if starting:
             self._start(self.time_s, accepted, stacked)
             return self._estimate(self.time_s, len(accepted), found.nis)
-        self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared)
+        self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
+        least, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
         self.mixture.prune(self.settings.least_odds)
         branch_at_elbows(self.mixture, self.model.network, self._elbows, self.settings.gate)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)
-        least = min(f.nis for f in self.mixture.filters)
-        self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings)
+        self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings, blow=blow)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
             self._refuted(self.time_s, accepted, stacked)
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)

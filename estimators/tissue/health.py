@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 
@@ -12,6 +13,11 @@ LEAST_FRAMES = 2
 """Frames whose innovations are tested together, at least: the fewest that are together; one is for the gate."""
 
 
+MANY_BLOWS = 2.5
+"""Blows within test_s, by the sum of their probabilities, that explain nothing any more; numerical: two, and a half for
+what is left of a third's doubt."""
+
+
 @dataclass(frozen=True, slots=True)
 class Health:
     """What is known of the filter's health after a frame.
@@ -19,23 +25,27 @@ class Health:
     status: see `Status`
     since_s: time [s] since which marks have been taken in without a gap that lost the target; None before the first
     seen_s: when a mark was last taken in [s], -inf before the first
-    innovations: (time [s], NIS, degrees of freedom) of the frames in the test
+    innovations: (time [s], NIS, degrees of freedom, probability of a blow) of the frames in the test
     """
 
     status: Status = Status.INITIALISING
     since_s: float | None = None
     seen_s: float = -inf
-    innovations: tuple[tuple[float, float, int], ...] = ()
+    innovations: tuple[tuple[float, float, int, float], ...] = ()
 
 
-def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings) -> Health:
+def after_frame(
+    health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings, blow: float = 0.0
+) -> Health:
     """The health after a frame that brought marks of this NIS and so many coordinates, or none (nis None).
+
+    blow: probability that one has just struck the tissue
 
     INITIALISING until marks were taken in for confirm_s: one frame shows no velocity. Then TRACKING with each frame
     that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
-    further apart than lost_s but bring marks lose nothing. DIVERGED as soon as
-    the innovations of test_s are too large together, in any of these; the filter then starts anew, and after test_s
-    of marks that fit the target is tracked again.
+    further apart than lost_s but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
+    together, or ever new blows are to explain them, in any of these; the filter then starts anew, and after test_s of
+    marks that fit the target is tracked again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -43,9 +53,10 @@ def after_frame(health: Health, time_s: float, nis: float | None, degrees: int, 
     since_s = time_s if lost or health.since_s is None else health.since_s
     kept = () if lost else health.innovations
     recent = tuple(entry for entry in kept if entry[0] > time_s - settings.test_s) or kept[1 - LEAST_FRAMES :]
-    innovations = (*recent, (time_s, nis, degrees))
+    innovations = (*recent, (time_s, nis, degrees, blow))
     known = Health(health.status, since_s, time_s, innovations)
-    if len(innovations) >= LEAST_FRAMES and diverged(innovations, settings.test_sigmas):
+    struck = sum(entry[3] for entry in innovations) > MANY_BLOWS
+    if len(innovations) >= LEAST_FRAMES and (struck or diverged(innovations, settings.test_sigmas)):
         return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
@@ -61,7 +72,7 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
     return Status.DIVERGED if health.status is Status.DIVERGED else Status.COASTING
 
 
-def diverged(innovations: tuple[tuple[float, float, int], ...], sigmas: float) -> bool:
+def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
     """Whether the sum of these NIS lies further out than so many standard deviations of a normal variable.
 
     Sums of NIS are chi-square; Wilson and Hilferty's cube root makes them normal [wilson1931].

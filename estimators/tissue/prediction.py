@@ -8,9 +8,9 @@ from functools import cache
 
 import numpy as np
 
-from dynamics import SAME_STEP
 from estimators.arrays import Floats
-from estimators.filters.mixture import InteractingMixture, moment_matched
+from estimators.filters.gaussians import moment_matched
+from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.process.known_force import ForceHistory, KnownForce
@@ -18,7 +18,7 @@ from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import GaussianMixture
-from estimators.tissue.settings import N_QUIET, stationary
+from estimators.tissue.settings import FilterSettings, stationary
 from estimators.tissue.snapshot import unchanged
 
 
@@ -54,8 +54,8 @@ def linearised_cycles(
     return cycle
 
 
-def mixture_of_modes(model: TissueModel, modes: Sequence[ForceMode], rates: Floats) -> InteractingMixture:
-    """A filter for each of these modes, which turn into each other at these rates [1/s], at their long-run odds."""
+def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequence[ForceMode]) -> InteractingMixture:
+    """A filter for each of the settings' modes, at their long-run odds."""
     filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
     move = Move(
         points=lambda points, dt: propagate_points(model, points, dt, in_branches(modes, len(points))),
@@ -63,7 +63,7 @@ def mixture_of_modes(model: TissueModel, modes: Sequence[ForceMode], rates: Floa
         turned=model.turned,
         linear=linearised_cycles(model, modes) if is_linearised(model) else None,
     )
-    return InteractingMixture(filters, stationary(rates), rates, move)
+    return InteractingMixture(filters, stationary(settings.rates), settings.rates, move, settings.of_state)
 
 
 def advance(
@@ -75,8 +75,8 @@ def advance(
     mix_s: float,
     push: KnownForce | None = None,
 ) -> None:
-    """Move every mode ahead by dt [s], more than 0, mixed at least every mix_s [s], under a known force if given."""
-    n = max(1, int(np.ceil(dt / mix_s * (1.0 - SAME_STEP))))
+    """Move every mode ahead by dt [s], more than 0, mixed about every mix_s [s], under a known force if given."""
+    n = max(1, round(dt / mix_s))
     step = dt / n / model.stepper.n_steps(dt / n)
     own = in_branches(modes, len(mixture.filters))
     if mixture.move.linear is None:
@@ -111,15 +111,17 @@ def later_times(times_s: Sequence[float] | Floats, now_s: float | None) -> tuple
 
 def target_by_modes(mixture: InteractingMixture, target: TargetMap, move: Callable[[], None]) -> GaussianMixture:
     """The target after a move, of each mode of now and each of then by itself: n_modes² Gaussians; all is set back."""
-    parts = []
+    parts, odds = [], mixture.mu
     with unchanged(mixture) as now:
         for k, (mean, cov) in enumerate(now.moments):
+            if mixture.chain.resume(now.odds):
+                mixture.make_room()
             mixture.restart(mean, cov, now.columns[k])
             mixture.mu = np.eye(len(mixture.mu))[k % len(mixture.mu)]
             move()
             modes, columns = mixture.beliefs(), target.linear(mixture.columns)
             covs = target.cov(modes.covs) + columns @ columns.swapaxes(1, 2)
-            parts.append((now.mu[k] * modes.mu, target.position(modes.means), covs))
+            parts.append((odds[k] * modes.mu, target.position(modes.means), covs))
     weights, means, covs = (np.concatenate(each) for each in zip(*parts, strict=True))
     return GaussianMixture(weights / weights.sum(), means, covs)
 
@@ -138,19 +140,23 @@ def target_path(
     return means, covs
 
 
-def expected_place(mixture: InteractingMixture, place: slice, shared: Floats | None) -> tuple[Floats, Floats]:
-    """Mean [m] and covariance [m²] of these coordinates by the poked mode in which they are the most uncertain.
+def expected_place(
+    mixture: InteractingMixture, place: slice, shared: Floats | None, settings: FilterSettings
+) -> tuple[Floats, Floats]:
+    """Mean [m] and covariance [m²] of these coordinates by the mode in which they are the most uncertain.
 
     shared: what each column moves the mark there by, (dim, n_columns); None for the node itself. Not of the mixture: a
     poke that begins is improbable before it is seen, and a gate drawn by the mixture would reject the very marks that
-    show it. Of several branches, what is so expected in each is merged.
+    show it. Modes among blows count where they are more probable than an outlier, which else explains the same marks.
+    Of several branches, what is so expected in each is merged.
     """
     own = np.zeros((len(mixture.filters[0].x[place]), mixture.columns.shape[2])) if shared is None else shared
-    found = []
+    found, odds = [], mixture.mode_odds
+    possible = [k for k, each in enumerate(odds) if k < settings.n_usual or each >= settings.outlier_odds]
     for branch in np.arange(len(mixture.filters)).reshape(mixture.n_branches, -1):
-        poked = max(branch[N_QUIET:], key=lambda mode: float(np.trace(mixture.filters[mode].P[place, place])))
-        columns = mixture.columns[poked][place] + own
-        f = mixture.filters[poked]
+        widest = max(branch[possible], key=lambda mode: float(np.trace(mixture.filters[mode].P[place, place])))
+        columns = mixture.columns[widest][place] + own
+        f = mixture.filters[widest]
         found.append((f.x[place].copy(), f.P[place, place] + columns @ columns.T))
     if len(found) == 1:
         return found[0]

@@ -9,10 +9,6 @@ import numpy as np
 from estimators.arrays import Floats
 from estimators.process.process_model import FixBias, ForceMode
 
-N_QUIET = 2
-"""Modes in which nobody pokes: calm, and between; they come first."""
-
-
 QUIET_WHITE, POKED_WHITE = 0.3, 1.0
 """Acceleration noise of stiff or large bodies [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"."""
 
@@ -24,15 +20,23 @@ LED = ForceMode(white=5.0, poke=50.0, lasting_s=0.1)
 class FilterSettings:
     """What the filter assumes about forces that it cannot see, and where its gate and its tests stand.
 
-    Three modes: calm, where nobody pokes; between, where somebody does but not now; poked. The first two have the same
-    forces and differ in how soon a poke may come, so that the filter learns whether pokes are about.
+    Which forces act is told by a chain of states: calm, where nobody pokes; between, where somebody does but not now;
+    poked; and apart from these struck, entered by the first blow, with a between and a poked of its own where blows are
+    about. Calm and between have the same forces and differ in what comes next, so that the filter learns whether pokes
+    are about. Where blows are about beliefs are as wide as blows are strong: a thousandth of that among the usual ones
+    would have them explain what they cannot, so all states are modes. Of a stiff or large body, which is led where
+    others are struck, calm and between share one, for time.
 
     quiet, poked: forces without and with a poke; source: fields of `ForceMode`
+    jolt: acceleration noise of a blow on each node that may be poked, beside the poke [m/s²/sqrt(Hz)]; choice
     led: forces on nodes that a hand leads against any weight, as fast as it likes; None: nobody does; source: fields of
-        `ForceMode`
+        `ForceMode`. Of a body that is led no blows are expected beside: `led` covers them
     led_nodes: marked nodes that a hand is known to lead, all the time; then no other is led; source: the scene
-    calm_s, between_s, poked_s: mean duration of each mode [s]; choice
-    calm_share: share of the pokes after which there is calm [1]; choice
+    calm_s, between_s, poked_s: mean duration of calm, between pokes, or blows, where they are about, of a poke [s];
+        choice
+    unstruck_s: mean time until the first blow [s]; choice
+    calm_share: share of the pokes, or blows, after which no more are about [1]; choice
+    outlier_odds: of a mark to be anywhere in the tissue's reach [1]; choice
     impulse_m_s: a node's velocity may change by this at once [m/s]; choice
     impulse_s: for so long, then the springs have it back; marks are expected that far away [s]; choice
     gate: squared Mahalanobis distance beyond which a mark is rejected [1]; source: chi-square, 2 dof, 99.999 %
@@ -45,9 +49,9 @@ class FilterSettings:
     test_sigmas: standard deviations of a normal variable at which they have diverged [1]; choice
     inflation: factor on a start's covariance that is added to the state after a divergence [1]; choice
     model_only_share: share of the variance without marks above which the model alone speaks [1]; choice
-    mix_s: the modes are mixed at least this often [s]; choice
-    one_of: so many marked nodes are poked one at a time, a poked mode for each; 0: any, all in one mode [1]; source:
-        the scene
+    mix_s: the modes are mixed about this often, at least once a frame; so long a blow lasts [s]; choice
+    one_of: so many marked nodes are poked one at a time, a poked mode for each, none struck; 0: any, all in one mode
+        [1]; source: the scene
     marks_bounds: factors on the variances of the marks between which they adapt to innovations; (1, 1): not [1];
         source: the scene
     fix_bias: the error that fixes of the target have in common; None where none are to come; source: the scene
@@ -58,12 +62,15 @@ class FilterSettings:
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)
+    jolt: float = 12.0
     led: ForceMode | None = None
     led_nodes: tuple[str, ...] = ()
     calm_s: float = 100.0
     between_s: float = 1.5
     poked_s: float = 0.3
+    unstruck_s: float = 1e4
     calm_share: float = 0.05
+    outlier_odds: float = 1e-4
     impulse_m_s: float = 1.0
     impulse_s: float = 0.05
     gate: float = 23.03
@@ -82,13 +89,39 @@ class FilterSettings:
     strain_sd: float = 0.01
 
     @property
+    def strikes(self) -> bool:
+        """Whether blows have a mode: not of a body that is led, nor where nodes are known to be poked one at a time."""
+        return self.led is None and not self.one_of
+
+    @property
     def modes(self) -> tuple[ForceMode, ...]:
-        """What calm, between, poked and led assume of the force; poked once, or once for each of `one_of` nodes."""
-        led = (self.led,) if self.led is not None and not self.led_nodes else ()
-        if not self.one_of:
-            return (self.quiet, self.quiet, self.poked, *led)
-        one = (replace(self.poked, only=k, others=self.quiet) for k in range(self.one_of))
-        return (self.quiet, self.quiet, *one, *led)
+        """Forces calm, between, poked, these last two again among blows, and struck; poked once for each of `one_of`.
+
+        Of a body that is led: quiet, poked, led.
+        """
+        one = tuple(replace(self.poked, only=k, others=self.quiet) for k in range(self.one_of))
+        usual = (self.quiet, *(one or (self.poked,)))
+        if self.strikes:
+            return (self.quiet, *usual, *usual, replace(self.poked, jolt=self.jolt))
+        if self.led is None:
+            return (self.quiet, *usual)
+        return usual if self.led_nodes else (*usual, self.led)
+
+    @property
+    def n_usual(self) -> int:
+        """How many of the modes, the first, are not among blows."""
+        return 3 if self.strikes else len(self.modes)
+
+    @property
+    def of_state(self) -> tuple[int, ...]:
+        """Mode of each state of the chain: calm, between, and the others one by one, as `modes` has them."""
+        others = range(len(self.modes))
+        return tuple(others) if self.led is None else (0, *others)
+
+    @property
+    def quiet_modes(self) -> tuple[int, ...]:
+        """Places of the modes in which nobody pokes."""
+        return (0, 1, 3) if self.strikes else tuple(dict.fromkeys(self.of_state[:2]))
 
     @property
     def leading(self) -> ForceMode:
@@ -97,19 +130,25 @@ class FilterSettings:
 
     @property
     def rates(self) -> Floats:
-        """How often each mode turns into each other [1/s], (n_modes, n_modes), rows summing to zero."""
-        modes = self.modes
-        n = len(modes)
-        n_poked = n - N_QUIET
-        rates = np.zeros((n, n))
-        rates[0, N_QUIET:] = 1.0 / self.calm_s / n_poked
-        rates[1, N_QUIET:] = 1.0 / self.between_s / n_poked
-        rates[N_QUIET:, 0] = self.calm_share / self.poked_s
-        rates[N_QUIET:, 1] = (1.0 - self.calm_share) / self.poked_s
-        if modes[-1] is self.led:
+        """How often each state turns into each other [1/s], (n_states, n_states), rows summing to zero."""
+        n_poked, n = max(self.one_of, 1), len(self.of_state)
+        rates, last = np.zeros((n, n)), n - 1
+        calm, between, poked = 0, 1, slice(2, 2 + n_poked)
+        rates[calm, poked] = 1.0 / self.calm_s / n_poked
+        rates[between, poked] = 1.0 / self.between_s / n_poked
+        rates[poked, calm] = self.calm_share / self.poked_s
+        rates[poked, between] = (1.0 - self.calm_share) / self.poked_s
+        if self.strikes:
+            own = slice(poked.stop, last)
+            rates[own, own] = rates[between : poked.stop, between : poked.stop]
+            rates[own, : poked.stop][range(1 + n_poked), range(between, poked.stop)] = self.calm_share / self.between_s
+            rates[: poked.stop, last] = 1.0 / self.unstruck_s
+            rates[own, last] = 1.0 / self.between_s
+            rates[last, poked.stop] = 1.0 / self.mix_s
+        elif self.led is not None and not self.led_nodes:
             # a hand that leads is slow, then fast
-            rates[N_QUIET:-1, -1] = 1.0 / self.poked_s
-            rates[-1, N_QUIET:-1] = 1.0 / self.poked_s / (n_poked - 1)
+            rates[poked, last] = 1.0 / self.poked_s
+            rates[last, poked] = 1.0 / self.poked_s / n_poked
         return rates - np.diag(rates.sum(axis=1))
 
     def for_stiff_or_large(self) -> FilterSettings:
@@ -124,8 +163,19 @@ class FilterSettings:
         return float(np.exp(-0.5 * self.gate))
 
     def poked_share(self, odds: Floats) -> float:
-        """Probability that somebody pokes, of the odds of the modes, (n_branches n_modes,)."""
-        return float(np.reshape(odds, (-1, len(self.modes)))[:, N_QUIET:].sum())
+        """Probability that somebody pokes or strikes, of the odds of the modes, (n_branches n_modes,)."""
+        by_mode = np.reshape(odds, (-1, len(self.modes))).sum(axis=0)
+        return float(by_mode.sum() - by_mode[list(self.quiet_modes)].sum())
+
+    def blow_share(self, odds: Floats) -> float:
+        """Probability of a blow, of the odds of the modes, (n_modes,)."""
+        return float(odds[-1]) if self.strikes else 0.0
+
+    @property
+    def long_run_poked(self) -> float:
+        """Probability, in the long run, that somebody pokes or strikes."""
+        by_mode = np.bincount(self.of_state, stationary(self.rates))
+        return self.poked_share(by_mode.astype(np.float64))
 
 
 def stationary(rates: Floats) -> Floats:

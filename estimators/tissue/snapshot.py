@@ -20,14 +20,15 @@ from estimators.tissue.health import Health
 class MixtureState:
     """The state of a bank of filters.
 
-    moments: mean (n,) and covariance (n, n) of each mode; columns (n_modes, n, n_columns); mu: probabilities (n_modes,)
+    moments: mean (n,) and covariance (n, n) of each mode; columns (n_modes, n, n_columns)
+    odds: of the states of the chain, (n_states,)
     mean, cov: of the whole mixture, (n,), (n, n); repairs: counts of numerical repairs
     cycle: the prediction that no update has followed yet, of a linearised motion
     """
 
     moments: tuple[tuple[Floats, Floats], ...]
     columns: Floats
-    mu: Floats
+    odds: Floats
     mean: Floats
     cov: Floats
     repairs: Counter[str]
@@ -65,17 +66,17 @@ def mixture_state(mixture: InteractingMixture) -> MixtureState:
     """The state of a mixture, for `restore_mixture`; arrays are shared, for updates replace and never write them."""
     moments = tuple((f.x, f.P) for f in mixture.filters)
     return MixtureState(
-        moments, mixture.columns, mixture.mu, mixture.x, mixture.P, mixture.repairs.copy(), mixture.cycle
+        moments, mixture.columns, mixture.chain.odds, mixture.x, mixture.P, mixture.repairs.copy(), mixture.cycle
     )
 
 
 def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
     """Set a mixture back to a state that it had."""
-    if len(state.moments) != len(mixture.filters):
-        mixture.set_branches(len(state.moments) * mixture.n_branches // len(mixture.filters))
+    if mixture.chain.resume(state.odds):
+        mixture.make_room()
     for f, (x, P) in zip(mixture.filters, state.moments, strict=True):
         f.x, f.P = x, P
-    mixture.columns, mixture.mu, mixture.x, mixture.P = state.columns, state.mu, state.mean, state.cov
+    mixture.columns, mixture.x, mixture.P = state.columns, state.mean, state.cov
     mixture.repairs, mixture.cycle = state.repairs.copy(), state.cycle
 
 

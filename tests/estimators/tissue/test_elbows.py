@@ -143,7 +143,7 @@ def test_a_gap_forgets_both_sides():
     tissue.predict(tissue.time_s + 10.0)
     assert tissue.mixture.n_branches == 1
     assert tissue.health.status is Status.LOST
-    assert len(tissue.mixture.mu) == 4
+    assert len(tissue.mixture.mu) == 3
     np.testing.assert_allclose(tissue.mixture.mu.sum(), 1.0, rtol=1e-12)
     np.testing.assert_array_equal(tissue.update([]).mean, there.mean)
 
@@ -157,8 +157,8 @@ def test_a_snapshot_keeps_both_sides():
         tissue.predict(time_s)
         found[k] = tissue.update(marks)
     counts = [len(one.mixture.moments) for one in kept.values()]
-    assert {4, 8} == set(counts)
-    for start in (counts.index(8), counts.index(8) - 1, len(counts) - 1):
+    assert {3, 6} == set(counts)
+    for start in (counts.index(6), counts.index(6) - 1, len(counts) - 1):
         tissue.restore(kept[start])
         for k in range(start, min(start + 5, len(frames))):
             tissue.predict(frames[k][0])

@@ -23,7 +23,7 @@ MARK_SD = 4.14e-3
 EVERY = 4
 """Steps of 1/120 s to a frame: 30 frames/s."""
 
-ONE_MODE = FilterSettings(quiet=FilterSettings().poked)
+ONE_MODE = FilterSettings(quiet=FilterSettings().poked, jolt=0.0)
 """All three modes alike: a single unscented filter."""
 
 

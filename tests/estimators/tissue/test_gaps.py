@@ -27,7 +27,7 @@ def swinging(phantom, rest_state, marks_of, settings):
 @pytest.mark.slow
 @pytest.mark.parametrize("gap_s", [6.0, 10.0, 30.0])
 def test_a_gap_that_is_skipped_leaves_what_an_integrated_one_does(phantom, rest_state, marks_of, gap_s):
-    """Mean of the target to 0.02 mm, its sigmas to 1 %, the odds of the modes to 1e-9, the bias to a tenth of its sd.
+    """Mean of the target to 0.05 mm, its sigmas to 1 %, the odds of the modes to 1e-9, the bias to a tenth of its sd.
 
     Not to rounding: 5 s are integrated from a start at rest, of which the tissue keeps less than 1 % so long.
     """
@@ -39,7 +39,7 @@ def test_a_gap_that_is_skipped_leaves_what_an_integrated_one_does(phantom, rest_
     assert skipped.repairs["forgotten"] == 1
     assert whole.repairs["forgotten"] == 0
     a, b = (tissue.target.position(tissue.mixture.x) for tissue in (whole, skipped))
-    np.testing.assert_allclose(b, a, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(b, a, rtol=0, atol=5e-5)
     A, B = (np.sqrt(np.diag(tissue.target.cov(tissue.mixture.P))) for tissue in (whole, skipped))
     np.testing.assert_allclose(B, A, rtol=0.01)
     np.testing.assert_allclose(skipped.mixture.mu, whole.mixture.mu, rtol=0, atol=1e-9)

@@ -133,17 +133,17 @@ def test_a_poke_that_may_have_been_blurs_no_history_without_one(followed):
     Its poked mode is a metre beside, at odds of a half. Odds by exp(rates t); 1e-12 of a metre, 1e-9.
     """
     mixture, at = followed.mixture, followed.time_s + 1 / 30
-    mixture.mu = np.array([0.0, 0.5, 0.5])
+    mixture.mu = np.array([0.0, 0.5, 0.5, 0.0, 0.0, 0.0])
     mixture.filters[2].x = mixture.filters[2].x.copy()
     mixture.filters[2].x[followed.model.network.coordinates(HIDDEN)] += 1.0
     said = followed.predict_modes(at)
-    never = replace(followed.settings, calm_s=1e12, between_s=1e12)
+    never = replace(followed.settings, calm_s=1e12, between_s=1e12, unstruck_s=1e12)
     alone = TissueFilter(followed.model.network, HIDDEN, OUTER, never)
     alone.restore(followed.snapshot())
-    alone.mixture.mu = np.array([0.0, 1.0, 0.0])
+    alone.mixture.mu = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     alone.mixture.restart(mixture.filters[1].x, mixture.filters[1].P)
     expected = alone.predict_at(at)
-    history = 3 + 1
+    history = 6 + 1
     np.testing.assert_allclose(said.means[history], expected.mean, rtol=0, atol=1e-12)
     np.testing.assert_allclose(said.covs[history], expected.cov, rtol=1e-9, atol=1e-15)
     stays = expm(followed.settings.rates / 30)[1, 1]

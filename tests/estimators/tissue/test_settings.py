@@ -1,21 +1,61 @@
 """Rates of the modes that follow from the settings."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from estimators import FilterSettings
 
 
 def test_odds_of_the_modes():
-    """Rates: rows sum to zero, 1/100 and 1/1.5 a second into a poke, 1/0.3 out of it, 5 % of that into calm."""
+    """Rates: rows sum to zero, 1/100 and 1/1.5 a second into a poke, 1/0.3 out of it, 5 % of that into calm.
+
+    From any of them once in 10,000 s a blow of 1/30 s; then the same between pokes and poked, with a blow every 1.5 s
+    and back after twenty of these.
+    """
     rates = FilterSettings().rates
     np.testing.assert_allclose(rates.sum(axis=1), 0.0, atol=1e-15)
-    expected = [[-1 / 100, 0, 1 / 100], [0, -1 / 1.5, 1 / 1.5], [0.05 / 0.3, 0.95 / 0.3, -1 / 0.3]]
-    np.testing.assert_allclose(rates, expected, rtol=1e-14)
+    off = np.array(
+        [
+            [0, 0, 1 / 100, 0, 0, 1e-4],
+            [0, 0, 1 / 1.5, 0, 0, 1e-4],
+            [0.05 / 0.3, 0.95 / 0.3, 0, 0, 0, 1e-4],
+            [0, 0.05 / 1.5, 0, 0, 1 / 1.5, 1 / 1.5],
+            [0, 0, 0.05 / 1.5, 0.95 / 0.3, 0, 1 / 1.5],
+            [0, 0, 0, 30.0, 0, 0],
+        ]
+    )
+    np.testing.assert_allclose(rates - np.diag(np.diag(rates)), off, rtol=1e-14)
 
 
 def test_where_led_nodes_are_stated_no_other_is_led():
-    """Three modes of a stiff body in place of four, between which the rates keep probability."""
+    """Two modes of a stiff body in place of three, between which the rates keep probability."""
     stated = FilterSettings(led_nodes=("grip",)).for_stiff_or_large()
-    assert len(FilterSettings().for_stiff_or_large().modes) == 4
-    assert stated.modes == (stated.quiet, stated.quiet, stated.poked)
-    np.testing.assert_allclose(stated.rates, FilterSettings().rates, rtol=1e-14)
+    assert len(FilterSettings().for_stiff_or_large().modes) == 3
+    assert stated.modes == (stated.quiet, stated.poked)
+    assert stated.of_state == (0, 0, 1)
+    np.testing.assert_allclose(stated.rates, FilterSettings(unstruck_s=np.inf).rates[:3, :3], rtol=1e-14)
+
+
+def test_blows_have_modes_of_their_own_where_nothing_explains_them():
+    """The strongest force, in the last mode, is as strong as a poke but for its jolt; no other has one.
+
+    Not of a body that is led, nor where masses are known to be poked one at a time.
+    """
+    settings = FilterSettings()
+    assert settings.of_state == tuple(range(6))
+    assert settings.quiet_modes == (0, 1, 3)
+    assert [mode.jolt for mode in settings.modes] == [0.0] * 5 + [settings.jolt]
+    assert replace(settings.modes[-1], jolt=0.0) == settings.poked
+    assert settings.poked_share(np.array([0.1, 0.2, 0.3, 0.05, 0.15, 0.2])) == pytest.approx(0.65)
+    assert settings.blow_share(np.array([0.1, 0.2, 0.3, 0.05, 0.15, 0.2])) == 0.2
+    for other in (settings.for_stiff_or_large(), FilterSettings(one_of=3)):
+        assert not any(mode.jolt for mode in other.modes)
+        assert other.blow_share(np.full(len(other.modes), 1.0 / len(other.modes))) == 0.0
+
+
+def test_long_run_odds_of_a_poke():
+    """Of calm 100 s, between 1.5 s and poked 0.3 s without blows: 0.3 s of a cycle of 0.05 100 + 0.95 1.5 + 0.3 s."""
+    cycle = 0.05 * 100.0 + 0.95 * 1.5 + 0.3
+    assert FilterSettings(unstruck_s=np.inf).long_run_poked == pytest.approx(0.3 / cycle, rel=1e-9)

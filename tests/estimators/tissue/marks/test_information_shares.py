@@ -9,7 +9,7 @@ from dynamics import HIDDEN, OUTER, independent_uncertainty, parameters, scale_p
 from estimators import FilterSettings, OpenLoopCovariance, TissueFilter, coverage, fixed_interval
 
 USUAL = FilterSettings()
-ONE_MODE = replace(USUAL, quiet=USUAL.poked)
+ONE_MODE = replace(USUAL, quiet=USUAL.poked, jolt=0.0)
 
 
 def followed(tissue, network, state, marks_of, frames=30, sd=0.00414, seed=0):
