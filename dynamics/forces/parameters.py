@@ -65,6 +65,15 @@ class ParameterUncertainty:
         """Covariance of the logs of the constants, (n_parameters, n_parameters)."""
         return self.directions.T @ self.directions
 
+    def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
+        """Both of two independent uncertainties: the directions of each, over the constants of either."""
+        place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
+        n_own = len(self.directions)
+        directions = np.zeros((n_own + len(other.directions), len(place)))
+        directions[:n_own, [place[parameter] for parameter in self.parameters]] = self.directions
+        directions[n_own:, [place[parameter] for parameter in other.parameters]] = other.directions
+        return ParameterUncertainty(tuple(place), directions)
+
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
     """Every one of these constants known to so much by itself: relative standard deviations, one or (n_parameters,)."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from dynamics import (
+    ImplicitStepper,
     MassSpringNetwork,
     NetworkError,
     ParameterForces,
@@ -102,7 +103,7 @@ class LinearFilter:
         self.network = quasi_static(network, frame_s)
         n, n_columns = network.n_state, len(uncertainty.directions)
         self.x, self.P, self.columns = np.zeros(n), np.zeros((n, n)), np.zeros((n, n_columns))
-        self._stepper = Stepper(self.network)
+        self._stepper, self._implicit = Stepper(self.network), ImplicitStepper(self.network)
         self._uncertainty = uncertainty
         self._small = n <= MOST_DIFFERENCED
         self._others: list[Stepper] = []
@@ -118,6 +119,8 @@ class LinearFilter:
         for node in marked:
             # the density at low frequencies of a force that is correlated over lasting_s
             poke[n // 2 + np.array(self._rows[node])] = 2.0 * settings.poked.poke**2 * settings.poked.lasting_s
+        for node in settings.led_nodes:
+            calm[n // 2 + np.array(self._rows[node])] = 2.0 * settings.leading.poke**2 * settings.leading.lasting_s
         self._densities = (calm, poke)
         self._about: tuple[float, Floats, _Step] | None = None
 
@@ -153,13 +156,14 @@ class LinearFilter:
         if poked:
             P = P + step.poked
             inverse = _inverse_root(P[np.ix_(rows, rows)] + R)
-        whitened = inverse @ P[rows]
-        gain = whitened.T @ inverse
+        gain = (inverse @ P[rows]).T @ inverse
         innovation_columns = columns[rows]
         self.x = x + gain @ y
         self.columns = columns - gain @ innovation_columns
-        P = P - whitened.T @ whitened
-        self.P = 0.5 * (P + P.T)
+        # Joseph's form: of what marks leave almost nothing of, a difference is rounding
+        kept = P - gain @ P[rows]
+        kept = kept - kept[:, rows] @ gain.T + gain @ R @ gain.T
+        self.P = 0.5 * (kept + kept.T)
         normalised = inverse @ y
         log = np.log(np.diag(inverse)).sum() - 0.5 * (normalised @ normalised + len(y) * np.log(2.0 * np.pi))
         return NormalisedInnovation(normalised, inverse @ innovation_columns, float(log), poked)
@@ -175,15 +179,19 @@ class LinearFilter:
     def _moved(self, dt: float) -> tuple[Floats, Floats, _Step]:
         """Mean and columns dt [s] later, and the step.
 
-        Of a small network by differences of its motion; of a large one by the linear motion about the last shape.
+        Of a small network by differences of its motion; of a large one by implicit steps and their matrices half way.
         """
-        step = self._linearised(dt)
+        n = len(self.x)
         if not self._small:
-            x = self._stepper.advance(self.x[None], dt)[0]
+            none = np.zeros((1, n // 2))
+            half_way = self._implicit.advance(self.x[None], 0.5 * dt, none)
+            x, tangent = self._implicit.advance(half_way, 0.5 * dt, none)[0], self._implicit.linearised(half_way, dt)
+            F, made = tangent.F[0], tangent.half[0][:, n // 2 :]
+            calm, poked = ((made * (dt * density[n // 2 :])) @ made.T for density in self._densities)
             # of the start and the end of the step
             forces = 0.5 * self._uncertainty.directions @ (self._forces(self.x) + self._forces(x))
-            return x, step.F @ self.columns + step.effect @ forces.T, step
-        n = len(self.x)
+            return x, F @ self.columns + tangent.by_force[0] @ forces.T, _Step(F, calm, poked, tangent.by_force[0])
+        step = self._linearised(dt)
         offsets = OFFSET * np.eye(n)
         moved = self._stepper.advance(np.vstack([self.x[None], self.x + offsets, self.x - offsets]), dt)
         x, F = moved[0], (moved[1 : n + 1] - moved[n + 1 :]).T / (2.0 * OFFSET)

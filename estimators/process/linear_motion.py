@@ -32,7 +32,7 @@ five times 19."""
 
 def is_linearised(model: TissueModel) -> bool:
     """Whether a network is moved so: stability would shorten the filter's steps, or it has many states."""
-    return model.stepper.max_step_s < LONGEST_STEP or model.network.n_state > MANY_STATES
+    return model.stiff or model.stepper.max_step_s < LONGEST_STEP or model.network.n_state > MANY_STATES
 
 
 class LinearisedTissue:

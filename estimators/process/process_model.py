@@ -77,6 +77,7 @@ class TissueModel:
         moved by no force of their own
     bias: of fixes of the target, if there are to be any
     hidden_share: of a poke, what may act on each free node that is not marked [1]; none at 0
+    stiff: whether implicit steps and matrices move it whatever the network
     led: marked nodes that are led by these forces whatever the mode; raises ValueError where one is not marked
     dim_x: the network's state, one poke for each coordinate of a node that is poked, and the bias
     push: the known force that acts while points are moved, None where there is none
@@ -92,8 +93,9 @@ class TissueModel:
         n_calibration: int = 0,
         led: tuple[Sequence[str], ForceMode] | None = None,
         hidden_share: float = 0.0,
+        stiff: bool = False,
     ) -> None:
-        self.network = network
+        self.network, self.stiff = network, stiff
         self.stepper = Stepper(network, LONGEST_STEP)
         self.bias = bias
         hidden = [network.names[i] for i in network.free if network.names[i] not in marked] if hidden_share else []

@@ -64,10 +64,9 @@ class TissueFilter:
         uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
     ) -> None:
-        self.n_calibration, network = n_calibration, carried(network)
-        self.model, self.settings = model_of(
-            network, marked, settings or FilterSettings(), uncertainty=uncertainty, n_calibration=n_calibration
-        )
+        self.n_calibration, given = n_calibration, settings or FilterSettings()
+        told = model_of(carried(network), marked, given, uncertainty=uncertainty, n_calibration=n_calibration)
+        (self.model, self.settings), network = told, told[0].network
         self.time_s: float | None = None
         self.health = Health()
         self.rejected: Counter[str] = Counter()

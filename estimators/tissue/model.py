@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, strain_uncertainty
+import numpy as np
+
+from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape, strain_uncertainty
 from estimators.process.linear_motion import is_linearised
 from estimators.process.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
+
+GRAVITY = 9.81
+"""Of a weight by which a link's load is judged, in whatever direction the body hangs [m/s²]."""
+
+STIFFEST = 3.0
+"""Stiffness of a link by that which the weight of the whole body stretches by `strain_sd` [1]; choice, its cost in
+docs/settings.md."""
+
+SHORTEST_M = 1e-9
+"""Of a link, so that none divides by nothing [m]; numerical."""
 
 
 def model_of(
@@ -21,17 +34,43 @@ def model_of(
 ) -> tuple[TissueModel, FilterSettings]:
     """The model of a network with these marked nodes, and the settings for it.
 
-    Of a stiff or large body constants without uncertainty are off by a strain, hidden nodes are poked, too, and any
-    node may be led where the settings name none that are. Raises ValueError for settings that do not fit the marked
-    nodes.
+    Of a stiff or large body constants are off by a strain beside what is known of them, and links no stiffer than that
+    lets them be; hidden nodes are poked, too, and any node may be led where the settings name none that are. Raises
+    ValueError for settings that do not fit the marked nodes.
     """
     if settings.one_of not in (0, len(marked)):
         raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {settings.one_of}")
     led = (settings.led_nodes, settings.leading) if settings.led_nodes else None
-    model_with = partial(TissueModel, network, marked, bias=settings.fix_bias, n_calibration=n_calibration, led=led)
-    model = model_with(uncertainty=uncertainty)
+    model_with = partial(TissueModel, marked=marked, bias=settings.fix_bias, n_calibration=n_calibration, led=led)
+    model = model_with(network, uncertainty=uncertainty)
     if not is_linearised(model):
         return model, settings
-    if uncertainty is None and settings.strain_sd > 0.0:
-        uncertainty = strain_uncertainty(network, settings.strain_sd)
-    return model_with(uncertainty=uncertainty, hidden_share=settings.hidden_share), settings.for_stiff_or_large()
+    if settings.strain_sd > 0.0:
+        network = as_stiff_as_known(network, settings.strain_sd)
+        strain = strain_uncertainty(network, settings.strain_sd)
+        uncertainty = strain if uncertainty is None else uncertainty.beside(strain)
+    stiff = model_with(network, uncertainty=uncertainty, hidden_share=settings.hidden_share, stiff=True)
+    return stiff, settings.for_stiff_or_large()
+
+
+def as_stiff_as_known(network: MassSpringNetwork, strain_sd: float) -> MassSpringNetwork:
+    """The network with links no stiffer than `STIFFEST` weights of the body by this strain; it rests as before.
+
+    A rigid link is one whose length its load does not change by more than is unknown of it anyway. One that is stiffer
+    tells no more, and to first order, in which a belief is moved, it does not turn but lengthens: then it pulls nodes
+    about with forces that no mark explains.
+    """
+    weight = float(network.masses[~network.fixed].sum()) * GRAVITY
+    stiffest = STIFFEST * weight / (strain_sd * np.maximum(network.rest_lengths, SHORTEST_M))
+    too_stiff = network.stiffness > stiffest
+    if not too_stiff.any():
+        return network
+    i, j = network.springs.T
+    shape = rest_shape(network)
+    lengths = np.linalg.norm(shape[j] - shape[i], axis=1)
+    tension = network.stiffness * (lengths - network.rest_lengths)
+    return replace(
+        network,
+        stiffness=np.where(too_stiff, stiffest, network.stiffness),
+        rest_lengths=np.where(too_stiff, lengths - tension / stiffest, network.rest_lengths),
+    )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, fit_rest_lengths
-from estimators import CovarianceError, IdentificationError, MarkMeasurement, identify_constants
+from estimators import CovarianceError, FilterSettings, IdentificationError, MarkMeasurement, identify_constants
 from estimators.identification.budget import Budget
 from estimators.identification.constants import PRIOR_SD
 from experiments.arrays import Floats
@@ -93,6 +93,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator) -> Assumed:
             body.hidden[0],
             prior_sd=prior,
             spring_groups=body.kinds,
+            settings=FilterSettings(led_nodes=body.led),
             budget=Budget(BUDGET_S, time.process_time),
         )
     except (IdentificationError, NetworkError, CovarianceError, np.linalg.LinAlgError) as error:
