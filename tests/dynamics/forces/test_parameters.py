@@ -87,6 +87,21 @@ def test_uncertainty_is_checked_and_has_a_covariance():
         ParameterUncertainty(ALL[:2], np.array([[0.1, np.nan]]))
 
 
+def test_two_uncertainties_beside_each_other_add_their_covariances():
+    """Constants in both have the sum of both, those in one their own; constants of different ones are independent."""
+    one = ParameterUncertainty(
+        (Parameter("stiffness", 0), Parameter("rest_length", 1)), np.array([[0.3, 0.1], [0.0, -0.2]])
+    )
+    other = ParameterUncertainty((Parameter("rest_length", 1), Parameter("rest_length", 0)), np.array([[0.05, -0.04]]))
+    both = one.beside(other)
+    assert both.parameters == (Parameter("stiffness", 0), Parameter("rest_length", 1), Parameter("rest_length", 0))
+    expected = np.zeros((3, 3))
+    expected[:2, :2] += one.cov
+    expected[1:, 1:] += other.cov
+    np.testing.assert_allclose(both.cov, expected, rtol=1e-14)
+    assert len(both.directions) == 3
+
+
 def star(middles, along):
     """Springs of 20 mm through these middles in these directions, in space, all of one stiffness."""
     ends = [middle + sign * 0.01 * n for middle, n in zip(middles, along, strict=True) for sign in (-1.0, 1.0)]

@@ -104,6 +104,45 @@ def test_sensitivities_are_those_of_a_filter_of_other_constants(small, monkeypat
         np.testing.assert_allclose(own, slope, rtol=0, atol=0.03 * np.abs(slope).max())
 
 
+def test_a_large_network_is_followed_as_a_small_one(monkeypatch):
+    """Implicit steps and their matrices half way in place of differences: log likelihoods within 0.1 of those."""
+    small = followed(pair(), ())
+    monkeypatch.setattr(linear_filter, "MOST_DIFFERENCED", 0)
+    large = followed(pair(), ())
+    np.testing.assert_allclose(
+        [one.log_likelihood for one in large], [one.log_likelihood for one in small], rtol=0, atol=0.1
+    )
+
+
+def test_marks_that_leave_nothing_leave_a_covariance():
+    """A thousandth of a nanometre: positive to rounding, and what is seen is known as well as it is seen."""
+    network = pair()
+    linear = LinearFilter(network, ("near",), FilterSettings(), independent_uncertainty((), 1.0), 0.05)
+    mark = MarkMeasurement("near", np.array([0.1, 0.0]), 1e-24 * np.eye(2))
+    linear.start(network.positions, [mark])
+    for _ in range(20):
+        linear.advance(0.05, [mark])
+        scale = np.sqrt(np.maximum(np.diag(linear.P), 1e-24))
+        assert np.linalg.eigvalsh(linear.P / np.outer(scale, scale))[0] > -1e-6
+    assert np.diag(linear.P)[:2].max() < 1e-18
+
+
+def test_led_nodes_are_led_in_every_frame():
+    """Shaken by 50 mm: pokes in five frames and more to a filter that knows of no hand, in none to one that does."""
+    network, counts = pair(), []
+    for led in ((), ("near",)):
+        settings = FilterSettings(led_nodes=led)
+        linear = LinearFilter(network, ("near",), settings, independent_uncertainty((), 1.0), 0.05)
+        linear.start(network.positions, [MarkMeasurement("near", np.array([0.1, 0.0]), SD**2 * np.eye(2))])
+        found = [
+            linear.advance(0.05, [MarkMeasurement("near", np.array([0.1 + off, 0.0]), SD**2 * np.eye(2))])
+            for off in 0.05 * np.sin(0.5 * np.arange(20))
+        ]
+        counts.append(sum(one.poked for one in found))
+    assert counts[0] > 5
+    assert counts[1] == 0
+
+
 def test_a_poke_is_noticed_and_only_it():
     """A mark that jumps by 30 standard deviations, after ten that stay."""
     network = pair()

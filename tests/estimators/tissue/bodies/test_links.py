@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dynamics import reaches
+from dynamics import reaches, rest_shape
 from estimators import FilterSettings, Status, TissueFilter
 from estimators.process.target import target_map
+from estimators.tissue.model import as_stiff_as_known
 from experiments.simulation.bodies.zoo import make_body
 from experiments.studies.zoo.constants import measured
 from experiments.studies.zoo.rivals import open_loop, spline
 
 
-def followed(name, seed, seconds, settings=None):
+def followed(name, seed, seconds, settings=None, network=None):
     """The body, means (n, n_hidden, dim), statuses, and which nodes are in their 95 % regions, (n, n_hidden)."""
     body = make_body(name, seed, seconds=seconds)
-    tissue = TissueFilter(body.network, body.hidden[0], body.marked, settings)
+    tissue = TissueFilter(body.network if network is None else network, body.hidden[0], body.marked, settings)
     maps = [target_map(body.network, node) for node in body.hidden]
     truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
     means, covs, statuses = [], [], []
@@ -110,6 +111,32 @@ def test_regions_of_rigid_links_hold_for_an_unknown_strain_is_considered():
     )
     assert covered.mean() >= 0.9
     assert exact.mean() < 0.85
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e6])
+def test_links_written_down_as_ever_stiffer_are_followed_as_well(stiffness):
+    """Three rigid links for 2 s, springs of 50 and 500 times the usual 2,000 N/m: errors within a tenth of those.
+
+    Taken as they were written down they are followed worse by half and more.
+    """
+    usual = followed("chain3", 4, 2.0)
+    written = replace(usual[0].network, stiffness=np.full(3, stiffness))
+    stiff = followed("chain3", 4, 2.0, network=written)
+    assert mean_error(stiff) < 1.1 * mean_error(usual)
+    assert stiff[3].mean() > 0.75
+    exact = followed("chain3", 4, 2.0, FilterSettings(strain_sd=0.0), network=written)
+    assert mean_error(exact) > 1.5 * mean_error(stiff)
+
+
+def test_links_are_no_stiffer_than_is_known_of_them():
+    """Three weights of 62 g stretch each by 1 %, at most; what is softer stays, and the body rests where it did."""
+    network = replace(make_body("chain3", 2, seconds=0.1).network, stiffness=np.array([2e4, 100.0, 1e6]))
+    softer = as_stiff_as_known(network, 0.01)
+    stiffest = 3.0 * 0.062 * 9.81 / (0.01 * network.rest_lengths)
+    np.testing.assert_allclose(softer.stiffness, [stiffest[0], 100.0, stiffest[2]], rtol=1e-12)
+    assert softer.rest_lengths[1] == network.rest_lengths[1]
+    np.testing.assert_allclose(rest_shape(softer), rest_shape(network), rtol=0, atol=1e-9)
+    assert as_stiff_as_known(softer, 0.01) is softer
 
 
 def test_a_body_of_links_has_a_mode_for_hands_that_lead_it():
