@@ -18,6 +18,7 @@ from dynamics import MassSpringNetwork, ParameterUncertainty, strain_uncertainty
 from estimators import FilterSettings, ForceMode, coverage, normalised_error_squared
 from estimators.process.linear_motion import TURNED
 from estimators.tissue.gate import CROWD
+from estimators.tissue.model import STIFFEST
 from estimators.tissue.settings import LED, POKED_WHITE, QUIET_WHITE
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
@@ -46,6 +47,7 @@ class BodyConstants:
     crowd: marks beyond the gate together that are taken, half of a frame's or more [1]; choice
     turned: by so many of the links' lengths may an update move the ends of a body of many states without another pass
         [1]; choice
+    stiffest: stiffness of a link by that which the body's weight stretches by strain_sd, at most [1]; choice
     """
 
     strain_sd: float = FilterSettings().strain_sd
@@ -59,6 +61,7 @@ class BodyConstants:
     hidden_share: float = FilterSettings().hidden_share
     crowd: int = CROWD
     turned: float = TURNED
+    stiffest: float = STIFFEST
 
 
 def body_figures(
@@ -77,6 +80,7 @@ def body_figures(
     found = {}
     with (
         patch("estimators.tissue.model.strain_uncertainty", strain),
+        patch("estimators.tissue.model.STIFFEST", constants.stiffest),
         patch("estimators.tissue.settings.QUIET_WHITE", constants.quiet_white),
         patch("estimators.tissue.settings.POKED_WHITE", constants.poked_white),
         patch("estimators.tissue.settings.LED", led),
