@@ -44,7 +44,7 @@ class TissueFilter:
     network: one without anchors hangs on its marks, and its weight is left out
     n_calibration: directions that the `shared` of marks has, if these, errors of the camera's calibration, are the same
         in every frame and considered; at 0 they are taken to be drawn again in each
-    uncertainty: None: known, or, of a stiff or large body, known up to a strain of `settings.strain_sd`
+    uncertainty: None: known; of a stiff or large body a strain of `settings.strain_sd` is considered beside it
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
     points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a

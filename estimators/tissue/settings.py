@@ -56,8 +56,8 @@ class FilterSettings:
         source: the scene
     fix_bias: the error that fixes of the target have in common; None where none are to come; source: the scene
     hidden_share: of a poke, what may act on each node without a mark of a stiff or large body [1]; choice
-    strain_sd: strain by which the springs of a stiff or large body may be off, smoothly over it, where its constants
-        come without uncertainty [1]; choice
+    strain_sd: strain by which the springs of a stiff or large body may be off, smoothly over it, beside what is known
+        of its constants [1]; choice
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
