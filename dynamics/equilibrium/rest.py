@@ -51,6 +51,7 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     network = carried(network)
     shape, anchored = (len(network.free), network.dim), bool(network.fixed.any())
     constant = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
+    loose = not anchored or _turns_about_the_vertical(network)
 
     def everywhere(q: Floats) -> Floats:
         return all_positions(network, q.reshape(shape))
@@ -71,15 +72,25 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     for _ in range(3):  # Newton's last digits, which a trust region on the energy cannot see
         K = stiffness_matrix(network, everywhere(q))
         stiffnesses = np.linalg.eigvalsh(K)
-        if stiffnesses[0] <= (0.0 if anchored else -RIGID * stiffnesses[-1]):
+        if stiffnesses[0] <= (-RIGID * stiffnesses[-1] if loose else 0.0):
             raise NetworkError("rest shape: expected a stable equilibrium near the drawn shape, found none")
-        # without anchors nothing resists motion as a rigid body: the smallest step leaves that as it is
-        q = q - (np.linalg.solve(K, gradient(q)) if anchored else np.linalg.lstsq(K, gradient(q), rcond=RIGID)[0])
+        # what nothing resists is left as it is by the smallest step
+        q = q - (np.linalg.lstsq(K, gradient(q), rcond=RIGID)[0] if loose else np.linalg.solve(K, gradient(q)))
     scale = np.abs(network.stiffness * network.rest_lengths).max()
     left = np.abs(gradient(q)).max()
     if not left <= RESIDUAL * scale:
         raise NetworkError(f"rest shape: expected forces to balance, found {left:.3g} N left over")
     return everywhere(q) if anchored else _aligned(everywhere(q), network.positions)
+
+
+def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
+    """Whether nothing resists that: in space, all anchors on one line along gravity, as of a cable that hangs bent."""
+    weight = float(np.linalg.norm(network.gravity))
+    if network.dim < 3 or weight == 0.0:
+        return False
+    anchors = network.positions[network.fixed] - network.positions[network.fixed][0]
+    along = network.gravity / weight
+    return bool(np.abs(anchors - np.outer(anchors @ along, along)).max() <= RIGID * float(reaches(network).max()))
 
 
 def _aligned(shape: Floats, drawn: Floats) -> Floats:

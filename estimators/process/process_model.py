@@ -29,6 +29,9 @@ from estimators.process.known_force import KnownForce
 LONGEST_STEP = 1.0 / 120.0
 """Between two additions of noise [s]; chosen: `docs/decisions.md` has the error that it makes."""
 
+LOOSE = 1e-11
+"""Stiffness, by the largest, below which it is rounding: nothing resists."""
+
 LEGENDRE = np.polynomial.legendre.leggauss(12)
 """Nodes and weights on (-1, 1): rounding is all that is left up to steps of twice the correlation time."""
 
@@ -212,9 +215,7 @@ class TissueModel:
         K = stiffness_matrix(self.network, shape)
         own = K[np.ix_(others, others)]
         # nothing resists motion as a rigid body where no node is held: constants in error make none
-        free = not (len(held) or self.network.fixed.any())
-        made = np.linalg.lstsq(own, forces[:, others].T)[0] if free else np.linalg.solve(own, forces[:, others].T)
-        columns[others, : self.n_constants] = made
+        columns[others, : self.n_constants] = np.linalg.lstsq(own, forces[:, others].T, rcond=LOOSE)[0]
         return columns
 
     def noise(self, dt: float, mode: ForceMode) -> Floats:

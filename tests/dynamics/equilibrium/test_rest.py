@@ -83,6 +83,23 @@ def test_no_stable_equilibrium_is_an_error(build, case):
         rest_shape(build(positions, springs, anchors, **changes))
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.4, 2.0])
+def test_what_hangs_bent_from_one_anchor_rests_in_any_direction(build, turn):
+    """Two links, the ends of which a third spring holds nearer than straight: at rest, and in the plane it was drawn in.
+
+    Nothing resists that it turns about the vertical, so that its stiffness is zero there, up to rounding.
+    """
+    across = np.array([np.cos(turn), np.sin(turn), 0.0])
+    places = np.array([np.zeros(3), 0.06 * across - [0.0, 0.0, 0.08], [0.0, 0.0, -0.16]])
+    bent = build(
+        places, [(0, 1), (1, 2), (0, 2)], [0], gravity=[0.0, 0.0, -9.81], rest_lengths=np.array([0.1, 0.1, 0.16])
+    )
+    rest = rest_shape(bent)
+    assert np.abs(node_forces(bent, rest, np.zeros((3, 3)))[1:]).max() < 1e-6
+    np.testing.assert_allclose(np.cross(rest[1], across)[2], 0.0, atol=1e-9)
+    assert rest[1] @ across > 0.02
+
+
 @pytest.mark.parametrize("gravity", [0.0, -9.81])
 def test_without_an_anchor_it_rests_in_its_own_shape(build, gravity):
     """A pair drawn too long, falling or not: as long as its spring, and neither its middle nor its line has moved."""
