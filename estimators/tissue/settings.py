@@ -29,8 +29,8 @@ class FilterSettings:
 
     quiet, poked: forces without and with a poke; source: fields of `ForceMode`
     jolt: acceleration noise of a blow on each node that may be poked, beside the poke [m/s²/sqrt(Hz)]; choice
-    led: forces on nodes that a hand leads against any weight, as fast as it likes; None: nobody does; source: fields of
-        `ForceMode`. Of a body that is led no blows are expected beside: `led` covers them
+    led: forces on nodes that a hand leads against any weight, as fast as it likes, and which cover blows; None: nobody
+        does; source: fields of `ForceMode`
     led_nodes: marked nodes that a hand is known to lead, all the time; then no other is led; source: the scene
     calm_s, between_s, poked_s: mean duration of calm, between pokes, or blows, where they are about, of a poke [s];
         choice

@@ -85,7 +85,7 @@ def test_no_stable_equilibrium_is_an_error(build, case):
 
 @pytest.mark.parametrize("turn", [0.0, 0.4, 2.0])
 def test_what_hangs_bent_from_one_anchor_rests_in_any_direction(build, turn):
-    """Two links, the ends of which a third spring holds nearer than straight: at rest, and in the plane it was drawn in.
+    """Two links, the ends of which a third spring holds nearer than straight: at rest, in the plane it was drawn in.
 
     Nothing resists that it turns about the vertical, so that its stiffness is zero there, up to rounding.
     """
