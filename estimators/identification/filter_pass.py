@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -76,7 +76,8 @@ def pass_through(
     try:
         if is_linear(network, len(marked)):
             return _linear_pass(network, uncertainty, frames, marked, settings, budget)
-        return _passed(TissueFilter(network, target, marked, settings, uncertainty=uncertainty), frames, budget)
+        exact = replace(settings, strain_sd=0.0)  # directions are those of the constants that are sought, no others
+        return _passed(TissueFilter(network, target, marked, exact, uncertainty=uncertainty), frames, budget)
     except (CovarianceError, np.linalg.LinAlgError):
         return failed_pass(len(uncertainty.directions))
 

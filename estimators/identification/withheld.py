@@ -63,10 +63,11 @@ def _by_tissue_filter(
 ) -> Iterator[tuple[Floats, Floats]]:
     """Position of the target and its columns, frame by frame."""
     tissue = TissueFilter(network, nodes[1], nodes[0], settings, uncertainty=uncertainty)
+    n = len(uncertainty.directions)  # the first columns; a strain that the filter considers beside them follows
     for time_s, marks in frames:
         tissue.predict(time_s)
         mean = tissue.update(marks).mean
-        yield mean, tissue.target.linear(tissue.mixture.mean_columns)
+        yield mean, tissue.target.linear(tissue.mixture.mean_columns[:, :n])
 
 
 def _by_linear_filter(
