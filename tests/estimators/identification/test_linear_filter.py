@@ -10,8 +10,12 @@ from scipy.linalg import expm
 from dynamics import MassSpringNetwork, four_mass_phantom, independent_uncertainty, parameters, scale_parameters
 from estimators import FilterSettings, MarkMeasurement
 from estimators.identification import linear_filter
-from estimators.identification.filter_pass import is_linear
+from estimators.identification.budget import Budget
+from estimators.identification.filter_pass import is_linear, pass_through
 from estimators.identification.linear_filter import LinearFilter, quasi_static, rigid_links, transition
+from estimators.identification.withheld import withheld_target
+from estimators.process.linear_motion import is_linearised
+from estimators.process.process_model import TissueModel
 
 SD = 1e-3
 
@@ -141,6 +145,22 @@ def test_led_nodes_are_led_in_every_frame():
         counts.append(sum(one.poked for one in found))
     assert counts[0] > 5
     assert counts[1] == 0
+
+
+def test_a_strain_that_the_filter_considers_beside_is_not_sought():
+    """Springs stiff for the tissue filter, not yet for identification: scores of the directions asked for alone."""
+    network = replace(pair(), stiffness=np.full(3, 2500.0))
+    assert not is_linear(network, 1)
+    assert is_linearised(TissueModel(network, ("near",)))
+    which = [one for one in parameters(network) if one.kind == "rest_length"]
+    uncertainty = independent_uncertainty(which, 0.01)
+    frames = [(0.05 * k, marks) for k, (_, marks) in enumerate(frames_of())]
+    nodes = (("near",), "far")
+    found = pass_through(network, uncertainty, frames, nodes, FilterSettings(), Budget())
+    assert found.scores.shape == (len(found.nis), 3)
+    assert found.information.shape == (3, 3)
+    assert np.linalg.eigvalsh(found.information)[-1] > 0.0
+    assert withheld_target(network, uncertainty, frames, nodes).effect.shape == (3, 3)
 
 
 def test_a_poke_is_noticed_and_only_it():
