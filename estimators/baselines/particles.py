@@ -17,7 +17,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings, stationary
 
 N_PARTICLES = 100
-"""Size of the sample: with 100 histories kept three modes are resolved over four mixing intervals (3^4 = 81)."""
+"""Size of the sample: with 100 histories kept the chain's six states are resolved over two mixing intervals (6^2)."""
 
 
 class ParticleFilter(Baseline):
@@ -59,7 +59,7 @@ class ParticleFilter(Baseline):
         odds = stationary(self.settings.rates)
         n = len(odds)
         self.means, self.covs = np.tile(mean, (n, 1)), np.tile(cov, (n, 1, 1))
-        self.modes, self.weights = np.arange(n), odds
+        self.states, self.weights = np.arange(n), odds
 
     def _advance(self, dt: float) -> None:
         n, n_steps = sub_steps(self.model, self.settings, dt)
@@ -67,16 +67,16 @@ class ParticleFilter(Baseline):
             self._branch(dt / n, n_steps)
 
     def _branch(self, dt: float, n_steps: int) -> None:
-        """Every particle into its successors dt [s] later, one for each mode; before that down to the number kept."""
+        """Every particle into its successors dt [s] later, one for each state; before that down to the number kept."""
         self._thin()
-        forces = self.settings.modes
-        modes = [forces[mode] for mode in self.settings.of_state]
-        odds = small_expm(self.settings.rates * dt)[self.modes]
+        by_mode = self.settings.modes
+        modes = [by_mode[mode] for mode in self.settings.of_state]
+        odds = small_expm(self.settings.rates * dt)[self.states]
         moved = {mode: self._moved(mode, dt, n_steps) for mode in set(modes)}
         self.means = np.concatenate([moved[mode][0] for mode in modes])
         self.covs = np.concatenate([moved[mode][1] for mode in modes])
         self.weights = (self.weights[:, None] * odds).T.ravel()
-        self.modes = np.repeat(np.arange(len(modes)), len(odds))
+        self.states = np.repeat(np.arange(len(modes)), len(odds))
 
     def _moved(self, mode: object, dt: float, n_steps: int) -> tuple[Floats, Floats]:
         xs, Ps, k = self.means, self.covs, len(self.means)
@@ -99,7 +99,7 @@ class ParticleFilter(Baseline):
 
     def _thin(self) -> None:
         kept, weights = resample(self.weights, self._n, self._rng)
-        self.means, self.covs, self.modes = self.means[kept], self.covs[kept], self.modes[kept]
+        self.means, self.covs, self.states = self.means[kept], self.covs[kept], self.states[kept]
         self.weights = weights
 
     def _moments(self) -> tuple[Floats, Floats]:
@@ -108,9 +108,8 @@ class ParticleFilter(Baseline):
         return means[0], covs[0]
 
     def _poked(self) -> float:
-        return float(
-            self.weights[~np.isin(np.asarray(self.settings.of_state)[self.modes], self.settings.quiet_modes)].sum()
-        )
+        modes = np.asarray(self.settings.of_state)[self.states]
+        return float(self.weights[~np.isin(modes, self.settings.quiet_modes)].sum())
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:

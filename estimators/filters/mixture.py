@@ -106,7 +106,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.trace: list[Transition] | None = None
         self.cycle: Cycle | None
         self._scale = self.filters[0]._scale
-        self.make_room()
+        self._make_room()
 
     def _one_by_one(self, points: Floats, dt: float) -> Floats:
         return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
@@ -134,13 +134,18 @@ class InteractingMixture(filterpy.IMMEstimator):
         """Probability of each mode in whatever branch, (n_modes,)."""
         return np.asarray(self.mu.reshape(self.n_branches, -1).sum(axis=0))
 
-    def make_room(self) -> None:
+    def _make_room(self) -> None:
         """A filter for each mode of each branch; beliefs and columns are then to be set."""
         n = self.chain.n_branches * self.chain.n_modes
         self.filters = [copy(self.filters[i % len(self.filters)]) for i in range(n)]
         self.N, first = n, self.filters[0]
         self.cycle = None
         self._weights = (np.tile(first.Wm, (n, 1)), np.tile(first.Wc, (n, 1)))
+
+    def resume(self, odds: Floats) -> None:
+        """Set the odds of the chain's states to what they were, (n_branches n_states,); beliefs are then to be set."""
+        if self.chain.resume(odds):
+            self._make_room()
 
     def branch(self, beliefs: Sequence[tuple[Floats, Floats, Floats]], odds: Floats) -> None:
         """Follow these beliefs side by side: mean (n,), cov (n, n) and columns (n, r) of each; odds (n_branches,).
@@ -150,7 +155,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         k = self.chain.n_modes
         self.repairs["branched"] += len(beliefs) - 1
         self.chain.branch(odds)
-        self.make_room()
+        self._make_room()
         for i, f in enumerate(self.filters):
             f.x, f.P = beliefs[i // k][0].copy(), beliefs[i // k][1].copy()
         self.columns = np.repeat([columns for _, _, columns in beliefs], k, axis=0)
@@ -169,7 +174,7 @@ class InteractingMixture(filterpy.IMMEstimator):
             self.filters = [f for f, one in zip(self.filters, own, strict=True) if one]
             self.columns = self.columns[own]
             self.chain.keep(kept)
-            self.make_room()
+            self._make_room()
             self._compute_state_estimate()
 
     def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
@@ -179,7 +184,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         """
         if self.n_branches > 1:
             self.chain.branch(np.ones(1))
-            self.make_room()
+            self._make_room()
         for f in self.filters:
             f.x, f.P = mean.copy(), cov.copy()
         own = self.columns[0] if columns is None else columns

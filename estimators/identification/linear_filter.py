@@ -27,6 +27,7 @@ from dynamics import (
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.model import GRAVITY
 from estimators.tissue.settings import FilterSettings
 
 POKE_LEVEL = 1e-3
@@ -35,9 +36,6 @@ POKE_LEVEL = 1e-3
 TURNED = 0.1
 """Change of a spring by its length [1] beyond which the motion is linearised again; choice, its cost in
 docs/settings.md."""
-
-GRAVITY = 9.81
-"""A body that falls through its own reach is as fast as bodies are at a start [m/s²]."""
 
 FRAMES_A_PERIOD = 4.0
 """Frames in a period of an oscillation that they show, at least [1]: twice Nyquist's two; choice, its cost in
@@ -129,7 +127,7 @@ class LinearFilter:
         network = self.network
         half, reach = network.n_state // 2, float(reaches(network).max())
         z, rows, R = self._stack(marks)
-        # as if shaken until its energy a coordinate is that of a fall through its reach
+        # as if shaken until its energy a coordinate is that of a fall through its reach: so fast bodies are at a start
         energy = float(network.masses[network.free].mean()) * GRAVITY * reach
         values, vectors = np.linalg.eigh(stiffness_matrix(network, shape))
         precision = (vectors * (np.maximum(values, 0.0) / energy + 1.0 / reach**2)) @ vectors.T

@@ -64,13 +64,14 @@ class TissueFilter:
         uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
     ) -> None:
-        self.n_calibration, given = n_calibration, settings or FilterSettings()
-        told = model_of(carried(network), marked, given, uncertainty=uncertainty, n_calibration=n_calibration)
-        (self.model, self.settings), network = told, told[0].network
+        self.n_calibration = n_calibration
+        self.model, self.settings = model_of(
+            carried(network), marked, settings or FilterSettings(), uncertainty=uncertainty, n_calibration=n_calibration
+        )
+        network = self.model.network
         self.time_s: float | None = None
-        self.health = Health()
+        self.health, self.log_likelihood = Health(), 0.0
         self.rejected: Counter[str] = Counter()
-        self.log_likelihood = 0.0
         self._updated_s: float | None = None
         self._refuted_s: float | None = None
         self._before_s = -np.inf
@@ -195,7 +196,7 @@ class TissueFilter:
         """Where to search for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
 
         shared: what errors of the calibration move the mark by, as `MarkMeasurement.shared`; None for the node itself
-        By the poked mode, not by the mixture: see `expected_place`.
+        By the widest mode that is possible, not by the mixture: see `expected_place`.
         """
         own = None if shared is None else self.model.among_columns(shared)
         return expected_place(self.mixture, self._places[node], own, self.settings)

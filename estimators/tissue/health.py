@@ -12,10 +12,9 @@ from estimators.tissue.settings import FilterSettings
 LEAST_FRAMES = 2
 """Frames whose innovations are tested together, at least: the fewest that are together; one is for the gate."""
 
-
 MANY_BLOWS = 2.5
-"""Blows within test_s, by the sum of their probabilities, that explain nothing any more; numerical: two, and a half for
-what is left of a third's doubt."""
+"""Blows within test_s, by the sum of their probabilities, beyond which they explain nothing any more; numerical: there
+may be two, and a third need only be likelier than not."""
 
 
 @dataclass(frozen=True, slots=True)

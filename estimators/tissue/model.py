@@ -14,7 +14,7 @@ from estimators.process.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
 
 GRAVITY = 9.81
-"""Of a weight by which a link's load is judged, in whatever direction the body hangs [m/s²]."""
+"""By which loads and speeds of a body are judged, in whatever direction it hangs [m/s²]."""
 
 STIFFEST = 3.0
 """Stiffness of a link by that which the weight of the whole body stretches by `strain_sd` [1]; choice, its cost in
@@ -54,7 +54,7 @@ def model_of(
 
 
 def as_stiff_as_known(network: MassSpringNetwork, strain_sd: float) -> MassSpringNetwork:
-    """The network with links no stiffer than `STIFFEST` weights of the body by this strain; it rests as before.
+    """The network with links no stiffer than `STIFFEST` weights of the body by this strain [1]; it rests as before.
 
     A rigid link is one whose length its load does not change by more than is unknown of it anyway. One that is stiffer
     tells no more, and to first order, in which a belief is moved, it does not turn but lengthens: then it pulls nodes

@@ -55,7 +55,10 @@ def linearised_cycles(
 
 
 def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequence[ForceMode]) -> InteractingMixture:
-    """A filter for each of the settings' modes, at their long-run odds."""
+    """A filter for each mode of the settings, at the long-run odds of their chain.
+
+    modes: those of the settings, made once: what was worked out for them is known again by the tuple itself
+    """
     filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
     move = Move(
         points=lambda points, dt: propagate_points(model, points, dt, in_branches(modes, len(points))),
@@ -114,8 +117,7 @@ def target_by_modes(mixture: InteractingMixture, target: TargetMap, move: Callab
     parts, odds = [], mixture.mu
     with unchanged(mixture) as now:
         for k, (mean, cov) in enumerate(now.moments):
-            if mixture.chain.resume(now.odds):
-                mixture.make_room()
+            mixture.resume(now.odds)
             mixture.restart(mean, cov, now.columns[k])
             mixture.mu = np.eye(len(mixture.mu))[k % len(mixture.mu)]
             move()

@@ -179,7 +179,7 @@ class FilterSettings:
 
 
 def stationary(rates: Floats) -> Floats:
-    """Long-run probability of each mode, (n,), of a chain with these rates [1/s], (n, n)."""
+    """Long-run probability of each state, (n,), of a chain with these rates [1/s], (n, n)."""
     n = len(rates)
     balance = np.vstack([rates.T, np.ones(n)])
     return np.linalg.lstsq(balance, np.r_[np.zeros(n), 1.0], rcond=None)[0]
