@@ -98,7 +98,7 @@ class Recording:
         return open_pictures(self.source, self.exposures_s.tolist())
 
 
-def open_recording(folder: Path, scene_path: Path | None = None) -> Recording:
+def read_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError."""
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")

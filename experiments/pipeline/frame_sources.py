@@ -6,7 +6,7 @@ from pathlib import Path
 
 import vision
 from experiments.errors import InputError
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, read_scene
 from experiments.simulation.phantom_camera import PhantomCamera
@@ -33,7 +33,7 @@ def open_source(
         return (phantom.scene if scene is None else scene), frames
     folder = Path(spec)
     if folder.is_dir() and ((folder / "frames.csv").exists() or (folder / "scene.toml").exists()):
-        recording = open_recording(folder, scene_path)
+        recording = read_recording(folder, scene_path)
         return recording.scene, vision.from_file(recording.open_frames(), live=live)
     try:
         return scene, vision.open_source(spec, live=live, fps=fps)

@@ -18,7 +18,7 @@ from estimators import plan as ranked
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.plan_file import Task, read_task
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Scene, read_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import measurement
@@ -47,7 +47,7 @@ class Planned:
 def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: None) -> Planned:
     """Plan for a recording's folder or a scene file; raises InputError, SourceError, NetworkError."""
     if source.is_dir():
-        recording = open_recording(source)
+        recording = read_recording(source)
         scene = recording.scene
         task = read_task(plan_path, scene.network.dim)
         line = Line(scene, baseline=False, fixes=recording.fixes)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from experiments.formats.outputs import output_folder
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.track import summary, track, write_tables
 from experiments.simulation.simulate import simulate
@@ -34,7 +34,7 @@ def demo(out: Path, *, force: bool = False, stage: Callable[[str], Callable[[flo
         for name in SCENARIOS:
             recording = folder / name / "recording"
             simulate(read_scenario(name), recording, advance=stage(f"{name}: film"))
-            done = track(open_recording(recording), stage(f"{name}: track"))
+            done = track(read_recording(recording), stage(f"{name}: track"))
             drawn = stage(f"{name}: plots")
             write_tables(done, folder / name)
             write_track_plots(done, folder / name)

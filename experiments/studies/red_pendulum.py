@@ -38,7 +38,7 @@ from estimators import coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder
-from experiments.formats.recording import MarkRow, Recording, open_recording, write_frames_csv, write_marks_csv
+from experiments.formats.recording import MarkRow, Recording, read_recording, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track, write_tables
@@ -235,7 +235,7 @@ def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[st
         part = folder / f"withheld-{k}"
         part.mkdir()
         hidden = write_withheld(seen, offset_s, part)
-        done = track(open_recording(part))
+        done = track(read_recording(part))
         runs.append(done)
         estimates = done.estimates(FILTER)
         for i in np.flatnonzero(hidden):
@@ -300,7 +300,7 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")
-        recording: Recording = open_recording(folder / "recording")
+        recording: Recording = read_recording(folder / "recording")
         seen = track(recording)
         (folder / "track").mkdir()
         write_tables(seen, folder / "track")

@@ -21,14 +21,14 @@ def compare(
     """Follow the target by the paper's method, ours and textbook filters, on the same marks."""
     from experiments.commands.console import track_table
     from experiments.formats.outputs import output_folder
-    from experiments.formats.recording import open_recording
+    from experiments.formats.recording import read_recording
     from experiments.pipeline.compare import chosen, summary, write_comparison
     from experiments.pipeline.compare import compare as run
     from experiments.pipeline.events import report_rest
     from experiments.plots.compare import write_comparison_plot
 
     named = chosen(methods)
-    opened = open_recording(recording, scene)
+    opened = read_recording(recording, scene)
     report_rest(opened.scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, named, stage)

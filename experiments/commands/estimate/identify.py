@@ -24,7 +24,7 @@ def identify(
 ) -> None:
     """Find the tissue's constants: write a scene to track with, state how well each is known."""
     from experiments.commands.console import constants_table
-    from experiments.formats.recording import open_recording
+    from experiments.formats.recording import read_recording
     from experiments.formats.scene.scene import write_scene
     from experiments.pipeline.identify import (
         fit_lines,
@@ -34,7 +34,7 @@ def identify(
         resting_scene,
     )
 
-    opened = open_recording(recording, scene)
+    opened = read_recording(recording, scene)
     with progress() as stage:
         frames = marks_in(opened, stage("marks"))
         if at_rest:

@@ -20,13 +20,13 @@ def track(
 ) -> None:
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
     from experiments.formats.outputs import output_folder
-    from experiments.formats.recording import open_recording
+    from experiments.formats.recording import read_recording
     from experiments.pipeline.events import report_rest, report_swap
     from experiments.pipeline.track import summary, write_tables
     from experiments.pipeline.track import track as run
     from experiments.plots.track import write_track_plots
 
-    opened = open_recording(recording, scene)
+    opened = read_recording(recording, scene)
     report_rest(opened.scene)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
         done = run(opened, stage("track"), check=check)

@@ -21,12 +21,12 @@ def tune(
 ) -> None:
     """Find the noise levels under which a recording is most probable; no truth is needed. Write a scene with them."""
     from experiments.commands.console import levels_table
-    from experiments.formats.recording import open_recording
+    from experiments.formats.recording import read_recording
     from experiments.formats.scene.scene import write_scene
     from experiments.pipeline.events import report_rest
     from experiments.pipeline.identify import marks_in, tuned_scene, tuning_report
 
-    opened = open_recording(recording, scene)
+    opened = read_recording(recording, scene)
     report_rest(opened.scene)
     with progress() as stage:
         frames = marks_in(opened, stage("marks"))

@@ -22,13 +22,13 @@ def advise(
     from experiments.commands.console import advice_line
     from experiments.formats.needle_file import read_needle
     from experiments.formats.outputs import output_folder
-    from experiments.formats.recording import open_recording
+    from experiments.formats.recording import read_recording
     from experiments.pipeline.advise import advise as run
     from experiments.pipeline.advise import write_advice
     from experiments.pipeline.events import report_rest
     from experiments.plots.advice import write_advice_plot
 
-    opened = open_recording(recording, scene)
+    opened = read_recording(recording, scene)
     report_rest(opened.scene)
     plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
     with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:

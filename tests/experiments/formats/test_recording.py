@@ -13,7 +13,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import (
     MarkRow,
     Truth,
-    open_recording,
+    read_recording,
     write_frames_csv,
     write_marks_csv,
     write_truth_csv,
@@ -80,7 +80,7 @@ def tracked(tmp_path: Path) -> Path:
 
 
 def test_a_film_is_read_with_its_times(filmed: Path):
-    recording = open_recording(filmed)
+    recording = read_recording(filmed)
     assert recording.folder == filmed
     assert recording.scene.target.node == "M2"
     assert (recording.marks, recording.truth, recording.fixes) == (None, None, ())
@@ -97,22 +97,22 @@ def test_a_folder_of_pictures_is_read(filmed: Path):
     (filmed / "frames").mkdir()
     for k in range(5):
         cv2.imwrite(str(filmed / "frames" / f"{k:06d}.png"), picture(k))
-    with open_recording(filmed).open_frames() as frames:
+    with read_recording(filmed).open_frames() as frames:
         assert [int(frame.image[0, 0, 0]) for frame in frames] == [0, 20, 40, 60, 80]
 
 
 def test_another_scene_may_take_the_place_of_the_recording_s_own(filmed: Path, tmp_path: Path):
     (filmed / "scene.toml").rename(tmp_path / "other.toml")
-    assert open_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
+    assert read_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
     (filmed / "scene.toml").write_text("not read", encoding="utf-8")
-    assert open_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
+    assert read_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
 
 
 def test_marks_take_the_place_of_a_film(tracked: Path):
     (tracked / "marks.csv").write_text(
         "time_s,node,x_mm,y_mm,sd_mm\n0.1,M1,1,2,0.5\n0.1,M2,3,4,0.5\n0.3,M1,-5,6.25,4.14\n", encoding="utf-8"
     )
-    recording = open_recording(tracked)
+    recording = read_recording(tracked)
     np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.3])
     assert recording.source is None
     assert recording.marks is not None
@@ -129,7 +129,7 @@ def test_with_marks_frames_csv_says_when_an_estimate_is_due(tracked: Path):
         "time_s,node,x_mm,y_mm,sd_mm\n0.2,M1,1,2,0.5\n0.4,M1,1,2,0.5\n0.4,M3,1,2,0.5\n", encoding="utf-8"
     )
     write_frames_csv(tracked / "frames.csv", np.array([0.1, 0.2, 0.3, 0.4, 0.5]))
-    recording = open_recording(tracked)
+    recording = read_recording(tracked)
     np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.2, 0.3, 0.4, 0.5])
     assert recording.marks is not None
     assert [[row.node for row in rows] for rows in recording.marks] == [[], ["M1"], [], ["M1", "M3"], []]
@@ -139,7 +139,7 @@ def test_with_marks_frames_csv_says_when_an_estimate_is_due(tracked: Path):
 def test_marks_may_be_seen_in_no_frame(tracked: Path, n_frames: int):
     write_marks_csv(tracked / "marks.csv", np.empty(0), [], dim=2)
     write_frames_csv(tracked / "frames.csv", np.arange(n_frames, dtype=float))
-    assert open_recording(tracked).marks == ((),) * n_frames
+    assert read_recording(tracked).marks == ((),) * n_frames
 
 
 def test_truth_is_straight_between_its_times_and_unknown_outside(tracked: Path):
@@ -147,7 +147,7 @@ def test_truth_is_straight_between_its_times_and_unknown_outside(tracked: Path):
     (tracked / "truth.csv").write_text(
         "time_s,node,x_mm,y_mm\n0.1,M2,10,0\n0.2,In1,7,7\n0.2,M2,20,-4\n0.4,M2,0,-4\n", encoding="utf-8"
     )
-    truth = open_recording(tracked).truth
+    truth = read_recording(tracked).truth
     assert truth is not None
     assert set(truth.nodes) == {"M2", "In1"}
     inside, positions = truth.at(np.array([0.0, 0.1, 0.15, 0.3, 0.4, 0.5]), "M2")
@@ -165,9 +165,9 @@ def test_truth_is_straight_between_its_times_and_unknown_outside(tracked: Path):
 def test_fixes_are_read(filmed: Path):
     fixes = filmed / "fixes.csv"
     fixes.write_text("time_s,x_mm,y_mm,sd_mm\n", encoding="utf-8")
-    assert open_recording(filmed).fixes == ()
+    assert read_recording(filmed).fixes == ()
     fixes.write_text("time_s,x_mm,y_mm,sd_mm\n0.5,1,2,0.25\n0.5,3,4,1\n", encoding="utf-8")
-    first, second = open_recording(filmed).fixes
+    first, second = read_recording(filmed).fixes
     assert (first.time_s, first.sd_m, second.sd_m) == (0.5, 0.00025, 0.001)
     np.testing.assert_allclose([first.position_m, second.position_m], [[0.001, 0.002], [0.003, 0.004]], rtol=1e-15)
 
@@ -177,7 +177,7 @@ def test_a_recording_in_space_has_z_everywhere(tmp_path: Path):
     write_marks_csv(tmp_path / "marks.csv", np.array([0.5]), [[MarkRow("B", np.array([1, 2, 3.0]), 0.1)]], dim=3)
     write_truth_csv(tmp_path / "truth.csv", np.array([0.5]), {"B": np.array([[4.0, 5.0, 6.0]])})
     (tmp_path / "fixes.csv").write_text("time_s,x_mm,y_mm,z_mm,sd_mm\n0.5,7000,8000,9000,1\n", encoding="utf-8")
-    recording = open_recording(tmp_path)
+    recording = read_recording(tmp_path)
     assert recording.marks is not None
     assert recording.truth is not None
     np.testing.assert_array_equal(recording.marks[0][0].position_m, [1, 2, 3])
@@ -199,7 +199,7 @@ def test_what_is_written_is_read_again(tracked: Path, frames: list[tuple[int, di
     write_frames_csv(tracked / "frames.csv", times_s)
     write_marks_csv(tracked / "marks.csv", times_s, marks, dim=2)
     write_truth_csv(tracked / "truth.csv", times_s, paths)
-    again = open_recording(tracked)
+    again = read_recording(tracked)
     np.testing.assert_allclose(again.exposures_s, times_s, rtol=0, atol=0.51e-9)
     assert again.marks is not None
     for rows, written in zip(again.marks, marks, strict=True):

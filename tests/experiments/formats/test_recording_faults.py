@@ -9,7 +9,7 @@ import pytest
 
 from dynamics import four_mass_phantom
 from experiments.errors import InputError
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from vision import VideoWriter, fronto_parallel_camera
 
@@ -41,7 +41,7 @@ def complaint(folder: Path) -> str:
     """What is said of a bad recording, without the folder's own name; nothing in it may have changed."""
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
     with pytest.raises(InputError) as fault:
-        open_recording(folder)
+        read_recording(folder)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
     told = str(fault.value)
     assert told.isprintable()
@@ -101,7 +101,7 @@ def test_a_fault_of_a_table_is_told_with_row_and_column(folder: Path, name: str,
         tables = {"frames.csv": FRAMES, "truth.csv": TRUTH, "fixes.csv": FIXES}
     for table, content in tables.items():
         (folder / table).write_text(content, encoding="utf-8")
-    open_recording(folder)  # good before
+    read_recording(folder)  # good before
     assert old in tables[name]
     (folder / name).write_text(tables[name].replace(old, new, 1), encoding="utf-8")
     assert complaint(folder) == f"{name}: {message}"
@@ -252,5 +252,5 @@ def test_a_recording_that_is_not_a_folder_is_told(tmp_path: Path):
 def test_a_scene_of_another_s_is_named_by_its_own_path(folder: Path, tmp_path: Path):
     (folder / "marks.csv").write_text(MARKS, encoding="utf-8")
     with pytest.raises(InputError) as fault:
-        open_recording(folder, tmp_path / "other.toml")
+        read_recording(folder, tmp_path / "other.toml")
     assert str(fault.value) == f"{tmp_path}/other.toml: expected a file, found none"

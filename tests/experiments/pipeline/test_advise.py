@@ -12,7 +12,7 @@ from dynamics import four_mass_phantom
 from estimators import AdviceSettings, Hit, Needle
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.advise import advise, table
 from tests.experiments.command import softaim
@@ -100,7 +100,7 @@ def test_a_needle_beside_the_target_is_told_to_turn(recording, path):
     rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
     entry = rest_mm + np.array([100.0, 40.0])
     path.write_text(GOOD.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
-    rows = table(advise(open_recording(recording), read_needle(path, 0.005, 2)))
+    rows = table(advise(read_recording(recording), read_needle(path, 0.005, 2)))
     last = rows.iloc[-1]
     way = last[["aim_x_mm", "aim_y_mm"]].to_numpy(dtype=float) - entry
     assert last["advice"] == "REALIGN"

@@ -9,7 +9,7 @@ import pytest
 from dynamics import HIDDEN, OUTER
 from estimators import METHODS, ExtendedKalmanFilter, Status, TargetEstimate, UnknownMethodError
 from experiments.errors import InputError
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.compare import chosen, compare, methods_of, tracking_problem, write_comparison
@@ -48,7 +48,7 @@ def recording(tmp_path_factory):
         for node in (*OUTER, HIDDEN)
     ]
     pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
-    return open_recording(folder)
+    return read_recording(folder)
 
 
 def test_a_newly_registered_method_runs_as_itself(recording, monkeypatch, tmp_path):

@@ -11,7 +11,7 @@ import pytest
 
 from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
 from estimators import IdentificationSettings
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.line import Line
@@ -75,8 +75,8 @@ def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, cache,
     The covariance holds: 88 to 100 % of the frames in the 95 % region, where without it is below 85 %.
     """
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=8.0), cache, OUTER)
-    before = summary(track(open_recording(recording)))["filter"]
-    after = summary(track(open_recording(recording, calibrated[1])))["filter"]
+    before = summary(track(read_recording(recording)))["filter"]
+    after = summary(track(read_recording(recording, calibrated[1])))["filter"]
     assert after["mae_mm"] < 0.8 * before["mae_mm"]
     assert after["coverage95"] > 0.88
     assert before["coverage95"] < 0.85
@@ -150,7 +150,7 @@ def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path,
     assert "particles" in capsys.readouterr().out
     figures = json.loads((out / "summary.json").read_text())
     assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "smoother"]
-    usual = summary(track(open_recording(recording, calibrated[1])))
+    usual = summary(track(read_recording(recording, calibrated[1])))
     assert figures["filter"]["mae_mm"] == usual["filter"]["mae_mm"]
     assert all(
         row["mae_mm"] < 0.7 * figures["open-loop"]["mae_mm"] for name, row in figures.items() if name != "open-loop"
@@ -177,13 +177,13 @@ def test_compare_with_some_methods_and_with_one_that_there_is_not(cache, tmp_pat
 def test_fixes_are_fused_at_their_times(calibrated, cache, tmp_path):
     """Sightings of the target good to 0.2 mm, off by 0.5 mm together: the error falls below 0.9 of that without."""
     recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=8.0), cache, OUTER)
-    without = summary(track(open_recording(recording, calibrated[1])))["filter"]["mae_mm"]
+    without = summary(track(read_recording(recording, calibrated[1])))["filter"]["mae_mm"]
     true = pd.read_csv(recording / "truth.csv").iloc[4::4]
     rng = np.random.default_rng(0)
     fixes = true[["time_s", "x_mm", "y_mm"]] + rng.normal(0.0, [0.0, 0.2, 0.2], (len(true), 3))
     fixes["x_mm"] += 0.5
     fixes.assign(sd_mm=0.2).to_csv(recording / "fixes.csv", index=False)
-    done = track(open_recording(recording, calibrated[1]))
+    done = track(read_recording(recording, calibrated[1]))
     assert summary(done)["filter"]["mae_mm"] < 0.9 * without
     at = [k for k, t in enumerate(done.times_s) if np.isclose(true["time_s"], t).any()]
     errors = np.linalg.norm(np.array([e.mean for e in done.estimates("filter")])[at] - done.truth[at], axis=1)
@@ -204,7 +204,7 @@ def test_trials_repeat_and_keep_their_truth(cache):
 def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, capsys):
     """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)
-    found = track(open_recording(recording, calibrated[1]), check=True).counts
+    found = track(read_recording(recording, calibrated[1]), check=True).counts
     assert found["check_nees"] < 2.6
     assert 1.0 <= found["check_scale"] < 2.0
     from dataclasses import replace

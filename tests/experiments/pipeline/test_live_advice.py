@@ -11,7 +11,7 @@ import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate, TissueFilter, guide
 from experiments.formats.needle_file import NeedlePlan, read_needle
-from experiments.formats.recording import Recording, open_recording
+from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.live import Session, follow
@@ -51,7 +51,7 @@ def recording(tmp_path_factory) -> Recording:
     webcam = read_scenario("webcam")
     pokes = webcam.pokes.model_copy(update={"pause_s": 0.2})
     simulate(webcam.model_copy(update={"duration_s": 1.5, "pokes": pokes}), folder)
-    return open_recording(folder)
+    return read_recording(folder)
 
 
 def run(source: Clocked, folder: Path, plan: NeedlePlan) -> tuple[Session, pd.DataFrame, list[tuple[float, str]]]:

@@ -11,7 +11,7 @@ import pytest
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter
 from experiments.formats.plan_file import read_task
-from experiments.formats.recording import MarkRow, open_recording, write_marks_csv
+from experiments.formats.recording import MarkRow, read_recording, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.plan import next_best, planned
 from experiments.pipeline.track import measurement
@@ -100,7 +100,7 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     assert softaim("plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0
     told = json.loads((tmp_path / "out" / "plan.json").read_text())
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
-    read = open_recording(folder)
+    read = read_recording(folder)
     for t, marks in zip(read.exposures_s, read.marks, strict=True):
         tissue.predict(float(t))
         tissue.update([measurement(mark) for mark in marks])

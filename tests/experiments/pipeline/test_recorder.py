@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from experiments.errors import InputError
-from experiments.formats.recording import open_recording, read_frames
+from experiments.formats.recording import read_frames, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.pipeline.recorder import Recorder, join, record
@@ -97,7 +97,7 @@ def left_by_a_kill(folder: Path, n: int = 75) -> Path:
 
 
 def check_frames(folder: Path, n: int) -> None:
-    recording = open_recording(folder)
+    recording = read_recording(folder)
     assert len(recording.exposures_s) == n
     with recording.open_frames() as frames:
         seen = list(frames)
@@ -152,7 +152,7 @@ def test_rows_without_frames_are_told(tmp_path: Path) -> None:
     folder = left_by_a_kill(tmp_path / "rec")
     (folder / "segments" / "000001.mkv").unlink()
     with pytest.raises(InputError, match=r"expected a row for each of the 30 frames of segments/, found 60 rows"):
-        open_recording(folder)
+        read_recording(folder)
 
 
 def test_a_join_killed_before_its_end_or_after_can_be_done_again(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from estimators.tissue.settings import LED
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.line import Line
@@ -42,7 +42,7 @@ def state_led(folder, *nodes):
 
 def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filter(recording):
     state_led(recording, "M1")
-    filters = Line(open_recording(recording).scene, baseline=False, check=True)
+    filters = Line(read_recording(recording).scene, baseline=False, check=True)
     assert len(filters.checks.without) == 3
     for tissue in (filters.filter, *filters.checks.without.values()):
         assert tissue.settings.led_nodes == ("M1",)

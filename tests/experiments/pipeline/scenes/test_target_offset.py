@@ -15,7 +15,7 @@ from estimators.baselines.registry import METHODS
 from estimators.process.target import TargetMap, TargetPoint, target_map
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, write_scene
 from experiments.pipeline.advise import advise
@@ -53,22 +53,22 @@ def recording(folder: Path, offset_m: tuple[float, ...]) -> Path:
 
 
 def tracked(folder: Path, method: str) -> np.ndarray:
-    return np.array([e.mean for e in track(open_recording(folder)).estimates(method)])
+    return np.array([e.mean for e in track(read_recording(folder)).estimates(method)])
 
 
 def checked(folder: Path) -> np.ndarray:
-    done = open_recording(folder)
+    done = read_recording(folder)
     line = Line(done.scene, check=True)
     return np.array([step.estimates[FILTER].mean for step in each_step(line, done)])
 
 
 def compared(folder: Path, method: str) -> np.ndarray:
-    return np.array([e.mean for e in compare(open_recording(folder), (OPEN_LOOP, FILTER, method)).estimates(method)])
+    return np.array([e.mean for e in compare(read_recording(folder), (OPEN_LOOP, FILTER, method)).estimates(method)])
 
 
 def aimed(folder: Path) -> np.ndarray:
     plan = read_needle(folder / "needle.toml", RADIUS_M, 2)
-    return np.array([one.aim for one in advise(open_recording(folder), plan).guidance if one.aim is not None])
+    return np.array([one.aim for one in advise(read_recording(folder), plan).guidance if one.aim is not None])
 
 
 def planned_from(source: Path, folder: Path) -> np.ndarray:
@@ -112,7 +112,7 @@ def test_every_output_reports_the_point(tmp_path: Path, door: str) -> None:
 
 def test_it_is_scored_against_the_truth_of_the_point(tmp_path: Path) -> None:
     """The hidden mark shows the node: the offset is added to it, and errors are those without one."""
-    node, point = (track(open_recording(recording(tmp_path / name, o))) for name, o in (("n", ()), ("p", OFFSET_M)))
+    node, point = (track(read_recording(recording(tmp_path / name, o))) for name, o in (("n", ()), ("p", OFFSET_M)))
     np.testing.assert_allclose(point.truth - node.truth, np.tile(OFFSET_M, (15, 1)), atol=1e-12)
     for method in (FILTER, OPEN_LOOP):
         assert figures(point, method)["mae_mm"] == pytest.approx(figures(node, method)["mae_mm"], rel=1e-9)
@@ -121,7 +121,7 @@ def test_it_is_scored_against_the_truth_of_the_point(tmp_path: Path) -> None:
 def test_the_truth_has_whatever_the_target_has_beside_its_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A map that a new property moves by 20 mm: filter and truth move with it, errors stay. Rounding."""
     folder = recording(tmp_path / "n", ())
-    before = track(open_recording(folder))
+    before = track(read_recording(folder))
 
     def deeper(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
         made = target_map(network, target)
@@ -129,7 +129,7 @@ def test_the_truth_has_whatever_the_target_has_beside_its_node(tmp_path: Path, m
 
     for module in ("estimators.tissue.filter", "experiments.pipeline.track"):
         monkeypatch.setattr(f"{module}.target_map", deeper)
-    after = track(open_recording(folder))
+    after = track(read_recording(folder))
     np.testing.assert_allclose(after.truth - before.truth, np.tile([0.0, -0.02], (15, 1)), atol=1e-12)
     assert figures(after, FILTER)["mae_mm"] == pytest.approx(figures(before, FILTER)["mae_mm"], rel=1e-9)
 
