@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dynamics.arrays import Floats
+from dynamics.arrays import Floats, made_again
 from dynamics.forces.kernels import (
     FIELDS,
     KINDS,
@@ -59,6 +60,9 @@ class ParameterUncertainty:
             raise NetworkError("directions: expected finite numbers, found others")
         directions.setflags(write=False)
         object.__setattr__(self, "directions", directions)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return made_again(self)
 
     @property
     def cov(self) -> Floats:
@@ -182,8 +186,12 @@ class ParameterForces:
 
     def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
         self._network, self._packed = network, packed(network)
+        self._which = tuple(which)
         self._kinds = np.array([KINDS.index(parameter.kind) for parameter in which], dtype=np.int64)
         self._indices = np.array([parameter.index for parameter in which], dtype=np.int64)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
         """For states of the free nodes, (..., n_state): (..., n_parameters, n_state / 2)."""

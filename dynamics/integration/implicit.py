@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +45,9 @@ class ImplicitStepper:
         self.network = network
         self._packed = packed(network)
         self._masses = np.repeat(network.masses[network.free], network.dim)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return type(self), (self.network,)
 
     def n_steps(self, dt: float) -> int:
         """How many equal steps an interval of dt [s] takes: a power of two, so that matrices can be squared."""

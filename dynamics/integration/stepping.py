@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +39,9 @@ class Stepper:
         inverse_mass[network.free] = 1.0 / network.masses[network.free]
         self._inverse_mass = inverse_mass
         self._n_state = network.n_state
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return type(self), (self.network, self.max_step_s)
 
     def n_steps(self, dt: float) -> int:
         """How many equal steps an interval of dt seconds takes."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dynamics.arrays import Floats
+from dynamics.arrays import Floats, made_again
 
 NODE_CONSTANTS = {"drag": "0 or more", "friction": "0 or more"}
 """Fields that have one constant for each node, and what they must be."""
@@ -76,6 +77,9 @@ class MassSpringNetwork:
         self._check_springs()
         for key in ("fixed", "springs", "free"):
             getattr(self, key).setflags(write=False)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return made_again(self)
 
     def _check_nodes(self) -> None:
         seen: set[str] = set()

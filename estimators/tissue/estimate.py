@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynamics.arrays import made_again
 from estimators.arrays import Floats
 from estimators.filters.kernels import is_gaussian
 
@@ -63,6 +65,9 @@ class MarkMeasurement:
         if not np.isfinite(shared).all():
             raise ValueError(f"mark {self.node} shared: expected finite numbers, found {shared}")
         self._own("shared", shared)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return made_again(self)
 
     def _own(self, name: str, array: Floats) -> None:
         array.setflags(write=False)

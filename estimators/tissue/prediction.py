@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -39,19 +40,55 @@ def _repeated(modes: tuple[ForceMode, ...], times: int) -> tuple[ForceMode, ...]
     return modes * times
 
 
-def linearised_cycles(
-    model: TissueModel, modes: Sequence[ForceMode]
-) -> Callable[[int, float], tuple[Callable[[Floats], LinearMotion], int]]:
-    """For `Move.linear`: the motion of a linearised tissue over a cycle; a known force goes on with it."""
-    motion = LinearisedTissue(model)
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionOfModes:
+    """How the sigma points and columns of all modes move, for `Move`; a record, so that filters pickle and copy."""
 
-    def cycle(n_filters: int, dt: float) -> tuple[Callable[[Floats], LinearMotion], int]:
-        own, push = in_branches(modes, n_filters), copy(model.push)
+    model: TissueModel
+    modes: Sequence[ForceMode]
+
+    def points(self, points: Floats, dt: float) -> Floats:
+        """Sigma points (n_filters, n_points, dim_x), dt [s] later."""
+        return propagate_points(self.model, points, dt, in_branches(self.modes, len(points)))
+
+    def columns(self, means: Floats, columns: Floats, dt: float) -> Floats:
+        """Columns (n_filters, dim_x, n_columns) about means (n_filters, dim_x), dt [s] later."""
+        return self.model.propagate_columns(means, columns, dt, in_branches(self.modes, len(means)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearisedCycle:
+    """The motion of a linearised tissue over one cycle of dt [s], under these forces, about whatever states."""
+
+    motion: LinearisedTissue
+    dt: float
+    modes: Sequence[ForceMode]
+    push: KnownForce | None
+
+    def __call__(self, about: Floats) -> LinearMotion:
+        """About states (n_filters, dim_x)."""
+        return self.motion(about, self.dt, self.modes, copy(self.push))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearisedCycles:
+    """For `Move.linear`: the motion of a linearised tissue over a cycle; a known force goes on with it."""
+
+    motion: LinearisedTissue
+    modes: Sequence[ForceMode]
+
+    def __call__(self, n_filters: int, dt: float) -> tuple[LinearisedCycle, int]:
+        """The motion of so many filters over the next dt [s], and in how many passes at most it may be asked for."""
+        model = self.motion.model
+        cycle = LinearisedCycle(self.motion, dt, in_branches(self.modes, n_filters), copy(model.push))
         if model.push is not None:
             model.push.step(dt)
-        return lambda about: motion(about, dt, own, copy(push)), motion.passes
+        return cycle, self.motion.passes
 
-    return cycle
+
+def unmoved(points: Floats, _dt: float) -> Floats:
+    """Sigma points as they are: what moves the filters of a mixture is its `Move`."""
+    return points
 
 
 def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequence[ForceMode]) -> InteractingMixture:
@@ -59,13 +96,10 @@ def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequen
 
     modes: those of the settings, made once: what was worked out for them is known again by the tuple itself
     """
-    filters = [UnscentedKalmanFilter(model.dim_x, lambda points, _dt: points) for _ in modes]
-    move = Move(
-        points=lambda points, dt: propagate_points(model, points, dt, in_branches(modes, len(points))),
-        columns=lambda means, columns, dt: model.propagate_columns(means, columns, dt, in_branches(modes, len(means))),
-        turned=model.turned,
-        linear=linearised_cycles(model, modes) if is_linearised(model) else None,
-    )
+    filters = [UnscentedKalmanFilter(model.dim_x, unmoved) for _ in modes]
+    motion = MotionOfModes(model, modes)
+    linear = LinearisedCycles(LinearisedTissue(model), modes) if is_linearised(model) else None
+    move = Move(motion.points, motion.columns, model.turned, linear)
     return InteractingMixture(filters, stationary(settings.rates), settings.rates, move, settings.of_state)
 
 

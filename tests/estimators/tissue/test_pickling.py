@@ -1,0 +1,225 @@
+"""Filters that are pickled or copied go on bit for bit, and leave the first alone. Reference: the filter that was not."""
+
+import copy
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
+from estimators import (
+    AssociationFilter,
+    FilterSettings,
+    FixBias,
+    FixedLag,
+    LeaveOneOut,
+    MarkMeasurement,
+    Replay,
+    TissueFilter,
+)
+from tests.estimators.tissue.test_elbows import SWINGS, frames_of, links, swing
+
+WAYS = {
+    "pickled": lambda one: pickle.loads(pickle.dumps(one)),
+    "copied": copy.deepcopy,
+}
+N_FRAMES, CUT = 24, 11
+"""Frames, and after how many of them the filter is pickled or copied."""
+
+way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+
+
+def stiff_links():
+    """Two links as stiff as cables: implicit steps, and an elbow that is followed on both sides."""
+    network = links()
+    return replace(network, stiffness=100.0 * network.stiffness, rest_lengths=np.array([0.09, 0.07]))
+
+
+def uncertain_phantom() -> TissueFilter:
+    """A filter that considers wrong constants and a calibration, estimates the bias of fixes, and allows many pokes."""
+    network = four_mass_phantom()
+    constants = parameters(network)
+    return TissueFilter(
+        network,
+        HIDDEN,
+        OUTER,
+        FilterSettings(fix_bias=FixBias(1e-3), one_of=len(OUTER)),
+        uncertainty=independent_uncertainty(constants, np.full(len(constants), 0.05)),
+        n_calibration=1,
+    )
+
+
+FILTERS = {
+    "sigma points": lambda: TissueFilter(four_mass_phantom(), HIDDEN, OUTER),
+    "uncertain": uncertain_phantom,
+    "linearised": lambda: TissueFilter(stiff_links(), "joint", ("end",)),
+}
+
+
+def frame(tissue: TissueFilter, k: int) -> list[MarkMeasurement]:
+    """The marks in frame k: each moves on a circle of its own about its place at rest, and some are not seen."""
+    network, rng, dim = tissue.model.network, np.random.default_rng(k), tissue.model.network.dim
+    marks = []
+    for n, node in enumerate(OUTER if dim == 2 and "M1" in network.names else ("end",)):
+        if (k + n) % 5:
+            turn = 0.3 * k + n
+            place = network.positions[network.index(node)] + 6e-3 * np.array([np.sin(turn), np.cos(turn)])
+            shared = 1e-4 * np.ones((dim, 1)) if tissue.n_calibration else None
+            marks.append(MarkMeasurement(node, place + 5e-4 * rng.normal(size=dim), 2.5e-7 * np.eye(dim), shared))
+    return marks
+
+
+def take(tissue: TissueFilter, time_s: float, marks: list[MarkMeasurement]) -> None:
+    tissue.predict(time_s)
+    tissue.update(marks)
+
+
+def step(tissue: TissueFilter, k: int) -> None:
+    take(tissue, k / 30.0, frame(tissue, k))
+
+
+def same(one: TissueFilter, other: TissueFilter) -> None:
+    """The whole state is the same to the last bit."""
+    a, b = one.snapshot(), other.snapshot()
+    assert a.time_s == b.time_s
+    assert a.health == b.health
+    assert a.log_likelihood == b.log_likelihood
+    assert a.rejected == b.rejected
+    assert one.repairs == other.repairs
+    for found, expected in (
+        (a.mixture.odds, b.mixture.odds),
+        (a.mixture.columns, b.mixture.columns),
+        (a.mixture.mean, b.mixture.mean),
+        (a.mixture.cov, b.mixture.cov),
+        (a.open_loop_cov, b.open_loop_cov),
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
+@way
+@pytest.mark.parametrize("make", FILTERS.values(), ids=FILTERS)
+def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make, way):
+    unbroken, first = make(), make()
+    for k in range(CUT):
+        step(unbroken, k)
+        step(first, k)
+    other = way(first)
+    same(other, unbroken)
+    for k in range(CUT, N_FRAMES):
+        step(unbroken, k)
+        step(other, k)
+    same(other, unbroken)
+    assert first.time_s == (CUT - 1) / 30.0
+    for k in range(CUT, N_FRAMES):
+        step(first, k)
+    same(first, unbroken)
+
+
+@way
+def test_branches_of_an_elbow_go_along(way):
+    """While the marks leave both sides possible the copy follows both."""
+    truth = swing(*SWINGS["elbow above its rest"], 2.0)
+    tissue = TissueFilter(links(), "joint", ["end"])
+    seen = iter(frames_of(truth, 1))
+    while tissue.mixture.n_branches == 1:
+        take(tissue, *next(seen))
+    other = way(tissue)
+    for _ in range(10):
+        coming = next(seen)
+        take(tissue, *coming)
+        take(other, *coming)
+        same(other, tissue)
+
+
+@way
+@pytest.mark.parametrize("make", FILTERS.values(), ids=FILTERS)
+def test_a_known_push_moves_the_copy(make, way):
+    """A copy whose equations of motion were the first one's would not feel what pushes it."""
+    tissue = make()
+    for k in range(CUT):
+        step(tissue, k)
+    other = way(tissue)
+    n_free = len(tissue.model.network.free)
+    push = 0.2 * np.ones((n_free, 2))
+    for each in (tissue, other):
+        each.predict((CUT + 3) / 30.0, push)
+    same(other, tissue)
+
+
+@way
+def test_between_prediction_and_update(way):
+    """A linearised cycle that no update has followed yet goes along."""
+    tissue = FILTERS["linearised"]()
+    for k in range(CUT):
+        step(tissue, k)
+    tissue.predict(CUT / 30.0)
+    assert tissue.mixture.cycle is not None
+    other = way(tissue)
+    for each in (tissue, other):
+        each.update(frame(each, CUT))
+    same(other, tissue)
+
+
+@way
+def test_what_is_checked_when_made_stays_so(way):
+    """Arrays of a network, of constants in doubt and of a mark cannot be written: kernels are compiled for such."""
+    tissue = way(uncertain_phantom())
+    network = tissue.model.network
+    assert not any(getattr(network, name).flags.writeable for name in ("positions", "stiffness", "springs", "free"))
+    assert tissue.model.stepper._packed.springs is network.springs
+    assert not tissue.model.uncertainty.directions.flags.writeable
+    mark = way(MarkMeasurement("M1", np.zeros(2), np.eye(2), np.ones((2, 1))))
+    assert not any(array.flags.writeable for array in (mark.position, mark.cov, mark.shared))
+
+
+@way
+def test_hypotheses_of_names_go_along(way):
+    """Marks of one hue exchange names slowly, so that rivals are followed when the filter is copied."""
+    unbroken = AssociationFilter(FILTERS["sigma points"](), (OUTER,))
+    first = AssociationFilter(FILTERS["sigma points"](), (OUTER,))
+    network = four_mass_phantom()
+    at = {node: network.positions[network.index(node)] for node in OUTER}
+    cov = 0.1**2 * np.eye(2)
+
+    def named(each: AssociationFilter, k: int):
+        each.tissue.predict(k / 30.0)
+        marks = [MarkMeasurement(node, at[node], cov) for node in OUTER]
+        return each.update(each.named(marks))
+
+    for k in range(CUT):
+        named(unbroken, k)
+        named(first, k)
+    assert first.rivals
+    other = way(first)
+    for k in range(CUT, N_FRAMES):
+        expected, found = named(unbroken, k), named(other, k)
+        np.testing.assert_array_equal(found.estimate.mean, expected.estimate.mean)
+        assert [mark.node for mark in found.marks] == [mark.node for mark in expected.marks]
+    same(other.tissue, unbroken.tissue)
+    assert [one.names for one in other.rivals] == [one.names for one in unbroken.rivals]
+    assert [one.ahead for one in other.rivals] == [one.ahead for one in unbroken.rivals]
+
+
+@way
+def test_what_is_built_on_a_filter_goes_along(way):
+    """A filter of withheld marks, one of frames that come late, one of the past."""
+    network = four_mass_phantom()
+    plain = TissueFilter(network, HIDDEN, OUTER)
+
+    def checked(each: LeaveOneOut, k: int):
+        each.predict(k / 30.0)
+        return each.update(frame(plain, k))
+
+    for made, follow in (
+        (LeaveOneOut(network, HIDDEN, OUTER), checked),
+        (Replay(TissueFilter(network, HIDDEN, OUTER)), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+        (FixedLag(TissueFilter(network, HIDDEN, OUTER), 0.1), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+    ):
+        for k in range(5):
+            follow(made, k)
+        other = way(made)
+        for k in range(5, 9):
+            expected, found = follow(made, k), follow(other, k)
+            np.testing.assert_array_equal(found.mean, expected.mean)
+            np.testing.assert_array_equal(found.cov, expected.cov)
