@@ -3,7 +3,8 @@
 Names to start with:
 
     four_mass_phantom     the paper's phantom, a network ready to use
-    MassSpringNetwork     nodes and springs of your own
+    build_network         a network from names, positions and edges
+    MassSpringNetwork     nodes and springs, checked
     rest_shape            where a network rests
     fit_rest_lengths      rest lengths from a picture of the network at rest
     node_forces           forces on all nodes
@@ -16,6 +17,7 @@ Names to start with:
 """
 
 from dynamics.equilibrium import (
+    build_network,
     carried,
     elbow_parts,
     equilibrium_with_fixed,
@@ -108,6 +110,7 @@ __all__ = [
     "Stepper",
     "advance_steered",
     "all_positions",
+    "build_network",
     "carried",
     "damping_matrix",
     "derivative",

@@ -27,6 +27,8 @@ def beside(name: str) -> str | None:
     path = Path(name)
     if path.parts[0] == "tests":
         return name if path.name.startswith("test_") and path.exists() else None
+    if name == "softaim.py":
+        return "tests/test_softaim.py"
     if path.parts[0] not in PACKAGES or path.suffix != ".py":
         return None
     folder = Path("tests", *path.parts[:-1])

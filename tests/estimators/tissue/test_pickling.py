@@ -1,4 +1,4 @@
-"""Filters that are pickled or copied go on bit for bit, and leave the first alone. Reference: the filter that was not."""
+"""Filters that are pickled or copied go on bit for bit, and leave the first alone. Reference: a filter that was not."""
 
 import copy
 import pickle

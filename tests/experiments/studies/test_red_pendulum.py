@@ -49,8 +49,8 @@ def test_scale_and_turn_come_out_of_a_known_swing(turn_deg):
 def test_the_real_film(tmp_path):
     """The figures of docs/real-film.md: the ball in all frames, coverage as found, good or bad.
 
-    Where the ball is blurred, rounding, which processors do differently, decides between its rim and its colour: hence the
-    two errors in flight that were found.
+    Where the ball is blurred, rounding, which processors do differently, decides between its rim and its colour: hence
+    the two errors in flight that were found.
     """
     if not FILM.is_file():
         pytest.skip(f"the film is not part of the repository: {FILM.name} not found, set SOFTAIM_DATA to its folder")

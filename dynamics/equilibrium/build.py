@@ -1,0 +1,136 @@
+"""A network from names, positions and edges."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dynamics.arrays import Floats
+from dynamics.equilibrium.rest import fit_rest_lengths
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
+
+AT_REST, AS_DRAWN = "at rest", "as drawn"
+
+
+def build_network(
+    names: Sequence[str],
+    positions: ArrayLike,
+    edges: Sequence[tuple[str | int, str | int]],
+    *,
+    stiffness: ArrayLike,
+    masses: ArrayLike,
+    gravity: ArrayLike,
+    fixed: Collection[str] = (),
+    damping: ArrayLike = 0.0,
+    drag: ArrayLike = 0.0,
+    friction: ArrayLike = 0.0,
+    rest_lengths: ArrayLike | Literal["at rest", "as drawn"] = "at rest",
+) -> MassSpringNetwork:
+    """A network of these nodes, a spring along each edge.
+
+    names: of the nodes, n_nodes different ones
+    positions: of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
+    edges: the two ends of each spring, by name or by place among the names; n_springs of them, each pair once
+    stiffness, damping: of the springs [N/m], and of the dashpots along them [N s/m]
+    masses, drag, friction: of the nodes [kg], their viscous drag [N s/m] and Coulomb friction [N] against the ground
+    gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
+    fixed: names of the anchors
+    rest_lengths: "at rest": such that the network rests where it is drawn, under gravity, by the smallest relative
+        changes of the drawn lengths; "as drawn": the distances drawn, so that gravity lets it sag; or numbers [m]
+
+    Values of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
+
+    Raises NetworkError that names the edge, node or argument, what was expected and what was found; also where no rest
+    lengths near those drawn let the network rest there.
+    """
+    known = _places(names)
+    x = np.array(positions, dtype=float)
+    if x.ndim != 2 or len(x) != len(known):
+        raise NetworkError(f"positions: expected one for each of {len(known)} nodes, found shape {x.shape}")
+    springs = _springs(edges, known)
+    if isinstance(fixed, str):
+        raise NetworkError(f'fixed: expected a list of names, found the text "{fixed}"')
+    for name in fixed:
+        if name not in known:
+            raise NetworkError(f'fixed: no node named "{name}"')
+    n_nodes, n_springs = len(known), len(springs)
+    lengths: ArrayLike = np.linalg.norm(x[springs[:, 1]] - x[springs[:, 0]], axis=1)
+    if not isinstance(rest_lengths, str):
+        lengths = _each("rest_lengths", rest_lengths, n_springs, "edges")
+    elif rest_lengths not in (AT_REST, AS_DRAWN):
+        raise NetworkError(f'rest_lengths: expected "{AT_REST}", "{AS_DRAWN}" or numbers, found "{rest_lengths}"')
+    network = MassSpringNetwork(
+        names=tuple(known),
+        positions=x,
+        masses=_each("masses", masses, n_nodes, "nodes"),
+        fixed=np.array([name in fixed for name in known]),
+        drag=_each("drag", drag, n_nodes, "nodes"),
+        friction=_each("friction", friction, n_nodes, "nodes"),
+        springs=springs,
+        stiffness=_each("stiffness", stiffness, n_springs, "edges"),
+        rest_lengths=np.asarray(lengths),
+        damping=_each("damping", damping, n_springs, "edges"),
+        gravity=np.asarray(gravity, dtype=float),
+    )
+    # without an anchor a network carries no weight, and rests as drawn
+    if isinstance(rest_lengths, str) and rest_lengths == AT_REST and network.fixed.any() and network.gravity.any():
+        return fit_rest_lengths(network, x)
+    return network
+
+
+def _places(names: Sequence[str]) -> dict[str, int]:
+    if isinstance(names, str):
+        raise NetworkError(f'names: expected a list of names, found the text "{names}"')
+    places: dict[str, int] = {}
+    for i, name in enumerate(names):
+        if not isinstance(name, str):
+            raise NetworkError(f"names[{i}]: expected a text, found {name!r}")
+        if name in places:
+            raise NetworkError(
+                f'node "{name}": expected unique names, found it as names[{places[name]}] and names[{i}]'
+            )
+        places[name] = i
+    return places
+
+
+def _springs(edges: Sequence[tuple[str | int, str | int]], places: dict[str, int]) -> NDArray[np.int64]:
+    pairs: dict[frozenset[int], int] = {}
+    springs = np.empty((len(edges), 2), dtype=np.int64)
+    for s, edge in enumerate(edges):
+        ends = [edge] if isinstance(edge, str) else list(edge)
+        label = f"edges[{s}] ({'-'.join(map(str, ends))})"
+        if len(ends) != 2:
+            raise NetworkError(f"{label}: expected two nodes, found {len(ends)}")
+        springs[s] = [_place(label, end, places) for end in ends]
+        if springs[s, 0] == springs[s, 1]:
+            raise NetworkError(f"{label}: expected two different nodes, found one")
+        first = pairs.setdefault(frozenset(springs[s].tolist()), s)
+        if first != s:
+            raise NetworkError(f"{label}: expected each pair once, found it as edges[{first}], too")
+    return springs
+
+
+def _place(label: str, end: str | int, places: dict[str, int]) -> int:
+    if isinstance(end, str):
+        if end not in places:
+            raise NetworkError(f'{label}: no node named "{end}"')
+        return places[end]
+    if isinstance(end, (bool, np.bool_)) or not isinstance(end, (int, np.integer)):
+        raise NetworkError(f"{label}: expected the name or the place of a node, found {end!r}")
+    if not 0 <= end < len(places):
+        raise NetworkError(f"{label}: expected nodes 0 to {len(places) - 1}, found {end}")
+    return int(end)
+
+
+def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
+    """One value for each of n, (n,), from one or n; NetworkError for others."""
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise NetworkError(f"{key}: expected numbers, found {values!r}") from None
+    if array.shape not in ((), (n,)):
+        raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")
+    return np.broadcast_to(array, (n,))

@@ -1,0 +1,163 @@
+"""Where a hidden target is inside soft tissue that moves, with a covariance, and advice for a needle on it.
+
+The names to start with, of the four packages of Softaim; `dynamics`, `estimators` and `vision` have the others. Lengths
+are in metres, times in seconds, masses in kilograms, forces in newtons; arrays have a row for each node or frame.
+
+    build_network         a network from names, positions and edges
+    MassSpringNetwork     nodes and springs, checked
+    four_mass_phantom     the paper's phantom, a network ready to use
+    fit_rest_lengths      rest lengths from a picture of the network at rest
+    rest_shape            where a network rests
+    integrate_adaptive    slow exact motion, for truths
+    pack, unpack          state vectors to and from positions and velocities
+    TissueFilter          predict, update, and where the target is
+    AssociationFilter     the same where marks look alike
+    FilterSettings        what is assumed about unknown forces
+    MarkMeasurement       what goes in: a mark's position and covariance
+    TargetEstimate        what comes out: mean, covariance, status
+    Status                whether an estimate may be relied upon
+    identify_constants    stiffness, damping, rest lengths from a recording
+    tune_noise            noise levels from the innovations
+    fixed_interval        smoothing
+    Lesion, Needle, Insertion    what is to be hit, with what, from where
+    hit_probability       of a needle that stands still
+    guide                 go, wait or realign
+    open_source           frames from a camera, film, folder or stream
+    MarkFinder            marks tracked and named, frame after frame
+    PlaneCamera           between pixels and the plane
+    Scene                 what is in view: network, marks, target, cameras
+    read_scene, write_scene    scene.toml
+    Recording, read_recording    a folder of frames or marks with their times
+    InputError            a file that cannot be used; one line says why
+
+Importing this module loads nothing else; a name is loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dynamics import (
+        MassSpringNetwork,
+        build_network,
+        fit_rest_lengths,
+        four_mass_phantom,
+        integrate_adaptive,
+        pack,
+        rest_shape,
+        unpack,
+    )
+    from estimators import (
+        AssociationFilter,
+        FilterSettings,
+        Insertion,
+        Lesion,
+        MarkMeasurement,
+        Needle,
+        Status,
+        TargetEstimate,
+        TissueFilter,
+        fixed_interval,
+        guide,
+        hit_probability,
+        identify_constants,
+        tune_noise,
+    )
+    from experiments.errors import InputError
+    from experiments.formats.recording import Recording, read_recording
+    from experiments.formats.scene.scene import Scene, read_scene, write_scene
+    from vision import MarkFinder, PlaneCamera, open_source
+
+    __version__: str
+
+__all__ = [
+    "AssociationFilter",
+    "FilterSettings",
+    "InputError",
+    "Insertion",
+    "Lesion",
+    "MarkFinder",
+    "MarkMeasurement",
+    "MassSpringNetwork",
+    "Needle",
+    "PlaneCamera",
+    "Recording",
+    "Scene",
+    "Status",
+    "TargetEstimate",
+    "TissueFilter",
+    "__version__",
+    "build_network",
+    "fit_rest_lengths",
+    "fixed_interval",
+    "four_mass_phantom",
+    "guide",
+    "hit_probability",
+    "identify_constants",
+    "integrate_adaptive",
+    "open_source",
+    "pack",
+    "read_recording",
+    "read_scene",
+    "rest_shape",
+    "tune_noise",
+    "unpack",
+    "write_scene",
+]
+
+_NAMES_OF = {
+    "dynamics": (
+        "MassSpringNetwork",
+        "build_network",
+        "fit_rest_lengths",
+        "four_mass_phantom",
+        "integrate_adaptive",
+        "pack",
+        "rest_shape",
+        "unpack",
+    ),
+    "estimators": (
+        "AssociationFilter",
+        "FilterSettings",
+        "Insertion",
+        "Lesion",
+        "MarkMeasurement",
+        "Needle",
+        "Status",
+        "TargetEstimate",
+        "TissueFilter",
+        "fixed_interval",
+        "guide",
+        "hit_probability",
+        "identify_constants",
+        "tune_noise",
+    ),
+    "vision": ("MarkFinder", "PlaneCamera", "open_source"),
+    "experiments.errors": ("InputError",),
+    "experiments.formats.recording": ("Recording", "read_recording"),
+    "experiments.formats.scene.scene": ("Scene", "read_scene", "write_scene"),
+}
+"""The names of each module that are handed on."""
+
+_HOMES = {name: module for module, names in _NAMES_OF.items() for name in names}
+
+
+if not TYPE_CHECKING:  # who checks types would take every name to be there
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value: Any = version("softaim")
+        elif name in _HOMES:
+            value = getattr(import_module(_HOMES[name]), name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
