@@ -1,20 +1,33 @@
-"""Scenario files: the phantom, forces and camera that `softaim simulate` simulates."""
+"""Scenario files: a scene, or the phantom that comes with the program, and what acts on it in a simulation."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from experiments.errors import InputError
-from experiments.formats.toml_file import Strict, read_toml
+from dynamics import OUTER, MassSpringNetwork, four_mass_phantom
+from experiments.errors import InputError, shown
+from experiments.formats.scene.scene import read_scene
+from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, read_toml
 
-Positive = Annotated[float, Field(gt=0)]
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 MOST_STEPS = 1_000_000
 """Most frames of a film, samples of a tremor or pokes: more are a misprint, at 30 frames/s nine hours of film."""
+
+PAPER_SD_MM = 4.14
+"""Standard deviation of the paper's marks, an axis [mm]."""
+
+NEAR_SD_MM = 0.5
+"""That of marks on a scene of one's own where the scenario states none [mm]: a webcam close to a phantom, a tracker."""
+
+UPWARD = (0.3, 1.0, 0.0)
+"""Direction of breathing where none is stated; in the plane without the last."""
+
+Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
@@ -28,18 +41,19 @@ class Release(Strict):
     """At the start one node is displaced by a constant force, then released."""
 
     node: str
-    force_n: Annotated[list[float], Field(min_length=2, max_length=2)]
+    force_n: Coordinates
 
 
 class Pokes(Strict):
     """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
 
+    nodes: default: all with a measured mark
     acceleration_m_s2: the largest force by the node's mass; each poke has between the part `weakest` and all of it
     pause_s: mean of the exponential pause between two pokes
     together: all of the nodes at once, in the same direction, and not one of them at random
     """
 
-    nodes: Annotated[list[str], Field(min_length=1)]
+    nodes: Nodes | None = None
     acceleration_m_s2: Positive
     shortest_s: Positive
     longest_s: Positive
@@ -57,34 +71,53 @@ class Pokes(Strict):
 class Breathing(Strict):
     """Periodic forces on nodes as of breathing: a wave and half as much of its second harmonic.
 
+    nodes: default: all with a measured mark
     shortest_s, longest_s: between which the period is drawn, the same for the whole run
-    acceleration_m_s2: of the first wave, by the node's mass, along `direction`
+    acceleration_m_s2: of the first wave, by the node's mass, along `direction`, by default `UPWARD`
     """
 
-    nodes: Annotated[list[str], Field(min_length=1)]
+    nodes: Nodes | None = None
     acceleration_m_s2: Positive
     shortest_s: Positive
     longest_s: Positive
-    direction: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(default=[0.3, 1.0])
+    direction: Coordinates | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Breathing:
         if self.longest_s < self.shortest_s:
             raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
-        if not any(self.direction):
+        if self.direction is not None and not any(self.direction):
             raise ValueError("direction: expected one other than nought, found nought")
         return self
 
 
-class Marks(Strict):
-    """One disc on each free node; the hidden one is drawn too, for scoring only."""
+class SeenMarks(Strict):
+    """How marks are seen where there is no film.
 
+    sd_mm: standard deviation of a mark's error, an axis, the paper's where none is given; known to the methods
+    lost: share of the marks that are not seen; outliers: share that is seen 30 to 150 mm from its place
+    """
+
+    sd_mm: Positive = PAPER_SD_MM
+    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    outliers: Annotated[float, Field(ge=0, lt=1)] = 0.0
+
+
+class Marks(Strict):
+    """How marks are seen where there is no film, see `SeenMarks`; of the phantom, hue and size of its discs, too.
+
+    The phantom has a disc on each free node; the hidden one is drawn too, for scoring only.
+    """
+
+    sd_mm: Positive | None = None
+    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    outliers: Annotated[float, Field(ge=0, lt=1)] = 0.0
     hue_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
     diameter_mm: Positive = 30.0
 
 
 class Camera(Strict):
-    """A camera squarely before the plane."""
+    """A camera squarely before the plane of the phantom."""
 
     size_px: Annotated[list[Annotated[int, Field(ge=64, le=8192)]], Field(min_length=2, max_length=2)]
     mm_per_px: Annotated[list[Scale], Field(min_length=2, max_length=2)]
@@ -95,28 +128,48 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """How the film is stored."""
+    """How the film is stored; of a scene, the light and how many things of other hues are in view, too."""
 
+    light: Literal["webcam", "paper"] = "webcam"
+    distractors: Annotated[int, Field(ge=0, le=50)] = 0
     codec: Literal["MJPG", "FFV1"] = "MJPG"
     quality: Annotated[int, Field(ge=1, le=100)] = 95
 
 
 class Scenario(Strict):
-    """A scenario file, version 1."""
+    """A scenario file, version 1; once read, `scene` is the path of the scene file from where the program runs."""
 
     version: Literal[1]
-    title: str
-    phantom: Literal["four-mass"]
-    seed: Annotated[int, Field(ge=0)]
-    duration_s: Positive
-    frame_interval_s: Positive
+    title: str = ""
+    scene: Name | None = None
+    phantom: Literal["four-mass"] | None = None
+    seed: Annotated[int, Field(ge=0)] = 0
+    duration_s: Positive = 20.0
+    frame_interval_s: Positive = 1.0 / 30.0
     tremor: Tremor | None = None
     release: Release | None = None
     pokes: Pokes | None = None
     breathing: Breathing | None = None
     marks: Marks = Marks()
-    camera: Camera
+    camera: Camera | None = None
     video: Video = Video()
+
+    @model_validator(mode="after")
+    def _one_world(self) -> Scenario:
+        if (self.scene is None) == (self.phantom is None):
+            found = "none" if self.scene is None else "both"
+            raise ValueError(f"expected either scene or phantom, found {found}")
+        if self.phantom is not None and self.camera is None:
+            raise ValueError("camera: expected this table beside phantom, found none")
+        if self.scene is not None and self.camera is not None:
+            raise ValueError("camera: expected no such table beside scene, whose own camera is meant, found one")
+        of_scene, of_phantom = (self.video, ("light", "distractors")), (self.marks, ("hue_deg", "diameter_mm"))
+        other, (table, keys) = ("phantom", of_scene) if self.scene is None else ("scene", of_phantom)
+        for key in keys:
+            if key in table.model_fields_set:
+                name, own = ("video", "camera") if other == "phantom" else ("marks", "mark")
+                raise ValueError(f"{name}.{key}: expected no such key beside {other}, but in {own}, found one")
+        return self
 
     @model_validator(mode="after")
     def _lasting(self) -> Scenario:
@@ -132,6 +185,26 @@ class Scenario(Strict):
                 raise ValueError(f"{key}: expected at most {MOST_STEPS} of them in duration_s, found {interval_s}")
         return self
 
+    @property
+    def light(self) -> str:
+        """Under which the film is taken: `webcam` or `paper`."""
+        return self.video.light if self.camera is None else self.camera.light
+
+    @property
+    def distractors(self) -> int:
+        """How many things of other hues are in view."""
+        return self.video.distractors if self.camera is None else self.camera.distractors
+
+    @property
+    def seen(self) -> SeenMarks:
+        """How marks are seen where there is no film."""
+        usual = PAPER_SD_MM if self.scene is None else NEAR_SD_MM
+        return SeenMarks(
+            sd_mm=usual if self.marks.sd_mm is None else self.marks.sd_mm,
+            lost=self.marks.lost,
+            outliers=self.marks.outliers,
+        )
+
 
 def shipped() -> list[str]:
     """Names of the scenarios that come with the program."""
@@ -140,11 +213,59 @@ def shipped() -> list[str]:
 
 
 def read_scenario(name: str) -> Scenario:
-    """The scenario of that name, or in that TOML file; raises InputError."""
+    """The scenario of that name, or in that TOML file, completed for its own tissue; raises InputError."""
+    scenario = read_scenario_file(name)
+    if scenario.scene is None:
+        return completed(scenario, four_mass_phantom(), OUTER, name)
+    scene = read_scene(Path(scenario.scene))
+    return completed(scenario, scene.network, scene.measured_nodes, name)
+
+
+def read_scenario_file(name: str) -> Scenario:
+    """The scenario of that name, or in that TOML file, its nodes not yet looked up in its tissue; raises InputError."""
     if name in shipped():
         with resources.as_file(resources.files("experiments") / "scenarios" / f"{name}.toml") as path:
-            return read_toml(path, Scenario)
+            return _read(path)
     path = Path(name)
     if not path.is_file():
         raise InputError(f"{name}: expected one of {', '.join(shipped())} or a scenario file, found neither")
-    return read_toml(path, Scenario)
+    return _read(path)
+
+
+def _read(path: Path) -> Scenario:
+    scenario = read_toml(path, Scenario)
+    if scenario.scene is None:
+        return scenario
+    return scenario.model_copy(update={"scene": str(path.parent / scenario.scene)})
+
+
+def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[str], place: str) -> Scenario:
+    """The scenario with the nodes that it leaves out, for this network.
+
+    marked: nodes with a measured mark. Raises InputError, `place: key: …`, for what does not fit the network.
+    """
+    change: dict[str, object] = {}
+    for key in ("pokes", "breathing"):
+        table: Pokes | Breathing | None = getattr(scenario, key)
+        if table is not None:
+            for i, node in enumerate(table.nodes or ()):
+                _check_free(network, node, f"{place}: {key}.nodes[{i}]")
+            change[key] = table if table.nodes is not None else table.model_copy(update={"nodes": list(marked)})
+    if scenario.release is not None:
+        _check_free(network, scenario.release.node, f"{place}: release.node")
+        _check_dim(network, scenario.release.force_n, f"{place}: release.force_n")
+    if scenario.breathing is not None and scenario.breathing.direction is not None:
+        _check_dim(network, scenario.breathing.direction, f"{place}: breathing.direction")
+    return scenario.model_copy(update=change)
+
+
+def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
+    if node not in network.names:
+        raise InputError(f"{place}: no node named {shown(node)}")
+    if network.fixed[network.index(node)]:
+        raise InputError.at(place, "a free node", f"the anchor {shown(node)}")
+
+
+def _check_dim(network: MassSpringNetwork, vector: Sequence[float], place: str) -> None:
+    if len(vector) != network.dim:
+        raise InputError.at(place, f"{network.dim} numbers, as the scene has", str(len(vector)))

@@ -13,7 +13,7 @@ from pydantic import Field, create_model
 
 from dynamics import KINDS
 from experiments.errors import InputError, shown
-from experiments.formats.scenario import Scenario, read_scenario, shipped
+from experiments.formats.scenario import Scenario, SeenMarks, read_scenario_file, shipped
 from experiments.formats.scene.schema import FilterTable
 from experiments.formats.toml_file import Name, Positive, Strict, read_toml, validated
 
@@ -26,18 +26,6 @@ MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breat
 
 GROUPS = ("scenario", "filter", "marks", "model")
 """First parts of the keys of a grid."""
-
-
-class SeenMarks(Strict):
-    """How the marks are seen.
-
-    sd_mm: standard deviation of a mark's error, an axis, the paper's where none is given; known to the methods
-    lost: share of the marks that are not seen; outliers: share that is seen 30 to 150 mm from its place
-    """
-
-    sd_mm: Positive = 4.14
-    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    outliers: Annotated[float, Field(ge=0, lt=1)] = 0.0
 
 
 ModelFactors = create_model(  # type: ignore[call-overload]
@@ -76,7 +64,8 @@ class Setup:
 class Sweep:
     """A sweep, checked, its combinations in the order of the grid.
 
-    methods: as the file has them, their names not checked; scene: file of the tissue, None for the scenario's phantom
+    methods: as the file has them, their names not checked
+    scene: file of the tissue, the scenario's where the sweep names none, None for the scenario's phantom
     """
 
     path: Path
@@ -95,7 +84,8 @@ def read_sweep(path: Path) -> Sweep:
     """The sweep of a file; raises InputError, `file: key: expected …, found …`, for the first fault."""
     file = read_toml(path, SweepFile)
     name = file.scenario if file.scenario in shipped() else str(path.parent / file.scenario)
-    scenario = read_scenario(name).model_dump(exclude_none=True)
+    read = read_scenario_file(name)
+    scenario = read.model_dump(exclude_unset=True)
     lists = dict(_lists(file.grid, f"{path}: grid", ()))
     n_runs = file.seeds * math.prod(len(values) for values in lists.values())
     if n_runs > MOST_RUNS:
@@ -105,7 +95,12 @@ def read_sweep(path: Path) -> Sweep:
         at = dict(zip(lists, values, strict=True))
         scenario_at, filter_at, marks_at, model_at = (
             _changed(start, {key: value for key, value in at.items() if key[0] == group})
-            for group, start in (("scenario", scenario), ("filter", {}), ("marks", {}), ("model", {}))
+            for group, start in (
+                ("scenario", scenario),
+                ("filter", {}),
+                ("marks", read.seen.model_dump()),
+                ("model", {}),
+            )
         )
         place = f"{path}: grid."
         setups.append(
@@ -117,7 +112,8 @@ def read_sweep(path: Path) -> Sweep:
                 validated(model_at, ModelFactors, f"{place}model."),
             )
         )
-    scene = None if file.scene is None else path.parent / file.scene
+    own = None if read.scene is None else Path(read.scene)
+    scene = own if file.scene is None else path.parent / file.scene
     seeds = range(file.first_seed, file.first_seed + file.seeds)
     return Sweep(path, tuple(file.methods), seeds, scene, tuple(setups))
 

@@ -26,17 +26,19 @@ from experiments.engine.study import Study, run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
-from experiments.formats.scenario import Scenario
+from experiments.formats.scenario import Scenario, SeenMarks, completed
 from experiments.formats.scene.filter import settings_of
 from experiments.formats.scene.scene import Scene, scene_of_tables
 from experiments.formats.scene.schema import FilterTable, SceneError, SceneFile
-from experiments.formats.sweep_file import SeenMarks, Setup, Sweep
-from experiments.formats.toml_file import validated
+from experiments.formats.sweep_file import MOTION, Setup, Sweep
+from experiments.formats.toml_file import VERSION, validated
 from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
 from experiments.simulation.seen_marks import seen_marks
-from experiments.simulation.simulate import Truth, exposures, scene_of, start_and_forces, true_motion
+from experiments.simulation.simulate import exposures, scene_of, start_and_forces, true_motion
+from experiments.simulation.truth import Truth
 
+SCENE = "scene.toml"
 STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"
 
 CHECKED_S = 1.0
@@ -59,9 +61,9 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
     text = None if sweep.scene is None else read_text(sweep.scene)
     cases, checked = [], set()
     for setup in sweep.setups:
-        scenario = setup.scenario.model_dump(exclude_none=True)
+        scenario = _motion_of(setup.scenario, text, sweep)
         if (name := json.dumps(scenario)) not in checked:
-            _check_forces(setup.scenario, text, sweep)
+            _check_forces(Scenario.model_validate(scenario), text, sweep)
             checked.add(name)
         _check_led(setup, text, sweep)
         table = {
@@ -77,6 +79,19 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
     return cases
 
 
+def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
+    """What a run needs of a scenario, as its file has it; of a scene its text counts, not where it is."""
+    true = true_scene(text, scenario, str(sweep.scene))
+    try:
+        complete = completed(scenario, true.network, true.measured_nodes, "scenario")
+    except InputError as fault:
+        raise InputError(f"{sweep.path}: {fault}") from None
+    tables = complete.model_dump(exclude_unset=True, exclude_none=True)
+    if text is None:
+        return tables
+    return {"version": VERSION, "scene": SCENE, **{key: tables[key] for key in MOTION if key in tables}}
+
+
 def _column(value: Any) -> str | int | float:
     return value if isinstance(value, str | int | float) else json.dumps(value)
 
@@ -85,9 +100,6 @@ def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
     """Raise InputError for forces that the tissue does not take, before all runs."""
     try:
         network = true_scene(text, scenario, str(sweep.scene)).network
-        flat = [name for name in ("release", "breathing") if getattr(scenario, name) is not None]
-        if network.dim != 2 and flat:
-            raise InputError.at(f"scenario.{flat[0]}", "a flat scene", f"one in {network.dim} dimensions")
         brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
         start_and_forces(network, brief, np.random.default_rng(0))
     except InputError as fault:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import vision
 from dynamics import integrate_adaptive, pack, unpack
 from experiments.formats.scenario import Scenario
-from experiments.simulation.simulate import draw, poke_force, scene_of, tremor_force
+from experiments.simulation.simulate import draw, hues_of, poke_force, scene_of, tremor_force
 
 
 class PhantomCamera:
@@ -39,7 +39,7 @@ class PhantomCamera:
         rest = network.positions[network.free]
         self._state = pack(rest, np.zeros_like(rest))
         self._strays = vision.distractors(
-            scenario.camera.distractors, self.scene.cameras[0].size_px, self._rng, [scenario.marks.hue_deg]
+            scenario.distractors, self.scene.cameras[0].size_px, self._rng, hues_of(self.scene)
         )
         self._lighting = vision.Lighting()
         self._end_s = duration_s

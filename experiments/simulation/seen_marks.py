@@ -8,9 +8,9 @@ import numpy as np
 
 from experiments.formats.recording import MarkRow, Recording
 from experiments.formats.recording import Truth as TruthTable
+from experiments.formats.scenario import SeenMarks
 from experiments.formats.scene.scene import Scene
-from experiments.formats.sweep_file import SeenMarks
-from experiments.simulation.simulate import Truth
+from experiments.simulation.truth import Truth
 
 MISPLACED_M = (0.03, 0.15)
 """How far from its place an outlier is [m]."""

@@ -1,4 +1,4 @@
-"""Truth and film of a scenario: the recording that `softaim simulate` writes.
+"""Truth and film, or marks, of a scenario: the recording that `softaim simulate` writes.
 
 Truth comes from SciPy's DOP853, not from the steps that the filter takes.
 """
@@ -13,24 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import MassSpringNetwork, NetworkError, four_mass_phantom, integrate_adaptive, pack, rest_shape, unpack
+from dynamics import (
+    MassSpringNetwork,
+    NetworkError,
+    carried,
+    four_mass_phantom,
+    integrate_adaptive,
+    pack,
+    rest_shape,
+    unpack,
+)
 from dynamics.phantoms.four_mass import HIDDEN
 from experiments.arrays import Floats
-from experiments.errors import InputError
-from experiments.formats.outputs import output_folder
-from experiments.formats.recording import write_frames_csv, write_truth_csv
-from experiments.formats.scenario import Breathing, Pokes, Scenario, Tremor
-from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from experiments.errors import InputError, read_text
+from experiments.formats.outputs import output_folder, write_whole
+from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
+from experiments.formats.scenario import UPWARD, Breathing, Pokes, Scenario, Tremor
+from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, write_scene
+from experiments.formats.scene.schema import SceneFile
+from experiments.formats.toml_file import read_toml
+from experiments.simulation.seen_marks import seen_marks
+from experiments.simulation.truth import Truth
 
 TARGET_RADIUS_M = 0.005
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Truth:
-    """Where the free nodes were: times_s (n,), positions of the network's free nodes [m], (n, n_free, dim)."""
-
-    times_s: Floats
-    positions: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +51,17 @@ class Force:
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """The scene that a camera of the scenario sees."""
+    """The scene of the scenario: its file's, or that which a camera before its phantom sees. Raises InputError."""
+    if scenario.scene is not None:
+        return read_scene(Path(scenario.scene))
     network = four_mass_phantom()
     names = [network.names[i] for i in network.free]
     marks = tuple(
         Mark(name, scenario.marks.hue_deg, scenario.marks.diameter_mm * 1e-3, measured=name != HIDDEN) for name in names
     )
     seen = scenario.camera
+    if seen is None:
+        raise InputError.at("scenario: camera", "this table beside phantom", "none")
     camera = vision.fronto_parallel_camera(
         "front",
         (seen.size_px[0], seen.size_px[1]),
@@ -85,7 +94,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
     """Half-sine pushes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
-    rows = [_row(network, node) for node in pokes.nodes]
+    rows = _rows(network, pokes.nodes)
     starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)
     while t < duration_s:
@@ -113,8 +122,9 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
     """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim)."""
-    rows = [_row(network, node) for node in breathing.nodes]
-    direction = np.array(breathing.direction) / np.linalg.norm(breathing.direction)
+    rows = _rows(network, breathing.nodes)
+    direction = np.array(breathing.direction or UPWARD[: network.dim])
+    direction /= np.linalg.norm(direction)
     peak = np.zeros((len(network.free), network.dim))
     peak[rows] = breathing.acceleration_m_s2 * network.masses[network.free[rows]][:, None] * direction
     rate = 2.0 * np.pi / rng.uniform(breathing.shortest_s, breathing.longest_s)
@@ -124,6 +134,12 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
         return (np.cos(rate * t + phase) + 0.5 * np.cos(2.0 * rate * t + second)) * peak
 
     return Force(force, np.empty(0))
+
+
+def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
+    if nodes is None:
+        raise ValueError("nodes: expected their names, as `completed` gives them, found none")
+    return [_row(network, node) for node in nodes]
 
 
 def _row(network: MassSpringNetwork, node: str) -> int:
@@ -144,7 +160,8 @@ def start_and_forces(
     try:
         start = rest_shape(network, held)[network.free]
     except NetworkError as fault:
-        raise InputError(f"scenario: release: {fault}") from None
+        place = "scenario: release" if scenario.release is not None else scenario.scene or "scenario"
+        raise InputError(f"{place}: {fault}") from None
     forces: list[Force] = []
     if scenario.tremor is not None:
         forces.append(tremor_force(network, scenario.tremor, scenario.duration_s, rng))
@@ -156,13 +173,13 @@ def start_and_forces(
 
 
 def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """Where the scenario's nodes are at its exposure times."""
+    """Where the scenario's nodes are at its exposure times; a network without anchors is `carried`."""
     times = exposures(scenario)
     start, forces = start_and_forces(network, scenario, rng)
     nothing = np.zeros_like(start)
     try:
         states = integrate_adaptive(
-            network,
+            carried(network),
             pack(start, nothing),
             times,
             force=lambda t: sum((force(t) for force in forces), nothing),
@@ -181,12 +198,17 @@ def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generato
     """Frames of the motion as the scenario's camera gives them, (height, width, 3) BGR."""
     camera = scene.cameras[0]
     network = scene.network
-    lighting = vision.paper_camera() if scenario.camera.light == "paper" else vision.Lighting()
-    strays = vision.distractors(scenario.camera.distractors, camera.size_px, rng, [scenario.marks.hue_deg])
+    lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
+    strays = vision.distractors(scenario.distractors, camera.size_px, rng, hues_of(scene))
     everywhere = network.positions.copy()
     for positions in truth.positions:
         everywhere[network.free] = positions
         yield draw(scene, everywhere, lighting, rng, strays=strays)
+
+
+def hues_of(scene: Scene) -> list[float]:
+    """The hues of the marks of a scene [degrees], each once."""
+    return list(dict.fromkeys(mark.hue_deg for mark in scene.marks))
 
 
 def draw(
@@ -205,27 +227,58 @@ def draw(
 
 
 def simulate(
-    scenario: Scenario, out: Path, *, force: bool = False, advance: Callable[[float], None] = lambda _share: None
+    scenario: Scenario,
+    out: Path,
+    *,
+    force: bool = False,
+    filmed: bool = True,
+    advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Write the recording of a scenario to the folder `out`; `advance` gets the share done. Raises InputError."""
+    """Write the recording of a scenario to the folder `out`; `advance` gets the share done. Raises InputError.
+
+    filmed: False: marks.csv in place of the film, as where the scene has no camera
+    """
+    scene = scene_of(scenario)
+    if filmed and len(scene.cameras) > 1:
+        raise InputError.at(f"{scenario.scene}: camera", "one at most for a film (--no-film)", str(len(scene.cameras)))
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
-        scene = scene_of(scenario)
         truth = true_motion(scene.network, scenario, rng)
-        write_scene(scene, folder / "scene.toml")
+        _copy_scene(scenario, scene, folder / "scene.toml")
         write_frames_csv(folder / "frames.csv", truth.times_s)
         names = [scene.network.names[i] for i in scene.network.free]
         write_truth_csv(
             folder / "truth.csv", truth.times_s, {name: truth.positions[:, k] for k, name in enumerate(names)}
         )
-        rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container takes no lower rate; frames.csv has the times
-        with vision.VideoWriter(
-            folder / "video.avi",
-            scene.cameras[0].size_px,
-            rate,
-            codec=scenario.video.codec,
-            quality=scenario.video.quality,
-        ) as video:
-            for k, image in enumerate(film(scenario, scene, truth, rng)):
-                video.write(image)
-                advance((k + 1) / len(truth.times_s))
+        if filmed and scene.cameras:
+            _write_film(scenario, scene, truth, rng, folder / "video.avi", advance)
+        else:
+            marks = seen_marks(scene, truth, scenario.seen, rng).marks
+            write_marks_csv(folder / "marks.csv", truth.times_s, marks or (), dim=scene.network.dim)
+            advance(1.0)
+
+
+def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
+    """The scene as its file has it; where that leaves cameras to other files, with them written out."""
+    own = None if scenario.scene is None else Path(scenario.scene)
+    if own is None or any(camera.file is not None for camera in read_toml(own, SceneFile).camera):
+        write_scene(scene, path)
+    else:
+        write_whole(path, read_text(own))
+
+
+def _write_film(
+    scenario: Scenario,
+    scene: Scene,
+    truth: Truth,
+    rng: np.random.Generator,
+    path: Path,
+    advance: Callable[[float], None],
+) -> None:
+    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container takes no lower rate; frames.csv has the times
+    stored = scenario.video
+    size_px = scene.cameras[0].size_px
+    with vision.VideoWriter(path, size_px, rate, codec=stored.codec, quality=stored.quality) as video:
+        for k, image in enumerate(film(scenario, scene, truth, rng)):
+            video.write(image)
+            advance((k + 1) / len(truth.times_s))

@@ -29,6 +29,8 @@ size_px = [640, 480]
 mm_per_px = [1.25, 1.5]
 """
 
+HANGING = Path(__file__).parents[1] / "hanging.toml"
+
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
@@ -60,14 +62,71 @@ def test_a_file_is_read_with_its_defaults(path: Path):
     )
 
 
+BARE = 'version = 1\nscene = "body.toml"\n'
+
+
+@pytest.fixture
+def body(tmp_path: Path) -> Path:
+    """A scene file beside the scenario: a mass on a spring in space, its mark measured; another hidden."""
+    scene = tmp_path / "body.toml"
+    scene.write_text(HANGING.read_text())
+    return scene
+
+
+def test_a_scene_needs_no_more_than_its_name(path: Path, body: Path):
+    """Paths are from the scenario file; nothing acts; marks to half a millimetre, the phantom's to the paper's 4.14."""
+    path.write_text(BARE)
+    read = read_scenario(str(path))
+    assert (read.scene, read.title, read.seed, read.duration_s) == (str(body), "", 0, 20.0)
+    assert read.frame_interval_s == pytest.approx(1 / 30, rel=1e-12)
+    assert (read.tremor, read.release, read.pokes, read.breathing) == (None, None, None, None)
+    assert (read.seen.sd_mm, read.seen.lost, read.seen.outliers) == (0.5, 0.0, 0.0)
+    assert read_scenario("poked").seen.sd_mm == 4.14
+
+
+def test_forces_are_on_the_measured_nodes_where_none_are_named(path: Path, body: Path):
+    times = "acceleration_m_s2 = 1.0\nshortest_s = 1.0\nlongest_s = 2.0\n"
+    path.write_text(f"{BARE}[pokes]\npause_s = 1.0\n{times}[breathing]\n{times}[marks]\nsd_mm = 2.0\n")
+    read = read_scenario(str(path))
+    assert read.pokes.nodes == ["a"]
+    assert read.breathing.nodes == ["a"]
+    assert read.seen.sd_mm == 2.0
+
+
+@pytest.mark.parametrize(
+    ("added", "told"),
+    [
+        ("[marks]\nhue_deg = 1.0\n", "marks.hue_deg: expected no such key beside scene, but in mark, found one"),
+        (
+            "[release]\nnode = 'a'\nforce_n = [1.0, 0.0]\n",
+            "release.force_n: expected 3 numbers, as the scene has, found 2",
+        ),
+        (
+            "[breathing]\nacceleration_m_s2 = 1.0\nshortest_s = 1.0\nlongest_s = 2.0\ndirection = [1.0, 0.0]\n",
+            "breathing.direction: expected 3 numbers, as the scene has, found 2",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_scene_is_told(path: Path, body: Path, added: str, told: str):
+    path.write_text(BARE + added)
+    with pytest.raises(InputError) as fault:
+        read_scenario(str(path))
+    assert str(fault.value) == f"{path}: {told}"
+
+
+def test_a_scene_that_is_not_there_is_told(path: Path):
+    path.write_text(BARE)
+    with pytest.raises(InputError, match=r"body\.toml: expected a file, found none"):
+        read_scenario(str(path))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("seed = 4", "sead = 4", "sead: expected one of version, title, phantom"),
+        ("seed = 4", "sead = 4", "sead: expected one of version, title, scene, phantom"),
         ("pause_s", "pauze_s", "pokes.pauze_s: expected one of nodes"),
         ("seed = 4", 'seed = "4"', "seed: expected a whole number, found "),
         ("seed = 4", "seed = -1", "seed: expected 0 or more, found -1"),
-        ("seed = 4\n", "", "seed: expected this key, found none"),
         ("duration_s = 2.0", "duration_s = nan", "duration_s: expected a finite number, found nan"),
         ("duration_s = 2.0", "duration_s = 0.0", "duration_s: expected more than 0, found 0.0"),
         ("duration_s = 2.0", "duration_s = 0.1", "duration_s: expected more than frame_interval_s, found 0.1"),
@@ -79,6 +138,22 @@ def test_a_file_is_read_with_its_defaults(path: Path):
         ('"four-mass"', '"five-mass"', "phantom: expected 'four-mass', found \"five-mass\""),
         ("[1.25, 1.5]", "[1.25]", "camera.mm_per_px: expected 2 or more entries, found 1"),
         ("[1.25, 1.5]", "[1e-9, 1.5]", "camera.mm_per_px[0]: expected 0.01 or more, found 1e-09"),
+        ('phantom = "four-mass"\n', "", "expected either scene or phantom, found none"),
+        (
+            'phantom = "four-mass"',
+            'phantom = "four-mass"\nscene = "s.toml"',
+            "expected either scene or phantom, found both",
+        ),
+        ('phantom = "four-mass"', 'scene = "s.toml"', "camera: expected no such table beside scene"),
+        (
+            "[camera]",
+            "[video]\ndistractors = 2\n[camera]",
+            "video.distractors: expected no such key beside phantom, but in",
+        ),
+        ('nodes = ["M1"]', 'nodes = ["M9"]', 'pokes.nodes[0]: no node named "M9"'),
+        ('nodes = ["M1"]', 'nodes = ["M1", "In1"]', 'pokes.nodes[1]: expected a free node, found the anchor "In1"'),
+        ('node = "M3"', 'node = "In2"', 'release.node: expected a free node, found the anchor "In2"'),
+        ("[2.0, 0.5]", "[2.0, 0.5, 1.0]", "release.force_n: expected 2 numbers, as the scene has, found 3"),
         ("[640, 480]", "[640, 16]", "camera.size_px[1]: expected 64 or more, found 16"),
         ("version = 1", "version = 2", "version: expected 1, found 2"),
         ("version = 1", "version 1", "line 1: expected TOML"),

@@ -1,0 +1,191 @@
+"""Recordings of scenes of one's own: a body in space as marks, a flat one as a film, several seeds at once."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+
+import vision
+from dynamics import four_mass_phantom, pack, plain_derivative, rest_shape
+from experiments.errors import InputError
+from experiments.formats.recording import open_recording
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import read_scene
+from experiments.simulation.simulate import scene_of, simulate, true_motion
+from tests.experiments.command import softaim
+
+HANGING = (Path(__file__).parents[1] / "hanging.toml").read_text()
+SCENARIO = """version = 1
+scene = "hanging.toml"
+seed = 5
+duration_s = 1.0
+[release]
+node = "a"
+force_n = [0.2, 0.0, 0.3]
+[marks]
+sd_mm = 0.2
+"""
+CAMERA = """
+[[camera]]
+name = "front"
+size_px = [320, 240]
+plane_to_px = [[1.5, 0.0, 159.5], [0.0, -1.5, 20.5], [0.0, 0.0, 1.0]]
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """A scenario of two masses that hang in space on springs, pulled aside and let go."""
+    (tmp_path / "hanging.toml").write_text(HANGING)
+    path = tmp_path / "swing.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+@pytest.fixture
+def flat(tmp_path: Path) -> Path:
+    """The same in the plane before a camera, the hidden mass without a mark."""
+    text = HANGING.replace(", 0.0]\nmass", "]\nmass").replace(", 0.0]\nfixed", "]\nfixed")
+    text = text.replace("-9.81, 0.0]", "-9.81]").replace("hue_deg = 0.0", "hue_deg = 120.0") + CAMERA
+    (tmp_path / "hanging.toml").write_text(text)
+    path = tmp_path / "swing.toml"
+    path.write_text(SCENARIO.replace("[0.2, 0.0, 0.3]", "[0.2, 0.0]"))
+    return path
+
+
+def test_the_truth_in_space_is_newtons(scenario: Path):
+    """A release let go: positions to 1e-6 m of SciPy's Radau of the plain equations, as for the phantom."""
+    read = read_scenario(str(scenario))
+    network = scene_of(read).network
+    held = np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.3]])
+    start = rest_shape(network, held)[network.free]
+    truth = true_motion(network, read, np.random.default_rng(0))
+    solved = solve_ivp(
+        lambda _t, s: plain_derivative(network, s),
+        (0.0, truth.times_s[-1]),
+        pack(start, np.zeros_like(start)),
+        method="Radau",
+        t_eval=truth.times_s,
+        rtol=1e-8,
+        atol=1e-10,
+    )
+    np.testing.assert_allclose(truth.positions[0], start, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(truth.positions.reshape(30, 6), solved.y.T[:, :6], rtol=0, atol=1e-6)
+    assert np.ptp(truth.positions[:, 1, 2]) > 0.02
+
+
+def test_a_body_in_space_is_marks_and_truth(scenario: Path, tmp_path: Path):
+    """Noise of 90 coordinates as stated, 0.2 mm to three of its standard errors (7.5 %); the scene as it was."""
+    simulate(read_scenario(str(scenario)), tmp_path / "rec")
+    names = sorted(path.name for path in (tmp_path / "rec").iterdir())
+    assert names == ["frames.csv", "marks.csv", "scene.toml", "truth.csv"]
+    assert (tmp_path / "rec" / "scene.toml").read_text() == HANGING
+    recording = open_recording(tmp_path / "rec")
+    assert recording.scene.settings.poked.poke == 3.0
+    assert recording.scene.uncertainty is not None
+    truth = recording.truth.positions["a"]
+    errors = np.array([row[0].position_m for row in recording.marks]) - truth
+    assert {(mark.node, mark.sd_m) for row in recording.marks for mark in row} == {("a", 2e-4)}
+    assert errors.std() == pytest.approx(2e-4, rel=0.225)
+    assert set(pd.read_csv(tmp_path / "rec" / "truth.csv")["node"]) == {"a", "hidden"}
+
+
+def test_a_flat_scene_is_filmed_with_its_own_marks(flat: Path, tmp_path: Path):
+    """The green mark is found in the film where the truth projects to, by the camera written down, to 0.3 px."""
+    simulate(read_scenario(str(flat)), tmp_path / "rec")
+    names = sorted(path.name for path in (tmp_path / "rec").iterdir())
+    assert names == ["frames.csv", "scene.toml", "truth.csv", "video.avi"]
+    truth = pd.read_csv(tmp_path / "rec" / "truth.csv").query("node == 'a'")[["x_mm", "y_mm"]].to_numpy()
+    with vision.VideoFileFrames(tmp_path / "rec" / "video.avi") as frames:
+        images = [frame.image for frame in frames]
+    assert len(images) == len(truth) == 30
+    for image, (x, y) in zip(images, truth, strict=True):
+        (found,) = vision.detect_marks(image, [vision.MarkHue(120.0)], min_area_px=50.0)
+        np.testing.assert_allclose(found.center_px, [159.5 + 1.5 * x, 20.5 - 1.5 * y], atol=0.3)
+
+
+def test_without_a_film_a_flat_scene_is_marks(flat: Path, tmp_path: Path):
+    assert softaim("simulate", flat, "--out", tmp_path / "rec", "--no-film") == 0
+    assert (tmp_path / "rec" / "marks.csv").is_file()
+    assert not (tmp_path / "rec" / "video.avi").exists()
+
+
+def test_two_cameras_take_no_film(flat: Path, tmp_path: Path):
+    scene = tmp_path / "hanging.toml"
+    scene.write_text(scene.read_text() + CAMERA.replace("front", "side"))
+    with pytest.raises(
+        InputError, match=r"hanging\.toml: camera: expected one at most for a film \(--no-film\), found 2"
+    ):
+        simulate(read_scenario(str(flat)), tmp_path / "rec")
+    assert not (tmp_path / "rec").exists()
+
+
+def test_a_camera_in_a_file_of_its_own_is_written_out(flat: Path, tmp_path: Path):
+    """The recording stands by itself: its camera is that of the file."""
+    camera = """version = 1
+name = "lens"
+size_px = [320, 240]
+matrix = [[400.0, 0.0, 159.5], [0.0, 400.0, 119.5], [0.0, 0.0, 1.0]]
+distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
+rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
+translation_mm = [0.0, -60.0, 300.0]
+matrix_sd = [1.0, 1.0, 1.0, 1.0]
+distortion_sd = [0.0, 0.0, 0.0, 0.0, 0.0]
+reprojection_rms_px = 0.1
+reprojection_rms_px_each = [0.1]
+images_used = ["a.png"]
+images_left_out = []
+mm_per_px = [0.75, 0.75]
+plane_image = "a.png"
+uncertainty = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+"""
+    (tmp_path / "camera.toml").write_text(camera)
+    scene = tmp_path / "hanging.toml"
+    scene.write_text(scene.read_text().replace(CAMERA, '\n[[camera]]\nfile = "camera.toml"\n'))
+    simulate(read_scenario(str(flat)), tmp_path / "rec")
+    written, read = read_scene(tmp_path / "rec" / "scene.toml"), read_scene(scene)
+    np.testing.assert_allclose(written.cameras[0].plane_to_px, read.cameras[0].plane_to_px, rtol=1e-12)
+    assert len(open_recording(tmp_path / "rec").exposures_s) == 30
+
+
+def test_several_recordings_are_of_successive_seeds(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
+    """The second of a run from seed 8 on is that of seed 9 alone; the network's sag is told."""
+    assert softaim("simulate", scenario, "--out", tmp_path / "all", "--seed", "8", "--runs", "2") == 0
+    assert "the network rests up to" in capsys.readouterr().err
+    assert softaim("simulate", scenario, "--out", tmp_path / "one", "--seed", "9") == 0
+    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["seed-8", "seed-9"]
+    for name in ("marks.csv", "truth.csv", "frames.csv"):
+        assert (tmp_path / "all" / "seed-9" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
+    marks = [(tmp_path / "all" / f"seed-{k}" / "marks.csv").read_bytes() for k in (8, 9)]
+    assert marks[0] != marks[1]
+
+
+def test_what_was_simulated_can_be_tracked(scenario: Path, tmp_path: Path, without_pictures: None):
+    """The hidden mass swings by 30 mm and more, and the filter of its scene has it to 4 mm on the mean."""
+    assert softaim("simulate", scenario, "--out", tmp_path / "rec") == 0
+    assert softaim("track", tmp_path / "rec", "--out", tmp_path / "track") == 0
+    figures = json.loads((tmp_path / "track" / "summary.json").read_text())
+    assert figures["filter"]["mae_mm"] < 4.0
+
+
+def test_a_scene_without_a_rest_is_told_with_its_file(scenario: Path, tmp_path: Path):
+    """Without gravity nothing keeps two masses below their anchor."""
+    scene = tmp_path / "hanging.toml"
+    scene.write_text(HANGING.replace("-9.81", "0.0"))
+    scenario.write_text(SCENARIO.split("[release]", maxsplit=1)[0])
+    with pytest.raises(InputError, match=r"hanging\.toml: rest shape: expected a stable equilibrium"):
+        simulate(read_scenario(str(scenario)), tmp_path / "rec")
+
+
+def test_a_body_without_anchors_does_not_fall(scenario: Path):
+    """What carries it acts on every node alike: its middle stays where it was to 1e-6 m."""
+    read = read_scenario("quiet").model_copy(update={"release": None, "tremor": None, "duration_s": 1.0})
+    phantom = four_mass_phantom()
+    loose = replace(phantom, fixed=np.zeros(7, dtype=bool))
+    truth = true_motion(loose, read, np.random.default_rng(0))
+    middle = truth.positions.mean(axis=1)
+    np.testing.assert_allclose(middle, np.broadcast_to(middle[0], middle.shape), rtol=0, atol=1e-6)
