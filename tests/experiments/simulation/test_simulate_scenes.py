@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import vision
 from dynamics import four_mass_phantom, pack, plain_derivative, rest_shape
 from experiments.errors import InputError
-from experiments.formats.recording import open_recording
+from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene
 from experiments.simulation.simulate import scene_of, simulate, true_motion
@@ -84,7 +84,7 @@ def test_a_body_in_space_is_marks_and_truth(scenario: Path, tmp_path: Path):
     names = sorted(path.name for path in (tmp_path / "rec").iterdir())
     assert names == ["frames.csv", "marks.csv", "scene.toml", "truth.csv"]
     assert (tmp_path / "rec" / "scene.toml").read_text() == HANGING
-    recording = open_recording(tmp_path / "rec")
+    recording = read_recording(tmp_path / "rec")
     assert recording.scene.settings.poked.poke == 3.0
     assert recording.scene.uncertainty is not None
     truth = recording.truth.positions["a"]
@@ -149,7 +149,7 @@ uncertainty = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     simulate(read_scenario(str(flat)), tmp_path / "rec")
     written, read = read_scene(tmp_path / "rec" / "scene.toml"), read_scene(scene)
     np.testing.assert_allclose(written.cameras[0].plane_to_px, read.cameras[0].plane_to_px, rtol=1e-12)
-    assert len(open_recording(tmp_path / "rec").exposures_s) == 30
+    assert len(read_recording(tmp_path / "rec").exposures_s) == 30
 
 
 def test_several_recordings_are_of_successive_seeds(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
