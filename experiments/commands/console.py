@@ -38,6 +38,16 @@ def advice_line(counts: Mapping[str, int]) -> str:
     return f"{frames} frames: " + ", ".join(f"{name} {n}" for name, n in counts.items())
 
 
+def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
+    """What was told of hits and what came true; None where no truth is known."""
+    parts = []
+    for name, key in (("of all frames", ""), ("of those with GO", "go_")):
+        told, true, n = (figures[f"{key}{one}"] for one in ("told", "came_true", "insertions"))
+        if told is not None:
+            parts.append(f"{name} {told:.1%} told, {true:.1%} true ({n})")
+    return f"Hits, {'; '.join(parts)}" if parts else None
+
+
 def plan_table(report: Mapping[str, Any]) -> Table:
     """The best path of a plan and the next best, from plan.json."""
     table = Table(title=f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed")

@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from estimators import Advice, Guidance, guide
+from estimators import Advice, GaussianMixture, Guidance, guide, hit_probability
+from estimators.process.target import target_map
+from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_step
+
+SURE_M = 1e-9
+"""Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +55,51 @@ def advise(recording: Recording, plan: NeedlePlan, advance: Callable[[float], No
     return Advised(recording, plan, tuple(times), tuple(guidance))
 
 
+def came_true(done: Advised) -> Floats:
+    """Probability of a hit, inserted as the frame's advice has it, had the target's place then been known, (n_frames,).
+
+    That is the share of needles that hit: what is random yet is the tip alone. NaN where no needle arrives, or where
+    the truth does not reach to its arrival. The needle goes as deep as was told, at the time that was told.
+    """
+    scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
+    found = np.full(len(done.times_s), np.nan)
+    node = scene.target.node
+    if truth is None or node not in truth.nodes:
+        return found
+    known = [k for k, one in enumerate(done.guidance) if one.arrival_s is not None and one.depth_m is not None]
+    arrivals = np.array([done.guidance[k].arrival_s for k in known], dtype=float)
+    _, places = truth.at(arrivals, node)
+    places = places + target_map(scene.network, scene.target.point).constant
+    exactly = SURE_M**2 * np.eye(scene.network.dim)
+    for k, place in zip(known, places, strict=True):
+        if not np.isfinite(place).all():
+            continue
+        axis, depth_m = plan.insertion.axis, plan.insertion.depth_m + float(done.guidance[k].depth_m or 0.0)
+        tip = plan.insertion.entry + depth_m * axis
+        found[k] = hit_probability(
+            GaussianMixture.gaussian(place, exactly),
+            GaussianMixture.gaussian(tip, plan.needle.tip_cov(axis, depth_m)),
+            axis,
+            plan.lesion,
+            needle=plan.needle,
+        )
+    return found
+
+
+def reliability(done: Advised) -> dict[str, float | int | None]:
+    """Mean probability told and share that came true, of all frames with a truth and of those advised GO."""
+    true = came_true(done)
+    told = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
+    known = np.isfinite(told) & np.isfinite(true)
+    go = known & np.array([one.advice is Advice.GO for one in done.guidance])
+    found: dict[str, float | int | None] = {}
+    for name, of in (("", known), ("go_", go)):
+        found[f"{name}insertions"] = int(of.sum())
+        found[f"{name}told"] = float(told[of].mean()) if of.any() else None
+        found[f"{name}came_true"] = float(true[of].mean()) if of.any() else None
+    return found
+
+
 def header(dim: int) -> list[str]:
     """Names of the columns of advice.csv."""
     aims = [f"aim_{AXES[a]}_mm" for a in range(dim)]
@@ -77,10 +127,12 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """advice.csv: a row for each frame; seconds, mm, degrees; empty where there is no value."""
+    """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `came_true` with a truth."""
     dim = done.recording.scene.network.dim
     rows = [row(time_s, one, dim) for time_s, one in zip(done.times_s, done.guidance, strict=True)]
     frame = pd.DataFrame(rows, columns=header(dim))
+    if np.isfinite(true := came_true(done)).any():
+        frame["came_true"] = true
     numbers = [column for column in frame.columns if column not in ("advice", "reason")]
     return frame.astype(dict.fromkeys(numbers, float))
 

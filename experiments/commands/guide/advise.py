@@ -19,12 +19,12 @@ def advise(
     force: Force = False,
 ) -> None:
     """Say for each frame whether a needle should go in, wait or turn: a table and a picture."""
-    from experiments.commands.console import advice_line
+    from experiments.commands.console import advice_line, reliability_line
     from experiments.formats.needle_file import read_needle
     from experiments.formats.outputs import output_folder
     from experiments.formats.recording import read_recording
     from experiments.pipeline.advise import advise as run
-    from experiments.pipeline.advise import write_advice
+    from experiments.pipeline.advise import reliability, write_advice
     from experiments.pipeline.events import report_rest
     from experiments.plots.advice import write_advice_plot
 
@@ -36,4 +36,6 @@ def advise(
         write_advice(done, folder)
         write_advice_plot(done, folder)
     print(advice_line(done.counts()))
+    if (line := reliability_line(reliability(done))) is not None:
+        print(line)
     print(f"Table and picture in {out}")

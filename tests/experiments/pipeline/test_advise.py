@@ -14,7 +14,7 @@ from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
-from experiments.pipeline.advise import advise, table
+from experiments.pipeline.advise import advise, came_true, reliability, table
 from tests.experiments.command import softaim
 
 GOOD = (Path(__file__).parents[1] / "needle.toml").read_text(encoding="utf-8")
@@ -145,3 +145,40 @@ def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, pa
     told = capsys.readouterr().err
     assert told == f"softaim: {path}: advice.go: expected 1 or less, found 1.1\n"
     assert not (tmp_path / "out").exists()
+
+
+def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path):
+    """The truth 3 mm beside the needle's line: of tips of 2 mm an axis, 20,000 drawn, so many lie within 5 mm of it.
+
+    Where the truth ends before the needle arrives, nothing is known: 0.275 s to the target, of a second.
+    """
+    network = four_mass_phantom()
+    rest = 1e3 * network.positions[network.index("M2")]
+    times = np.arange(31) / 30
+    truth = pd.DataFrame({"time_s": times, "node": "M2", "x_mm": rest[0] + 3.0, "y_mm": rest[1]})
+    truth.to_csv(recording / "truth.csv", index=False)
+    path.write_text(
+        f"version = 1\nentry_mm = [{rest[0]}, {rest[1] + 55.0}]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
+        "hit = 'TIP'\ntip_sd_mm = 2.0\nbending_sd_mm_per_mm = 0.0\n[lesion]\nradius_mm = 5.0\n"
+    )
+    done = advise(read_recording(recording), read_needle(path, 0.005, 2))
+    true = came_true(done)
+    rng = np.random.default_rng(0)
+    drawn = rng.normal([-3.0, 0.0], 2.0, (20_000, 2))
+    share = float((np.linalg.norm(drawn, axis=1) <= 5.0).mean())
+    known = np.isfinite(true)
+    np.testing.assert_allclose(true[known], share, atol=0.02)
+    arrivals = np.array([np.inf if one.arrival_s is None else one.arrival_s for one in done.guidance])
+    np.testing.assert_array_equal(known, arrivals <= times[-1])
+    assert known.sum() > 5
+    found = reliability(done)
+    assert found["insertions"] == known.sum()
+    assert found["came_true"] == pytest.approx(share, abs=0.02)
+    assert np.isfinite(table(done)["came_true"]).sum() == known.sum()
+
+
+def test_without_a_truth_nothing_came_true(recording, path):
+    path.write_text(LEAST)
+    done = advise(read_recording(recording), read_needle(path, 0.005, 2))
+    assert "came_true" not in table(done)
+    assert reliability(done)["told"] is None
