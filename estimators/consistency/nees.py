@@ -28,8 +28,11 @@ def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float,
     return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
 
 
-def mean_bounds(degrees: int, n: int, share: float = 0.95) -> tuple[float, float]:
-    """Between which the mean of n independent chi-square variables lies with this probability."""
+def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, float]:
+    """Between which the mean of n independent chi-square variables lies with this probability.
+
+    degrees: of freedom of each, or their mean where they differ
+    """
     low, high = chi_square_bounds(degrees * n, share)
     return low / n, high / n
 

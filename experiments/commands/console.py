@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
@@ -10,26 +10,69 @@ from rich.table import Table
 from experiments.studies.demo import PAPER_MM, Figures
 from vision import Calibration
 
-Row = Mapping[str, float | int | None]
+Row = Mapping[str, Any]
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """One row a method: error, coverage, NEES, speed."""
-    table = Table(title="Error of the hidden target")
-    for head in ("method", "mean ± SD [mm]", "RMSE [mm]", "in 95 % region", "mean NEES", "frames", "lost", "ms/frame"):
+    """One row a method: errors where the truth is known, else sigma and NIS; frames, speed."""
+    known = any("mae_mm" in row for row in figures.values())
+    table = Table(title="Error of the hidden target" if known else "The hidden target; its truth is not known")
+    columns = ERRORS if known else SIGMAS
+    for head in ("method", *columns, "frames", "lost", "ms/frame"):
         table.add_column(head, justify="left" if head == "method" else "right")
     for method, row in figures.items():
         table.add_row(
             method,
-            _mean_sd(row),
-            _number(row["rmse_mm"], ".2f"),
-            _number(row["coverage95"], ".1%"),
-            _number(row["mean_nees"], ".2f"),
+            *(made(row) for made in columns.values()),
             str(row["frames"]),
             str(row["frames_lost"]),
             _number(row["ms_per_frame"], ".2f"),
         )
     return table
+
+
+def _mean_sd(row: Row) -> str:
+    return f"{_number(row.get('mae_mm'), '.2f')} ± {_number(row.get('sd_mm'), '.2f')}"
+
+
+def _band(row: Row) -> str:
+    return f"{row['nis_low']:.2f} to {row['nis_high']:.2f}" if "nis_low" in row else "–"
+
+
+ERRORS: Mapping[str, Callable[[Row], str]] = {
+    "mean ± SD [mm]": _mean_sd,
+    "RMSE [mm]": lambda row: _number(row.get("rmse_mm"), ".2f"),
+    "in 95 % region": lambda row: _number(row.get("coverage95"), ".1%"),
+    "mean NEES": lambda row: _number(row.get("mean_nees"), ".2f"),
+}
+SIGMAS: Mapping[str, Callable[[Row], str]] = {
+    "sigma an axis [mm]": lambda row: _number(row.get("sigma_mm"), ".2f"),
+    "at most": lambda row: _number(row.get("sigma_most_mm"), ".2f"),
+    "mean NIS": lambda row: _number(row.get("mean_nis"), ".2f"),
+    "its 95 % band": _band,
+}
+
+
+def fit_lines(ours: Row) -> list[str]:
+    """What the filter says without any truth, from its object in summary.json: statuses, refusals, the verdict."""
+    statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
+    return [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
+
+
+def withheld_table(ours: Row) -> Table:
+    """One row a mark: how it was predicted by a filter that never gets it, from the filter's object in summary.json."""
+    table = Table(title="Marks predicted as if hidden")
+    for head in ("mark", "frames", "mean error [mm]", "mean NEES", "by what was predicted"):
+        table.add_column(head, justify="left" if head == "mark" else "right")
+    for node, one in ours["check_marks"].items():
+        nees = f"{one['mean_nees']:.2f}"
+        table.add_row(node, str(one["frames"]), f"{one['mean_error_mm']:.2f}", nees, f"{one['ratio']:.2f}")
+    return table
+
+
+def sentence(words: str) -> str:
+    """Words with a capital and a full stop."""
+    return f"{words[0].upper()}{words[1:]}."
 
 
 def advice_line(counts: Mapping[str, int]) -> str:
@@ -101,7 +144,7 @@ def demo_table(figures: Figures) -> Table:
         label = f"{method} (the paper's method, on these frames)" if method == "open-loop" else method
         table.add_row(label, *(_mean_sd(rows[method]) for rows in figures.values()))
     table.add_row(
-        "filter: in its 95 % region", *(_number(rows["filter"]["coverage95"], ".1%") for rows in figures.values())
+        "filter: in its 95 % region", *(_number(rows["filter"].get("coverage95"), ".1%") for rows in figures.values())
     )
     return table
 
@@ -179,12 +222,6 @@ def calibration_lines(done: Calibration) -> list[str]:
         *(f"  {line}" for line in done.images_left_out),
         f"On the plane of {done.plane_image} a pixel at the centre is {across:.3f} x {down:.3f} mm",
     ]
-
-
-def _mean_sd(row: Row) -> str:
-    if row["mae_mm"] is None:
-        return "truth not known"
-    return f"{row['mae_mm']:.2f} ± {row['sd_mm']:.2f}"
 
 
 def _number(value: float | int | None, form: str) -> str:

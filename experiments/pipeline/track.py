@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from estimators import MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
+from estimators import LeaveOneOutCheck, MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -18,6 +19,8 @@ from experiments.formats.estimate_rows import header, row
 from experiments.formats.recording import MarkRow, Recording
 from experiments.pipeline.events import rest_offsets
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step
+from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
+from experiments.pipeline.scores.withheld import Withheld, withheld_of
 
 Advance = Callable[[float], None]
 
@@ -29,12 +32,19 @@ class Track:
     steps: one for each frame
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
+    withheld: of the check, by node: marks predicted as if they were hidden
     """
 
     recording: Recording
     steps: tuple[Step, ...]
     truth: Floats
     counts: Mapping[str, float | int | None] = field(default_factory=dict)
+    withheld: Mapping[str, Withheld] = field(default_factory=dict)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether it is known of any frame where the target was."""
+        return bool(np.isfinite(self.truth).all(axis=1).any())
 
     @property
     def times_s(self) -> Floats:
@@ -56,11 +66,12 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
     line = Line(recording.scene, fixes=recording.fixes, check=check)
     n_frames = len(recording.exposures_s)
     steps = []
-    checked: list[float] = []
+    checked: dict[str, list[LeaveOneOutCheck]] = {}
     for k, step in enumerate(each_step(line, recording)):
         steps.append(step)
         if line.checks is not None:
-            checked += [one.nees for one in line.checks.checks.values()]
+            for node, one in line.checks.checks.items():
+                checked.setdefault(node, []).append(one)
         advance((k + 1) / n_frames)
     counts: dict[str, float | int | None] = {
         "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != "fix"),
@@ -69,9 +80,11 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
         "rest_offset_mm": 1e3 * float(rest_offsets(recording.scene).max()),
     }
     if line.checks is not None:
-        counts["check_nees"] = float(np.mean(checked)) if checked else None
+        nees = [one.nees for own in checked.values() for one in own]
+        counts["check_nees"] = float(np.mean(nees)) if nees else None
         counts["check_scale"] = line.checks.scale
-    return Track(recording, tuple(steps), target_truth(recording, steps), counts)
+    withheld = {node: withheld_of(checked[node]) for node in recording.scene.measured_nodes if node in checked}
+    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld)
 
 
 def each_step(line: Line, recording: Recording) -> Iterator[Step]:
@@ -142,18 +155,33 @@ def _nees_or_infinite(error: Floats, cov: Floats) -> float:
 
 
 def figures(done: Track, method: str) -> dict[str, float | int | None]:
-    """The row of summary.json for one method; None where truth or covariance is missing, or the number not finite."""
-    rows = table(done, method)
-    errors = rows["err_mm"].dropna().to_numpy()
-    nees = rows["nees"].dropna().to_numpy()
-    dim = done.recording.scene.network.dim
+    """The figures of summary.json of one method; None where the number is not finite.
+
+    Those that need the truth are there where it is known of a frame, those that need a covariance or innovations where
+    the method has them.
+    """
+    rows, estimates = table(done, method), done.estimates(method)
     seconds = [step.detect_s + step.method_s[method] for step in done.steps]
-    return {
-        "mae_mm": _finite(errors.mean()) if len(errors) else None,
-        "sd_mm": _finite(errors.std()) if np.isfinite(errors).all() and len(errors) else None,
-        "rmse_mm": _finite(np.sqrt((errors**2).mean())) if len(errors) else None,
-        "coverage95": coverage(nees, dim) if len(nees) else None,
-        "mean_nees": _finite(nees.mean()) if len(nees) else None,
+    found: dict[str, float | int | None] = {}
+    if done.has_truth:
+        errors = rows["err_mm"].dropna().to_numpy()
+        finite = len(errors) > 0 and bool(np.isfinite(errors).all())
+        found["mae_mm"] = _finite(errors.mean()) if finite else None
+        found["sd_mm"] = _finite(errors.std()) if finite else None
+        found["rmse_mm"] = _finite(np.sqrt((errors**2).mean())) if finite else None
+        nees = rows["nees"].dropna().to_numpy()
+        if len(nees):
+            found |= {
+                "coverage95": coverage(nees, done.recording.scene.network.dim),
+                "mean_nees": _finite(nees.mean()),
+            }
+    sigmas_mm = 1e3 * np.array(sigmas_m(estimates))
+    if len(sigmas_mm):
+        found |= {"sigma_mm": float(sigmas_mm.mean()), "sigma_most_mm": float(sigmas_mm.max())}
+    fit = fit_of(estimates)
+    if fit is not None:
+        found |= {"mean_nis": fit.mean_nis, "nis_low": fit.low, "nis_high": fit.high}
+    return found | {
         "frames": len(rows),
         "frames_lost": int(rows["status"].isin([Status.COASTING, Status.LOST]).sum()),
         "ms_per_frame": float(1e3 * np.median(seconds)),
@@ -165,9 +193,21 @@ def _finite(number: float) -> float | None:
     return float(number) if np.isfinite(number) else None
 
 
-def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
-    """What summary.json holds: figures by method."""
-    return {OPEN_LOOP: figures(done, OPEN_LOOP), FILTER: figures(done, FILTER) | dict(done.counts)}
+def summary(done: Track) -> dict[str, dict[str, Any]]:
+    """What summary.json holds: figures by method; of the filter, what it says without any truth, too."""
+    ours: dict[str, Any] = figures(done, FILTER) | dict(done.counts)
+    ours["frames_by_status"] = frames_by_status(done.estimates(FILTER))
+    ours["verdict"] = verdict_of(done)
+    if done.withheld:
+        ours["check_marks"] = {node: asdict(one) for node, one in done.withheld.items()}
+    return {OPEN_LOOP: dict(figures(done, OPEN_LOOP)), FILTER: ours}
+
+
+def verdict_of(done: Track) -> str:
+    """One sentence: do the marks fit the model of the filter, and in how many frames were there any."""
+    estimates = done.estimates(FILTER)
+    refused = int(done.counts.get("marks_refused") or 0)
+    return verdict(fit_of(estimates), frames_by_status(estimates), refused)
 
 
 def write_tables(done: Track, folder: Path) -> None:

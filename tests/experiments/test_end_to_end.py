@@ -38,7 +38,10 @@ COLUMNS = [
     *("time_s", "status", "x_mm", "y_mm", "xx", "xy", "yy"),
     *("nis", "marks_used", "poked", "gain", "model_only", "err_mm", "nees"),
 ]
-KEYS = {"mae_mm", "sd_mm", "rmse_mm", "coverage95", "mean_nees", "frames", "frames_lost", "ms_per_frame"}
+ERRORS = {"mae_mm", "sd_mm", "rmse_mm"}
+WITHOUT_TRUTH = {"frames", "frames_lost", "ms_per_frame"}
+OWN = {"sigma_mm", "sigma_most_mm", "mean_nis", "nis_low", "nis_high", "marks_refused", "repairs", "swaps_undone"}
+OWN |= {"rest_offset_mm", "frames_by_status", "verdict"}
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +61,8 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path):
     assert (rows["marks_used"] == 3).all()
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert set(summary) == {OPEN_LOOP, FILTER}
-    assert set(summary["open-loop"]) == KEYS
-    assert set(summary["filter"]) == KEYS | {"marks_refused", "repairs", "swaps_undone", "rest_offset_mm"}
+    assert set(summary["open-loop"]) == ERRORS | WITHOUT_TRUTH
+    assert set(summary["filter"]) == ERRORS | {"coverage95", "mean_nees"} | WITHOUT_TRUTH | OWN
     truth = pd.read_csv(recording / "truth.csv").query("node == 'M2'")
     off = rows[["x_mm", "y_mm"]].to_numpy() - truth[["x_mm", "y_mm"]].to_numpy()
     covs = rows[["xx", "xy", "xy", "yy"]].to_numpy().reshape(-1, 2, 2)
@@ -88,7 +91,7 @@ def test_the_same_seed_gives_the_same_recording(recording, tmp_path):
 
 
 @pytest.mark.slow
-def test_marks_of_another_tracker_without_truth(recording, tmp_path):
+def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     """marks.csv written by hand, frames.csv saying that an estimate is due when nothing was seen."""
     folder = tmp_path / "theirs"
     folder.mkdir()
@@ -105,8 +108,44 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path):
     assert set(rows["status"][rows["time_s"] < 0.1]) == {"INITIALISING"}
     assert set(rows["status"][~unseen & (rows["time_s"] > 0.11)]) == {"TRACKING"}
     assert rows.loc[unseen, ["nis", "err_mm", "nees"]].isna().all(axis=None)
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["mae_mm"] is None
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(), parse_constant=pytest.fail)
+    assert set(summary[OPEN_LOOP]) == WITHOUT_TRUTH
+    assert set(summary[FILTER]) == WITHOUT_TRUTH | OWN
+    assert summary[FILTER]["frames_by_status"]["COASTING"] == unseen.sum() == 10
+    assert summary[FILTER]["verdict"].endswith("; 10 of 60 frames coasting")
+    judged = rows[(rows["status"] == "TRACKING") & rows["nis"].notna()]
+    assert summary[FILTER]["mean_nis"] == pytest.approx(judged["nis"].mean(), rel=1e-6)
+    degrees, n = 2.0 * judged["marks_used"].sum(), len(judged)
+    assert summary[FILTER]["nis_high"] == pytest.approx(chi2.ppf(0.975, degrees) / n)
+    sigmas = np.sqrt(0.5 * (rows["xx"] + rows["yy"]))
+    assert summary[FILTER]["sigma_mm"] == pytest.approx(sigmas.mean(), rel=1e-6)
+    assert summary[FILTER]["sigma_most_mm"] == pytest.approx(sigmas.max(), rel=1e-6)
+    told = capfd.readouterr().out
+    assert "truth is not known" in told
+    assert "None" not in told
+    assert f"{summary[FILTER]['mean_nis']:.2f}" in told
+    assert "3 INITIALISING, 47 TRACKING, 10 COASTING; marks refused: 0" in told
     assert not (tmp_path / "out" / "error.png").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
+def test_marks_predicted_as_if_hidden_are_told_one_by_one(recording, tmp_path, capfd):
+    """Their errors beside those of the truth: 1.7 mm of mark noise an axis and a target that is known to 0.5 mm."""
+    assert softaim("track", recording, "--out", tmp_path / "out", "--check") == 0
+    told = capfd.readouterr().out
+    ours = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
+    assert list(ours["check_marks"]) == ["M1", "M3", "M4"]
+    for node, one in ours["check_marks"].items():
+        assert 0 < one["frames"] <= 57  # three at the start
+        assert f"│ {node} " in told
+        assert f"{one['mean_error_mm']:.2f}" in told
+        assert one["ratio"] == pytest.approx(np.sqrt(one["mean_nees"] / 2))
+    frames = np.array([one["frames"] for one in ours["check_marks"].values()])
+    nees = np.array([one["mean_nees"] for one in ours["check_marks"].values()])
+    assert ours["check_nees"] == pytest.approx(nees @ frames / frames.sum())
+    worst = max(one["ratio"] for one in ours["check_marks"].values())
+    assert f"off by up to {worst:.2f} times the predicted" in told
 
 
 @pytest.mark.slow

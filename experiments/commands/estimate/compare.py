@@ -19,12 +19,14 @@ def compare(
     force: Force = False,
 ) -> None:
     """Follow the target by the paper's method, ours and textbook filters, on the same marks."""
-    from experiments.commands.console import track_table
+    from experiments.commands.console import sentence, track_table
     from experiments.formats.outputs import output_folder
     from experiments.formats.recording import read_recording
     from experiments.pipeline.compare import chosen, summary, write_comparison
     from experiments.pipeline.compare import compare as run
     from experiments.pipeline.events import report_rest
+    from experiments.pipeline.line import FILTER
+    from experiments.pipeline.track import verdict_of
     from experiments.plots.compare import write_comparison_plot
 
     named = chosen(methods)
@@ -35,4 +37,5 @@ def compare(
         write_comparison(done, folder)
         write_comparison_plot(done, folder)
     print_table(track_table(summary(done)))
+    print(f"{FILTER}: {sentence(verdict_of(done))}")
     print(f"Tables and a picture in {out}")

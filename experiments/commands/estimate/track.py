@@ -22,6 +22,7 @@ def track(
     from experiments.formats.outputs import output_folder
     from experiments.formats.recording import read_recording
     from experiments.pipeline.events import report_rest, report_swap
+    from experiments.pipeline.line import FILTER
     from experiments.pipeline.track import summary, write_tables
     from experiments.pipeline.track import track as run
     from experiments.plots.track import write_track_plots
@@ -32,13 +33,17 @@ def track(
         done = run(opened, stage("track"), check=check)
         write_tables(done, folder)
         write_track_plots(done, folder)
-    from experiments.commands.console import track_table
+    from experiments.commands.console import fit_lines, sentence, track_table, withheld_table
+    from experiments.pipeline.scores.withheld import withheld_words
 
     for step in done.steps:
         if step.swap is not None:
             report_swap(step.swap)
-    print_table(track_table(summary(done)))
+    told = summary(done)
+    print_table(track_table(told))
+    print(*fit_lines(told[FILTER]), sep="\n")
     if check:
-        nees, scale = done.counts["check_nees"], done.counts["check_scale"]
-        print(f"Marks predicted as if hidden: NEES {nees:.2f}; the target's covariance times {scale:.2f}")
+        if done.withheld:
+            print_table(withheld_table(told[FILTER]))
+        print(sentence(withheld_words(done.withheld, float(done.counts["check_scale"] or 1.0))))
     print(f"Tables and pictures in {out}")

@@ -1,0 +1,96 @@
+"""What is said without truth, of estimates made by hand: bands from SciPy, words for each case."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from estimators import Status, TargetEstimate
+from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
+
+RNG = np.random.default_rng(7)
+
+
+def estimates(nis, marks_used=3, status=Status.TRACKING, dim=2):
+    """Frames a second apart with these NIS, None where there is none."""
+    cov = np.diag(np.arange(1.0, dim + 1.0))
+    return [
+        TargetEstimate(float(k), np.zeros(dim), cov, status, 0 if one is None else marks_used, nis=one)
+        for k, one in enumerate(nis)
+    ]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_band_is_that_of_the_mean_of_as_many_chi_squares(dim):
+    """200 frames of two marks and 100 of one: degrees of freedom add up."""
+    frames = [*estimates(np.full(200, 5.0), 2, dim=dim), *estimates(np.full(100, 2.0), 1, dim=dim)]
+    fit = fit_of(frames)
+    degrees = 2 * dim * 200 + dim * 100
+    assert fit.mean_nis == pytest.approx(4.0)
+    assert fit.frames == 300
+    np.testing.assert_allclose([fit.low, fit.high], chi2.ppf([0.025, 0.975], degrees) / 300)
+    assert fit.ratio == pytest.approx(np.sqrt(4.0 / (degrees / 300)))
+
+
+def test_consistent_innovations_are_in_the_band_19_times_of_20():
+    """400 runs of 300 frames: 95 % give or take three standard deviations of such a count."""
+    inside = [fit_of(estimates(RNG.chisquare(6, 300))).inside for _ in range(400)]
+    assert np.mean(inside) == pytest.approx(0.95, abs=3.0 * np.sqrt(0.95 * 0.05 / 400))
+
+
+def test_starts_and_frames_without_marks_do_not_count():
+    """Nor does a NIS that is no number; a diverged frame does."""
+    tracked = estimates([6.0] * 10)
+    others = [
+        *estimates([1e6] * 5, status=Status.INITIALISING),
+        *estimates([None] * 5, status=Status.COASTING),
+        *estimates([np.nan, np.inf]),
+    ]
+    assert fit_of([*tracked, *others]).mean_nis == 6.0
+    assert fit_of([*tracked, *estimates([17.0], status=Status.DIVERGED)]).mean_nis == pytest.approx(7.0)
+    assert fit_of(others) is None
+
+
+def test_sigma_is_of_an_axis_and_of_frames_that_have_one():
+    """Variances 1 and 2 m² in the plane: the root of their mean."""
+    without = replace(estimates([6.0])[0], cov=None)
+    endless = replace(estimates([6.0])[0], cov=np.diag([np.inf, 1.0]))
+    assert sigmas_m([*estimates([6.0, 6.0]), without, endless]) == pytest.approx([np.sqrt(1.5)] * 2)
+
+
+@pytest.mark.parametrize(
+    ("mean", "words"),
+    [
+        (6.0, "the marks fit the model: NIS 6.00 in its band 5.61 to 6.40; none of 300 frames"),
+        (24.0, "the marks fit the model badly: they scatter 2 times what it predicts, NIS 24.00 above its band 5.61"),
+        (8.64, "the marks fit the model badly: they scatter 20 % more than it predicts, NIS 8.64 above"),
+        (1.5, "the marks fit the model, which is cautious: they scatter 50 % less than predicted, NIS 1.50 below"),
+    ],
+)
+def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
+    frames = estimates([mean] * 300)
+    told = verdict(fit_of(frames), frames_by_status(frames))
+    assert told.startswith(words)
+    assert told.endswith("none of 300 frames coasting, lost or diverged")
+    assert ("softaim identify" in told) == (mean > 6.4)
+    assert ("softaim tune" in told) == (mean != 6.0)
+
+
+def test_a_verdict_counts_what_was_missed():
+    frames = [
+        *estimates([6.0] * 590),
+        *estimates([None] * 2, status=Status.COASTING),
+        *estimates([None] * 7, status=Status.LOST),
+        *estimates([6.0], status=Status.DIVERGED),
+    ]
+    by_status = frames_by_status(frames)
+    assert by_status == {"INITIALISING": 0, "TRACKING": 590, "COASTING": 2, "LOST": 7, "DIVERGED": 1}
+    told = verdict(fit_of(frames), by_status, refused=5)
+    assert told.endswith("; 2 of 600 frames coasting, 7 lost, 1 diverged; 5 marks refused")
+
+
+def test_a_run_without_any_mark_is_said_to_be_the_models_alone():
+    frames = estimates([None] * 20, status=Status.INITIALISING)
+    told = verdict(fit_of(frames), frames_by_status(frames))
+    assert told.startswith("no marks were taken in: the model alone estimates")
