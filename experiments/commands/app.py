@@ -6,6 +6,7 @@ Each imports what it needs when it runs, so that help is instant.
 from __future__ import annotations
 
 import sys
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -17,6 +18,7 @@ from experiments.commands.estimate.identify import identify
 from experiments.commands.estimate.live import live
 from experiments.commands.estimate.track import track
 from experiments.commands.estimate.tune import tune
+from experiments.commands.faults import told
 from experiments.commands.guide.advise import advise
 from experiments.commands.guide.insert import insert
 from experiments.commands.guide.plan import plan
@@ -24,6 +26,7 @@ from experiments.commands.prepare.calibrate import calibrate
 from experiments.commands.prepare.hue import hue
 from experiments.commands.prepare.record import record
 from experiments.commands.prepare.simulate import simulate
+from experiments.commands.run import subcommand
 
 COMMANDS = (
     simulate,
@@ -47,24 +50,54 @@ COMMANDS = (
 app = typer.Typer(
     name="softaim",
     help="Where a hidden target in moving soft tissue is, and how sure of it one may be.",
-    no_args_is_help=True,
-    add_completion=False,
+    invoke_without_command=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # rich would take as long to load as all else
 )
 for command in COMMANDS:
-    app.command(short_help=(command.__doc__ or "").split("\n", maxsplit=1)[0])(command)
+    app.command(short_help=(command.__doc__ or "").split("\n", maxsplit=1)[0])(subcommand(command))
+
+
+@app.callback()
+def softaim(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False,
+) -> None:
+    """Where a hidden target in moving soft tissue is, and how sure of it one may be."""
+    if version:
+        from experiments.version import version as installed
+
+        print(f"softaim {installed()}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+        raise typer.Exit(2)
 
 
 def main() -> None:
-    """Run the command; bad input is one line on standard error and exit code 2."""
+    """Run the command; bad input is one line on standard error and exit code 2, an interrupt 130."""
     try:
-        app()
+        code = app(prog_name="softaim", standalone_mode=False)
+    except typer.TyperException as fault:
+        _end(told(fault, _words(), sys.argv[1:]), 2)
+    except (typer.Abort, KeyboardInterrupt):
+        _end("interrupted", 130)
     except Exception as fault:
         if not is_bad_input(fault):
             raise
-        print(f"softaim: {fault}", file=sys.stderr)
-        sys.exit(2)
+        _end(" ".join(str(fault).splitlines()), 2)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _words() -> str:
+    """The program and the subcommand that was called, if there is one of that name."""
+    names = {command.__name__.replace("_", "-") for command in COMMANDS}
+    return " ".join(["softaim", *(word for word in sys.argv[1:2] if word in names)])
+
+
+def _end(text: str, code: int) -> NoReturn:
+    print(f"softaim: {text}", file=sys.stderr)
+    sys.exit(code)
 
 
 def is_bad_input(fault: Exception) -> bool:

@@ -7,12 +7,34 @@ from typing import Annotated
 
 import typer
 
+SHIPPED = tuple(sorted(path.stem for path in Path(__file__).parents[1].glob("scenarios/*.toml")))
+"""Names of the scenarios that come with the program, listed without loading what reads them."""
+
+
+def scenarios(incomplete: str) -> list[str]:
+    """Scenarios for a shell that completes a name: shipped ones, and files."""
+    start = Path(incomplete)
+    folder, name = (start, "") if incomplete.endswith("/") else (start.parent, start.name)
+    files = sorted(str(path) for path in folder.glob("*.toml") if path.name.startswith(name))
+    return [*(name for name in SHIPPED if name.startswith(incomplete)), *files]
+
+
+ScenarioName = Annotated[
+    str,
+    typer.Argument(help=f"A scenario file, or one that comes along: {', '.join(SHIPPED)}.", autocompletion=scenarios),
+]
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if missing.", show_default=False)]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
 Fps = Annotated[float | None, typer.Option("--fps", min=0.001, help="Of a folder of pictures: how many a second.")]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object in place of text; messages are on standard error.")
+]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say what is read and chosen, and how long each stage took.")
+]
+Replace = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
 Processes = Annotated[
     int | None, typer.Option("--processes", min=1, help="On this machine; default: one for each core.")
 ]

@@ -81,6 +81,11 @@ def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[f
 
 def write_camera_toml(calibration: Calibration, path: Path) -> None:
     """Write `camera.toml`, whole or not at all; raises InputError."""
+    write_whole(path, camera_text(calibration))
+
+
+def camera_text(calibration: Calibration) -> str:
+    """A calibration as `camera.toml` has it."""
     c = calibration
     lines = [f"version = {VERSION}", f"name = {_text(c.name)}", f"size_px = [{c.size_px[0]}, {c.size_px[1]}]"]
     lines += ["", "# px; distortion k1 k2 p1 p2 k3; standard errors of fx fy cx cy and of the distortion"]
@@ -99,7 +104,7 @@ def write_camera_toml(calibration: Calibration, path: Path) -> None:
         "# rows of one standard deviation: fx fy cx cy k1 k2 p1 p2 k3, rotation [rad] x y z, translation [mm]",
     ]
     lines += _rows("uncertainty", c.uncertainty * TO_MM)
-    write_whole(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def read_camera_toml(path: Path) -> CalibratedCamera:

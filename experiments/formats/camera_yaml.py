@@ -28,12 +28,17 @@ class LensFile:
 
 def write_opencv_yaml(content: LensFile, path: Path) -> None:
     """Write image_width, image_height, camera_matrix and distortion_coefficients as cv2.FileStorage does."""
+    write_whole(path, opencv_text(content))
+
+
+def opencv_text(content: LensFile) -> str:
+    """A lens as cv2.FileStorage writes it."""
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", content.size_px[0])
     storage.write("image_height", content.size_px[1])
     storage.write("camera_matrix", content.lens.matrix)
     storage.write("distortion_coefficients", content.lens.distortion.reshape(-1, 1))
-    write_whole(path, storage.releaseAndGetString())
+    return str(storage.releaseAndGetString())
 
 
 def read_opencv_yaml(path: Path) -> LensFile:
@@ -64,6 +69,11 @@ def read_opencv_yaml(path: Path) -> LensFile:
 
 def write_ros_yaml(content: LensFile, path: Path) -> None:
     """Write what ROS's camera_info_manager reads: matrix, plumb_bob distortion, no rectification."""
+    write_whole(path, ros_text(content))
+
+
+def ros_text(content: LensFile) -> str:
+    """A lens as ROS's camera_info_manager reads it."""
     projection = np.column_stack([content.lens.matrix, np.zeros(3)])
     lines = [
         f"image_width: {content.size_px[0]}",
@@ -75,7 +85,7 @@ def write_ros_yaml(content: LensFile, path: Path) -> None:
         *_block("rectification_matrix", np.eye(3)),
         *_block("projection_matrix", projection),
     ]
-    write_whole(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def read_ros_yaml(path: Path) -> LensFile:

@@ -6,7 +6,7 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,7 +24,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
     """
     final = Path(os.path.realpath(path))
     for source in inputs:
-        _check_apart(path, final, source)
+        check_apart(path, source)
     _check_free(path, final, force, work=None)
     work: Path | None = None
     try:
@@ -43,30 +43,71 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
 
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file at once: under its name there is the old content or the new, never a part. Raises InputError."""
+    write_together({path: content})
+
+
+def write_together(contents: Mapping[Path, str | bytes]) -> None:
+    """Write several files at once: all of them or, after any fault, none. Raises InputError."""
+    finals = {path: _final(path) for path in contents}
+    parts = {path: _part_of(final, final.parent) for path, final in finals.items()}
+    old: dict[Path, bytes | None] = {}
+    path = Path()
+    try:
+        try:
+            for path, content in contents.items():
+                with parts[path].open("xb") as file:
+                    file.write(content.encode("utf-8") if isinstance(content, str) else content)
+                    file.flush()
+                    os.fsync(file.fileno())
+            for path, final in finals.items():
+                kept = final.read_bytes() if len(finals) > 1 and final.exists() else None
+                parts[path].replace(final)
+                old[final] = kept
+        except BaseException:
+            _put_back(old)
+            raise
+        finally:
+            for part in parts.values():
+                part.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be written", error) from error
+
+
+def _put_back(old: Mapping[Path, bytes | None]) -> None:
+    for final, content in old.items():
+        if content is None:
+            final.unlink(missing_ok=True)
+        else:
+            final.write_bytes(content)
+
+
+def check_new(path: Path, force: bool) -> None:
+    """Raise InputError where a file stands that must not be replaced, or where none can be written."""
+    final = _final(path)
+    if final.is_file() and not force:
+        raise InputError.at(path, "a new file", "one that is there; --force replaces it")
+    if not final.parent.is_dir():
+        raise InputError.at(path, "a file in a folder that is there", "none" if not final.parent.exists() else "a file")
+    if not os.access(final.parent, os.W_OK):
+        raise InputError.at(path, "a file that can be written", "permission denied")
+
+
+def _final(path: Path) -> Path:
     final = Path(os.path.realpath(path))  # through a link, as a plain write would go
     if os.path.isdir(final):
         raise InputError.at(path, "a file", "a folder")
     if os.path.exists(final) and not os.path.isfile(final):
         raise InputError.at(path, "a file", "a device")
-    part = _part_of(final, final.parent)
-    try:
-        try:
-            with part.open("xb") as file:
-                file.write(content.encode("utf-8") if isinstance(content, str) else content)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(final)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError.refused(path, "a file that can be written", error) from error
+    return final
 
 
 def _part_of(final: Path, folder: Path) -> Path:
     return folder / f".{final.name}.{secrets.token_hex(4)}.part"
 
 
-def _check_apart(path: Path, final: Path, source: Path) -> None:
+def check_apart(path: Path, source: Path) -> None:
+    """Raise InputError where a folder to write is, holds or lies in one that is read."""
+    final = Path(os.path.realpath(path))
     read = Path(os.path.realpath(source))
     if final == read or read in final.parents or final in read.parents:
         found = "the same" if final == read else "one in the other"

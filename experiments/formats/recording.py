@@ -15,6 +15,7 @@ from experiments.errors import InputError, shown
 from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
 from experiments.formats.scene.scene import Scene, read_scene
 from experiments.formats.tables import Table, read_table, write_table
+from experiments.log import LOG
 from vision import SourceError
 
 SAME_TIME_S = 1e-9
@@ -130,6 +131,15 @@ def read_recording(folder: Path, scene_path: Path | None = None) -> Recording:
             _check_frames(recording, source, scene_path)
         except SourceError as error:
             raise InputError(str(error)) from error
+    LOG.info(
+        "read %s: %d frames of %s, scene %s, truth of %s, %d fixes",
+        folder,
+        len(exposures_s),
+        source.name,
+        scene_path,
+        "nothing" if recording.truth is None else ", ".join(recording.truth.nodes),
+        len(recording.fixes),
+    )
     return recording
 
 

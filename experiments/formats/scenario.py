@@ -269,3 +269,13 @@ def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
 def _check_dim(network: MassSpringNetwork, vector: Sequence[float], place: str) -> None:
     if len(vector) != network.dim:
         raise InputError.at(place, f"{network.dim} numbers, as the scene has", str(len(vector)))
+
+
+def scenario_file(name: str) -> Path | None:
+    """The file of a scenario, None for one that comes with the program."""
+    return None if name in shipped() else Path(name)
+
+
+def scene_file(scenario: Scenario) -> Path | None:
+    """The scene's file of a scenario, None where it is that of a phantom."""
+    return None if scenario.scene is None else Path(scenario.scene)

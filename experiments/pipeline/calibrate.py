@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.errors import InputError, shown
-from experiments.formats.camera_file import write_camera_toml
-from experiments.formats.camera_yaml import LensFile, write_opencv_yaml, write_ros_yaml
-from experiments.formats.outputs import output_folder, write_whole
+from experiments.formats.camera_file import camera_text, write_camera_toml
+from experiments.formats.camera_yaml import LensFile, opencv_text, ros_text
+from experiments.formats.outputs import check_new, output_folder, write_together
 from vision import (
     DICTIONARIES,
     FILMS,
@@ -30,6 +31,9 @@ from vision import (
 
 Picture = Callable[[Calibration], bytes]
 """Draws a calibration as a PNG file."""
+
+Write = Callable[[Mapping[Path, str | bytes]], None]
+"""Writes files together, by their paths."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,18 +113,19 @@ def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
     return [*pictures] if among or inside else [*pictures, plane]
 
 
-def calibrate_one(views: CameraViews, plane: Path | None, out: Path, also: AlsoWrite, picture: Picture) -> Calibration:
-    """Calibrate one camera; write camera.toml, its picture beside it, and what else is wanted."""
+def calibrate_one(
+    views: CameraViews, plane: Path | None, out: Path, also: AlsoWrite, picture: Picture, write: Write = write_together
+) -> Calibration:
+    """Calibrate one camera; write camera.toml, its picture beside it, and what else is wanted, together."""
     done = calibrate(
         views.views, views.size_px, None if plane is None else plane.name, name=views.name, left_out=views.left_out
     )
-    drawn = picture(done)
+    files: dict[Path, str | bytes] = {out: camera_text(done), picture_beside(out): picture(done)}
     if also.opencv_yaml is not None:
-        write_opencv_yaml(LensFile(done.lens, done.size_px), also.opencv_yaml)
+        files[also.opencv_yaml] = opencv_text(LensFile(done.lens, done.size_px))
     if also.ros_yaml is not None:
-        write_ros_yaml(LensFile(done.lens, done.size_px, done.name), also.ros_yaml)
-    write_whole(picture_beside(out), drawn)
-    write_camera_toml(done, out)
+        files[also.ros_yaml] = ros_text(LensFile(done.lens, done.size_px, done.name))
+    write(files)
     return done
 
 
@@ -128,13 +133,12 @@ def calibrate_many(
     board: Board,
     cameras: Sequence[CameraViews],
     plane: Path | None,
-    out: Path,
+    into: AbstractContextManager[Path],
     *,
     picture: Picture,
-    force: bool = False,
 ) -> list[Calibration]:
-    """Calibrate the cameras of one scene together; write NAME.toml and NAME.png of each into the folder `out`."""
-    with output_folder(out, force=force) as folder:
+    """Calibrate the cameras of one scene together; write NAME.toml and NAME.png of each into a folder."""
+    with into as folder:
         done = calibrate_together(board, cameras, None if plane is None else plane.name)
         for camera in done:
             write_camera_toml(camera, folder / f"{camera.name}.toml")
@@ -177,20 +181,24 @@ def command(
     picture: Picture,
     force: bool,
     stage: Callable[[str], Callable[[float], None]],
+    write: Write = write_together,
+    folder: Callable[[Path], AbstractContextManager[Path]] = output_folder,
 ) -> list[Calibration]:
-    """Calibrate one camera from pictures, or several from a folder each. Raises for bad input."""
+    """Calibrate one camera from pictures, or several from a folder each. Raises for bad input.
+
+    write: writes files together; folder: opens the one that files of several cameras are written to
+    """
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"
         raise InputError.at("calibrate", "pictures of one camera or --camera NAME=FOLDER of several", found)
     if pictures:
-        picture_beside(out)
-        return [
-            calibrate_one(
-                views_of(board, with_plane(pictures, plane), out.stem, stage("boards")), plane, out, also, picture
-            )
-        ]
+        for path in (out, picture_beside(out), also.opencv_yaml, also.ros_yaml):
+            if path is not None:
+                check_new(path, force)
+        seen_by_one = views_of(board, with_plane(pictures, plane), out.stem, stage("boards"))
+        return [calibrate_one(seen_by_one, plane, out, also, picture, write)]
     if also.opencv_yaml is not None or also.ros_yaml is not None:
         raise InputError.at("--opencv-yaml, --ros-yaml", "pictures of one camera", "--camera")
     folders = named_folders(cameras)
-    seen = [views_of(board, [folder], name, stage(name)) for name, folder in folders.items()]
-    return calibrate_many(board, seen, plane, out, picture=picture, force=force)
+    seen = [views_of(board, [pictured], name, stage(name)) for name, pictured in folders.items()]
+    return calibrate_many(board, seen, plane, folder(out), picture=picture)

@@ -10,8 +10,8 @@ import shutil
 import sys
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -23,9 +23,8 @@ from estimators import Guidance, MarkMeasurement, TargetEstimate, after_frame
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan, read_needle
-from experiments.formats.outputs import output_folder
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_rest, report_source_events, report_swap
+from experiments.pipeline.events import report_source_events, report_swap
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.live_advice import LiveAdvice, words
@@ -199,32 +198,44 @@ def status_text(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that ended it."""
+
+    frames: int
+    without_frame: int
+    dropped: int
+    not_used: int
+    statuses: Mapping[str, int]
+    latency_median_ms: float
+    latency_worst_ms: float
+    advice: Mapping[str, int] | None
+    fault: str | None
+
+
 def live(
     source: str,
     scene_path: Path | None,
-    out: Path | None,
+    begin: Callable[[Scene], AbstractContextManager[Path]],
     *,
     duration_s: float | None = None,
     fps: float | None = None,
     needle_path: Path | None = None,
-    force: bool = False,
-) -> None:
-    """Track the target live until the source ends, the duration is over or Ctrl-C; then write estimates.csv.
+) -> Followed:
+    """Track the target live until the source ends, the duration is over or Ctrl-C; write estimates.csv.
 
-    Rows are written as they come, in a folder beside `out` that takes its name at the end. While no frame comes the
-    target is predicted; events of the source are reported on standard error. With a needle's file there is advice on
-    it, too, in the status line and in advice.csv. Raises InputError.
+    begin: opens the folder that rows are written to as they come. While no frame comes the target is predicted; events
+    of the source are reported on standard error. With a needle's file there is advice on it, too, in the status line
+    and in advice.csv. Raises InputError.
     """
-    folder_path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
     name = f"--source {vision.shown_source(source)}"
     scene, frames = open_source(source, scene_path, live=True, fps=fps)
     fault: Exception | None = None
     with frames:
         if scene is None:
             raise InputError.at(name, "--scene scene.toml beside it", "none")
-        report_rest(scene)
         plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
-        with output_folder(folder_path, force=force) as folder, status_line() as show:
+        with begin(scene) as folder, status_line() as show:
             session = Session(scene, folder / "estimates.csv", show, needle=plan)
             try:
                 follow(session, frames, np.inf if duration_s is None else duration_s)
@@ -239,18 +250,17 @@ def live(
                 session.close()
             if not session.n_frames:
                 raise InputError.at(name, "frames", "none")
-    counted = ", ".join(f"{n} {status}" for status, n in session.statuses.items())
-    print(
-        f"{session.n_frames} frames and {session.n_coasted} moments without one ({counted}), "
-        f"{frames.frames_dropped} dropped, {session.n_unused} not used; "
-        f"latency median {np.median(session.latencies_ms):.1f} ms, worst {max(session.latencies_ms):.1f} ms"
+    return Followed(
+        session.n_frames,
+        session.n_coasted,
+        frames.frames_dropped,
+        session.n_unused,
+        dict(session.statuses),
+        float(np.median(session.latencies_ms)),
+        max(session.latencies_ms),
+        None if session.advice is None else dict(session.advice.counts),
+        None if fault is None else f"{name}: {fault}",
     )
-    print(f"Estimates in {folder_path / 'estimates.csv'}")
-    if session.advice is not None:
-        counts = ", ".join(f"{name} {n}" for name, n in session.advice.counts.items())
-        print(f"Advice in {folder_path / ADVICE}: {counts}")
-    if fault is not None:
-        raise InputError(f"{name}: {fault}")
 
 
 def follow(

@@ -10,13 +10,14 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import vision
 from experiments.errors import InputError
-from experiments.formats.outputs import write_whole
-from experiments.formats.pictures import SEGMENTS, VIDEOS, source_in
+from experiments.formats.outputs import check_apart, write_whole
+from experiments.formats.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, source_in
 from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.pipeline.events import report_source_events
@@ -24,6 +25,9 @@ from experiments.pipeline.frame_sources import open_source
 
 PIECE_S = 1.0
 """Length of a piece [s], the most that a kill may cost: promised in the README as the last second."""
+
+TABLES = ("frames.csv", MARKS, "truth.csv", "fixes.csv")
+"""Of a recording that is replaced: they are of its frames."""
 
 Advance = Callable[[float], None]
 
@@ -93,6 +97,15 @@ class Recorder:
         self._times = []
 
 
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """How many frames were recorded, how many of the source were dropped, and whether there is a scene with them."""
+
+    n_frames: int
+    n_dropped: int
+    has_scene: bool
+
+
 def record(
     frames: vision.Source,
     folder: Path,
@@ -101,11 +114,13 @@ def record(
     scene_path: Path | None = None,
     codec: vision.Codec = "FFV1",
     seconds: float = float("inf"),
+    force: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
     """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns how many, in pieces.
 
     scene: what is in view, checked against the frames' size; scene_path: its file, copied if given
+    force: a recording that is in the folder goes when the first frame came
     Nothing is made before the first frame came. Raises InputError, SourceError; what came until then is kept.
     """
     recorder: Recorder | None = None
@@ -122,6 +137,9 @@ def record(
                 continue
             if recorder is None:
                 first_s = frame.exposure_s
+                check_size(frame, scene)
+                if force:
+                    remove_recording(folder)
                 recorder = _begun(folder, frame, scene, scene_path, codec, clock)
             elif frame.exposure_s - first_s >= seconds:
                 break
@@ -135,6 +153,39 @@ def record(
     return 0 if recorder is None else recorder.n_rows
 
 
+def check_size(frame: vision.Frame, scene: Scene | None) -> None:
+    """Raise InputError for a frame of another size than the scene's camera gives."""
+    height, width = frame.image.shape[:2]
+    if scene is not None and scene.cameras[0].size_px != (width, height):
+        raise InputError.at(
+            "scene: camera[0].size_px",
+            f"[{width}, {height}], as the frames have",
+            str(list(scene.cameras[0].size_px)),
+        )
+
+
+def remove_recording(folder: Path) -> None:
+    """Remove what makes a folder a recording, its scene aside; all else stays. Raises InputError."""
+    try:
+        for name in (*VIDEOS, *TABLES):
+            (folder / name).unlink(missing_ok=True)
+        for name in FOLDERS:
+            if (folder / name).is_dir():
+                shutil.rmtree(folder / name)
+    except OSError as error:
+        raise InputError.refused(folder, "a folder that can be written", error) from error
+
+
+def check_folder(out: Path, force: bool, read: Sequence[Path]) -> None:
+    """Raise InputError for a folder that a recording cannot be written to."""
+    for path in read:
+        check_apart(out, path)
+    if out.exists() and not out.is_dir():
+        raise InputError.at(out, "a new or an empty folder", "a file")
+    if out.is_dir() and any(out.iterdir()) and not force:
+        raise InputError.at(out, "a new or an empty folder", "files in it; --force replaces a recording in it")
+
+
 def _begun(
     folder: Path,
     frame: vision.Frame,
@@ -144,12 +195,6 @@ def _begun(
     clock: Callable[[], float],
 ) -> Recorder:
     height, width = frame.image.shape[:2]
-    if scene is not None and scene.cameras[0].size_px != (width, height):
-        raise InputError.at(
-            "scene: camera[0].size_px",
-            f"[{width}, {height}], as the frames have",
-            str(list(scene.cameras[0].size_px)),
-        )
     recorder = Recorder(folder, (width, height), codec, clock=clock)
     if scene_path is not None:
         write_whole(folder / "scene.toml", scene_path.read_bytes())
@@ -194,15 +239,16 @@ def record_source(
     seconds: float | None = None,
     fps: float | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
-) -> str:
-    """Record what `source` names to the new or empty folder `out`, and join it; a line on what was written.
+    force: bool = False,
+) -> Recorded:
+    """Record what `source` names to the new or empty folder `out`, and join it.
 
+    force: also to a folder with files; a recording in it is replaced when the first frame came
     Raises InputError; where the source fails, what came until then is kept and joined first.
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError.at(out, "a new or an empty folder", "a folder with files" if out.is_dir() else "a file")
+    check_folder(out, force, [path for path in (Path(source),) if path.is_dir()])
     scene, frames = open_source(source, scene_path, live=False, fps=fps)
     fault: Exception | None = None
     with frames:
@@ -214,6 +260,7 @@ def record_source(
                 scene_path=scene_path,
                 codec="FFV1" if codec == "FFV1" else "MJPG",
                 seconds=float("inf") if seconds is None else seconds,
+                force=force,
             )
         except (vision.SourceError, InputError) as error:
             fault = error
@@ -228,6 +275,4 @@ def record_source(
     if fault is not None:
         kept = f"; {n_frames} frames until then are in {out}" if n_frames else ""
         raise InputError(f"{vision.shown_source(source)}: {fault}{kept}")
-    dropped = f", {frames.frames_dropped} dropped" if frames.frames_dropped else ""
-    track = f"; next: softaim track {out} --out {out}-track" if scene is not None else ""
-    return f"{n_frames} frames{dropped} in {out}{track}"
+    return Recorded(n_frames, frames.frames_dropped, scene is not None)

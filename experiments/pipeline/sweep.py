@@ -178,14 +178,19 @@ def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
 
 
 def run_sweep(
-    sweep: Sweep, folder: Path, workers: Workers, advance: Callable[[float], None] = lambda _share: None
+    sweep: Sweep,
+    folder: Path,
+    workers: Workers,
+    advance: Callable[[float], None] = lambda _share: None,
+    *,
+    force: bool = False,
 ) -> Swept:
     """Do what the folder does not have yet; runs.parquet, runs.csv, summary.csv and summary.md in it.
 
-    Raises InputError, before any run for what cannot be run, and for a folder that has other files.
+    force: also into a folder that has other files. Raises InputError, before any run for what cannot be run.
     """
     cases = cases_of(sweep)
-    _check_folder(folder)
+    _check_folder(folder, force)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(folder / STUDY, read_text(sweep.path))
     truths = folder.resolve() / TRUTHS / program()
@@ -198,11 +203,11 @@ def run_sweep(
     return Swept(done, table)
 
 
-def _check_folder(folder: Path) -> None:
+def _check_folder(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError.at(folder, "a folder", "a file")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / STUDY).is_file():
-        raise InputError.at(folder, "a new folder or that of a sweep", "other files in it")
+    if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / STUDY).is_file():
+        raise InputError.at(folder, "a new folder or that of a sweep", "other files in it; --force writes beside them")
 
 
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 import vision
 from dynamics import integrate_adaptive, pack, unpack
 from experiments.formats.scenario import Scenario
+from experiments.formats.scene.scene import with_step
 from experiments.simulation.simulate import draw, hues_of, poke_force, scene_of, tremor_force
+from experiments.version import version
 
 
 class PhantomCamera:
@@ -30,7 +32,7 @@ class PhantomCamera:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.scenario = scenario
-        self.scene = scene_of(scenario)
+        self.scene = with_step(scene_of(scenario), "simulate", version())
         self._rng = np.random.default_rng(scenario.seed)
         network, duration_s = self.scene.network, 3600.0 * hours
         self._forces = [tremor_force(network, scenario.tremor, duration_s, self._rng)] if scenario.tremor else []

@@ -29,11 +29,13 @@ from experiments.errors import InputError, read_text
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
 from experiments.formats.scenario import UPWARD, Breathing, Pokes, Scenario, Tremor
-from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, write_scene
+from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, with_step, write_scene
 from experiments.formats.scene.schema import SceneFile
+from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
 from experiments.simulation.seen_marks import seen_marks
 from experiments.simulation.truth import Truth
+from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
 
@@ -244,7 +246,7 @@ def simulate(
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
         truth = true_motion(scene.network, scenario, rng)
-        _copy_scene(scenario, scene, folder / "scene.toml")
+        _copy_scene(scenario, with_step(scene, "simulate", version()), folder / "scene.toml")
         write_frames_csv(folder / "frames.csv", truth.times_s)
         names = [scene.network.names[i] for i in scene.network.free]
         write_truth_csv(
@@ -259,12 +261,12 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """The scene as its file has it; where that leaves cameras to other files, with them written out."""
+    """The scene as its file has it, its last step after it; where that leaves cameras to other files, written out."""
     own = None if scenario.scene is None else Path(scenario.scene)
     if own is None or any(camera.file is not None for camera in read_toml(own, SceneFile).camera):
         write_scene(scene, path)
     else:
-        write_whole(path, read_text(own))
+        write_whole(path, "\n".join([read_text(own).rstrip("\n"), *step_lines(scene.steps[-1:])]) + "\n")
 
 
 def _write_film(

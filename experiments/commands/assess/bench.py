@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import json
-
-from experiments.commands.options import AsJson
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
-def bench(
-    as_json: AsJson = False,
-) -> None:
+def bench(run: Run) -> Answer:
     """Time the filter and the loop against their references, in one run."""
     from experiments.commands.console import bench_table
-    from experiments.studies.bench import bench as run
+    from experiments.studies.bench import bench as measured
 
-    with progress() as stage:
-        report = run(stage("bench"))
-    if as_json:
-        print(json.dumps(report, indent=2))
-    else:
-        print_table(bench_table(report))
+    report = measured(run.stage("bench"))
+    return Answer(report, lambda: print_table(bench_table(report)))

@@ -5,16 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.commands.options import Force, Out
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
-def demo(out: Out = Path("demo"), force: Force = False) -> None:
+def demo(run: Run, out: Out = Path("demo"), force: Force = False) -> Answer:
     """Simulate, film and track the paper's two scenarios, and compare with what the paper found."""
     from experiments.commands.console import demo_table
-    from experiments.studies.demo import demo as run
+    from experiments.studies.demo import demo as done
 
-    with progress() as stage:
-        figures = run(out, force=force, stage=stage)
-    print_table(demo_table(figures))
-    for scenario in figures:
-        print(f"Pictures: {out / scenario / 'path.png'}, error.png, sigma.png, consistency.png beside it")
+    with run.folder(out, force=force) as folder:
+        figures = done(folder, stage=run.stage)
+
+    def show() -> None:
+        print_table(demo_table(figures))
+        for scenario in figures:
+            print(f"Pictures: {out / scenario / 'path.png'}, error.png, sigma.png, consistency.png beside it")
+
+    return Answer({"out": out, "summary": figures}, show)

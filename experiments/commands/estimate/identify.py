@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from experiments.commands.options import AsJson, Minutes, SceneFile, SceneOut
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.options import Minutes, Replace, SceneFile, SceneOut
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
 def identify(
+    run: Run,
     recording: Annotated[Path, typer.Argument(help="Calibration recording in which the hidden mark is seen, too.")],
     out: SceneOut,
     scene: SceneFile = None,
@@ -20,12 +21,12 @@ def identify(
         bool, typer.Option("--at-rest", help="The tissue rests: correct its rest lengths only.")
     ] = False,
     minutes: Minutes = 5.0,
-    as_json: AsJson = False,
-) -> None:
+    force: Replace = False,
+) -> Answer:
     """Find the tissue's constants: write a scene to track with, state how well each is known."""
     from experiments.commands.console import constants_table
+    from experiments.formats.outputs import check_new
     from experiments.formats.recording import read_recording
-    from experiments.formats.scene.scene import write_scene
     from experiments.pipeline.identify import (
         fit_lines,
         identification_report,
@@ -35,18 +36,19 @@ def identify(
     )
 
     opened = read_recording(recording, scene)
-    with progress() as stage:
-        frames = marks_in(opened, stage("marks"))
-        if at_rest:
-            write_scene(resting_scene(opened, frames), out)
-        else:
-            found_scene, found = identified_scene(opened, frames, minutes, stage("identify"))
-            write_scene(found_scene, out)
+    check_new(out, force)
+    run.use(opened.scene, before=None if at_rest else "identify")
+    frames = marks_in(opened, run.stage("marks"))
     if at_rest:
-        print(f"Scene in {out}: it rests where the recording shows it")
-    elif as_json:
-        print(json.dumps(identification_report(found), indent=2))
-    else:
-        print_table(constants_table(identification_report(found)))
+        run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])
+        return Answer({"out": out}, lambda: print(f"Scene in {out}: it rests where the recording shows it"))
+    found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"))
+    run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene])
+    report = identification_report(found)
+
+    def show() -> None:
+        print_table(constants_table(report))
         print("\n".join(fit_lines(found, minutes)))
-        print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
+        print(f"Scene in {out}; next: softaim tune REC --scene {out} --out tuned.toml")
+
+    return Answer({"out": out, **report}, show)

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from experiments.commands.options import Force, Fps, SceneFile
+from experiments.commands.run import Answer, Run
+
+if TYPE_CHECKING:
+    from experiments.formats.scene.scene import Scene
 
 
 def live(
+    run: Run,
     source: Annotated[
         str, typer.Option("--source", help="Camera index, device, film, folder, stream, recording, or phantom.")
     ],
@@ -20,8 +29,31 @@ def live(
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,
     force: Force = False,
-) -> None:
+) -> Answer:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
-    from experiments.pipeline.live import live as run
+    from experiments.errors import InputError
+    from experiments.pipeline.live import ADVICE
+    from experiments.pipeline.live import live as followed
 
-    run(source, scene, out, duration_s=duration, fps=fps, needle_path=needle, force=force)
+    path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
+
+    @contextmanager
+    def begin(used: Scene) -> Iterator[Path]:
+        with run.folder(path, force=force, inputs=[Path(source), scene, needle]) as folder:
+            run.use(used, before="track")
+            yield folder
+
+    done = followed(source, scene, begin, duration_s=duration, fps=fps, needle_path=needle)
+
+    def show() -> None:
+        counted = ", ".join(f"{n} {status}" for status, n in done.statuses.items())
+        print(
+            f"{done.frames} frames and {done.without_frame} moments without one ({counted}), "
+            f"{done.dropped} dropped, {done.not_used} not used; "
+            f"latency median {done.latency_median_ms:.1f} ms, worst {done.latency_worst_ms:.1f} ms"
+        )
+        print(f"Estimates in {path / 'estimates.csv'}")
+        if done.advice is not None:
+            print(f"Advice in {path / ADVICE}: {', '.join(f'{name} {n}' for name, n in done.advice.items())}")
+
+    return Answer({"out": path, **asdict(done)}, show, None if done.fault is None else InputError(done.fault))

@@ -8,42 +8,47 @@ from typing import Annotated
 import typer
 
 from experiments.commands.options import Force, Out, SceneFile
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
 def track(
+    run: Run,
     recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     out: Out,
     scene: SceneFile = None,
     check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
     force: Force = False,
-) -> None:
+) -> Answer:
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
-    from experiments.formats.outputs import output_folder
     from experiments.formats.recording import read_recording
-    from experiments.pipeline.events import report_rest, report_swap
+    from experiments.pipeline.events import report_swap
     from experiments.pipeline.line import FILTER
     from experiments.pipeline.track import summary, write_tables
-    from experiments.pipeline.track import track as run
+    from experiments.pipeline.track import track as tracked
     from experiments.plots.track import write_track_plots
 
     opened = read_recording(recording, scene)
-    report_rest(opened.scene)
-    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
-        done = run(opened, stage("track"), check=check)
+    with run.folder(out, force=force, inputs=[recording, scene]) as folder:
+        run.use(opened.scene, before="track")
+        done = tracked(opened, run.stage("track"), check=check)
         write_tables(done, folder)
         write_track_plots(done, folder)
+        for step in done.steps:
+            if step.swap is not None:
+                report_swap(step.swap)
     from experiments.commands.console import fit_lines, sentence, track_table, withheld_table
     from experiments.pipeline.scores.withheld import withheld_words
 
-    for step in done.steps:
-        if step.swap is not None:
-            report_swap(step.swap)
     told = summary(done)
-    print_table(track_table(told))
-    print(*fit_lines(told[FILTER]), sep="\n")
-    if check:
-        if done.withheld:
-            print_table(withheld_table(told[FILTER]))
-        print(sentence(withheld_words(done.withheld, float(done.counts["check_scale"] or 1.0))))
-    print(f"Tables and pictures in {out}")
+
+    def show() -> None:
+        print_table(track_table(told))
+        print(*fit_lines(told[FILTER]), sep="\n")
+        if check:
+            if done.withheld:
+                print_table(withheld_table(told[FILTER]))
+            print(sentence(withheld_words(done.withheld, float(done.counts["check_scale"] or 1.0))))
+        print(f"Tables and pictures in {out}")
+
+    return Answer({"out": out, "summary": told}, show)

@@ -8,34 +8,41 @@ from typing import Annotated
 import typer
 
 from experiments.commands.options import Force, Out, SceneFile
-from experiments.commands.terminal import progress
+from experiments.commands.run import Answer, Run
 
 
 def advise(
+    run: Run,
     recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     needle: Annotated[Path, typer.Option("--needle", help="The needle's file.", show_default=False)],
     out: Out,
     scene: SceneFile = None,
     force: Force = False,
-) -> None:
+) -> Answer:
     """Say for each frame whether a needle should go in, wait or turn: a table and a picture."""
     from experiments.commands.console import advice_line, reliability_line
     from experiments.formats.needle_file import read_needle
-    from experiments.formats.outputs import output_folder
     from experiments.formats.recording import read_recording
-    from experiments.pipeline.advise import advise as run
+    from experiments.pipeline.advise import advise as advised
     from experiments.pipeline.advise import reliability, write_advice
-    from experiments.pipeline.events import report_rest
     from experiments.plots.advice import write_advice_plot
 
     opened = read_recording(recording, scene)
-    report_rest(opened.scene)
     plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
-    with output_folder(out, force=force, inputs=[recording]) as folder, progress() as stage:
-        done = run(opened, plan, stage("advise"))
+    with run.folder(out, force=force, inputs=[recording, scene, needle]) as folder:
+        run.use(opened.scene, before="track")
+        done = advised(opened, plan, run.stage("advise"))
         write_advice(done, folder)
         write_advice_plot(done, folder)
-    print(advice_line(done.counts()))
-    if (line := reliability_line(reliability(done))) is not None:
-        print(line)
-    print(f"Table and picture in {out}")
+    counts, reliable = done.counts(), reliability(done)
+
+    def show() -> None:
+        print(advice_line(counts))
+        if (line := reliability_line(reliable)) is not None:
+            print(line)
+        print(f"Table and picture in {out}")
+
+    return Answer(
+        {"out": out, "frames": len(done.times_s), "advice": counts, "reliability": reliable},
+        show,
+    )

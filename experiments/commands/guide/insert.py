@@ -6,12 +6,14 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, Processes, Scheduler
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.options import Force, Out, Processes, ScenarioName, Scheduler
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
 def insert(
-    scenario: Annotated[str, typer.Argument(help="quiet, poked, shoved, breathing, or a scenario file.")],
+    run: Run,
+    scenario: ScenarioName,
     out: Out,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Worlds in which every policy is tried.")] = 2000,
     speed_mm_s: Annotated[float, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Of the needle.")] = 50.0,
@@ -20,22 +22,25 @@ def insert(
     processes: Processes = None,
     scheduler: Scheduler = None,
     force: Force = False,
-) -> None:
+) -> Answer:
     """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
     from experiments.commands.console import insertion_table
     from experiments.engine.workers import Workers, workers_for
-    from experiments.formats.outputs import output_folder
-    from experiments.formats.scenario import read_scenario
+    from experiments.formats.scenario import read_scenario, scenario_file
     from experiments.plots.insertion import write_insertion_plots
     from experiments.simulation.insert import case_of, summary, write_insertions
-    from experiments.simulation.insert import insert as run
+    from experiments.simulation.insert import insert as inserted
 
     case = case_of(read_scenario(scenario), speed_m_s=1e-3 * speed_mm_s, strength=strength)
-    with output_folder(out, force=force) as folder, progress() as stage:
+    with run.folder(out, force=force, inputs=[scenario_file(scenario)]) as folder:
         workers = workers_for(runs, Workers(processes, scheduler))
-        done = run(case, runs, 1e-3 * radius_mm, stage("insert"), workers=workers)
+        done = inserted(case, runs, 1e-3 * radius_mm, run.stage("insert"), workers=workers)
         write_insertions(done, folder)
         write_insertion_plots(done, folder)
     report = summary(done)
-    print_table(insertion_table(report))
-    print(f"Tables and pictures in {out}")
+
+    def show() -> None:
+        print_table(insertion_table(report))
+        print(f"Tables and pictures in {out}")
+
+    return Answer({"out": out, "summary": report}, show)

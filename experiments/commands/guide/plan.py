@@ -8,29 +8,34 @@ from typing import Annotated
 import typer
 
 from experiments.commands.options import Force, Out
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
 def plan(
+    run: Run,
     source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file: the tissue at rest.")],
     out: Out,
     plan_file: Annotated[Path, typer.Option("--plan", help="The needle, the skin, what is in the way: plan.toml.")],
     force: Force = False,
-) -> None:
+) -> Answer:
     """Rank straight needle paths by the probability of a hit, the push of the needle foreseen."""
     from experiments.commands.console import plan_table
-    from experiments.formats.outputs import output_folder
     from experiments.pipeline.plan import planned, report, write_plan
     from experiments.plots.plan import plan_figure
 
-    inputs = [source] if source.is_dir() else []
-    with output_folder(out, force=force, inputs=inputs) as folder, progress() as stage:
-        done = planned(source, plan_file, stage("plan"))
+    with run.folder(out, force=force, inputs=[source, plan_file]) as folder:
+        done = planned(source, plan_file, run.stage("plan"))
+        run.use(done.scene, before="track")
         write_plan(done, folder)
         plan_figure(done).savefig(folder / "plan.png", dpi=130)
     figures = report(done)
-    if figures["best"] is None:
-        print(f"No path is allowed; why: {out / 'plan.csv'}")
-    else:
-        print_table(plan_table(figures))
-    print(f"Table and picture in {out}")
+
+    def show() -> None:
+        if figures["best"] is None:
+            print(f"No path is allowed; why: {out / 'plan.csv'}")
+        else:
+            print_table(plan_table(figures))
+        print(f"Table and picture in {out}")
+
+    return Answer({"out": out, "plan": figures}, show)

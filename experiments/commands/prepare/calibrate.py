@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from experiments.commands.options import Force
-from experiments.commands.terminal import print_table, progress
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
 
 
 def calibrate(
+    run: Run,
     board: Annotated[str, typer.Option("--board", help="Inner corners, 9x6; squares of a ChArUco board.")],
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square.")],
     out: Annotated[Path, typer.Option("--out", help="camera.toml; a folder for several cameras.")],
@@ -23,28 +26,37 @@ def calibrate(
     opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Write the lens for OpenCV, too.")] = None,
     ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Write the lens for ROS, too.")] = None,
     force: Force = False,
-) -> None:
+) -> Answer:
     """Find lens and place of cameras from pictures of a board, and how well they are known."""
     from experiments.commands.console import calibration_lines, calibration_table
+    from experiments.formats.camera_file import camera_text
     from experiments.pipeline.calibrate import AlsoWrite, board_of
-    from experiments.pipeline.calibrate import command as run
+    from experiments.pipeline.calibrate import command as calibrated
     from experiments.plots.calibration import calibration_png
 
     printed = board_of(board, square_mm, charuco, marker_mm)
     also = AlsoWrite(opencv_yaml, ros_yaml)
-    with progress() as stage:
-        done = run(
-            pictures or [],
-            camera or [],
-            printed,
-            out,
-            plane=plane,
-            also=also,
-            picture=calibration_png,
-            force=force,
-            stage=stage,
+    read = [*(pictures or []), *(Path(text.partition("=")[2]) for text in camera or []), plane]
+    done = calibrated(
+        pictures or [],
+        camera or [],
+        printed,
+        out,
+        plane=plane,
+        also=also,
+        picture=calibration_png,
+        force=force,
+        stage=run.stage,
+        write=lambda files: run.write_files(files, read),
+        folder=lambda path: run.folder(path, force=force, inputs=read),
+    )
+
+    def show() -> None:
+        for one in done:
+            print_table(calibration_table(one))
+            print(*calibration_lines(one), sep="\n")
+        print(
+            f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}"
         )
-    for one in done:
-        print_table(calibration_table(one))
-        print(*calibration_lines(one), sep="\n")
-    print(f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}")
+
+    return Answer({"out": out, "cameras": [tomllib.loads(camera_text(one)) for one in done]}, show)

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Fps
-from experiments.commands.terminal import progress
+from experiments.commands.options import Force, Fps
+from experiments.commands.run import Answer, Run
 
 
 def record(
+    run: Run,
     source: Annotated[
         str | None, typer.Argument(help="Camera index, device, film, folder, stream, recording, or phantom.")
     ] = None,
@@ -23,17 +24,23 @@ def record(
     recover: Annotated[
         Path | None, typer.Option("--recover", help="Join what a recording that was killed has left, in place.")
     ] = None,
-) -> None:
+    force: Force = False,
+) -> Answer:
     """Write frames and their times as they come, until Ctrl-C: a recording, whole up to the last second if killed."""
     from experiments.errors import InputError
     from experiments.pipeline.recorder import join, record_source
 
-    if (recover is None) == (source is None) or (recover is None) == (out is None):
+    if recover is not None and source is None and out is None:
+        n_frames = join(recover, run.stage("join"))
+        run.finish(recover, recover)
+        return Answer({"out": recover, "frames": n_frames}, lambda: print(f"{n_frames} frames in {recover}"))
+    if recover is not None or source is None or out is None:
         raise InputError("record: expected SOURCE and --out REC, or --recover REC, found neither or both")
-    if recover is not None:
-        with progress() as stage:
-            n_frames = join(recover, stage("join"))
-        print(f"{n_frames} frames in {recover}")
-    elif source is not None and out is not None:
-        with progress() as stage:
-            print(record_source(source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=stage))
+    done = record_source(source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=run.stage, force=force)
+    run.finish(out, out, [Path(source), scene])
+    dropped = f", {done.n_dropped} dropped" if done.n_dropped else ""
+    track = f"; next: softaim track {out} --out {out}-track" if done.has_scene else ""
+    return Answer(
+        {"out": out, "frames": done.n_frames, "dropped": done.n_dropped},
+        lambda: print(f"{done.n_frames} frames{dropped} in {out}{track}"),
+    )

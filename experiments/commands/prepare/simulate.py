@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out
-from experiments.commands.terminal import progress
-
-SHIPPED = ", ".join(sorted(path.stem for path in Path(__file__).parents[2].glob("scenarios/*.toml")))
-"""Names of the scenarios that come with the program, listed without loading what reads them."""
+from experiments.commands.options import Force, Out, ScenarioName
+from experiments.commands.run import Answer, Run
 
 
 def simulate(
-    scenario: Annotated[str, typer.Argument(help=f"A scenario file, or one that comes along: {SHIPPED}.")],
+    run: Run,
+    scenario: ScenarioName,
     out: Out,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="In place of the scenario's own.")] = None,
     runs: Annotated[
@@ -23,31 +20,31 @@ def simulate(
     ] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Without: marks.csv, where a film could be.")] = True,
     force: Force = False,
-) -> None:
+) -> Answer:
     """Move a scenario's tissue and film it, or note its marks: write a recording with its truth."""
-    from experiments.formats.outputs import output_folder
-    from experiments.formats.scenario import read_scenario
-    from experiments.pipeline.events import report_rest
+    from experiments.formats.scenario import read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of
     from experiments.simulation.simulate import simulate as write_recording
 
     read = read_scenario(scenario)
     first = read.seed if seed is None else seed
-    report_rest(scene_of(read))
-    if runs is None:
-        with progress() as stage:
-            of_seed = read.model_copy(update={"seed": first})
-            write_recording(of_seed, out, force=force, filmed=film, advance=stage("simulate"))
-        print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
-        return
-    with output_folder(out, force=force) as folder, progress() as stage:
-        advance = stage("simulate")
-        for k in range(runs):
-            of_seed = read.model_copy(update={"seed": first + k})
+    names = [""] if runs is None else [f"seed-{first + k}" for k in range(runs)]
+    with run.folder(out, force=force, inputs=[scenario_file(scenario), scene_file(read)]) as folder:
+        run.use(scene_of(read), before="simulate")
+        advance = run.stage("simulate")
+        for k, name in enumerate(names):
             write_recording(
-                of_seed,
-                folder / f"seed-{first + k}",
+                read.model_copy(update={"seed": first + k}),
+                folder / name,
                 filmed=film,
-                advance=lambda share, done=k: advance((done + share) / runs),  # type: ignore[misc]
+                advance=lambda share, done=k: advance((done + share) / len(names)),  # type: ignore[misc]
             )
-    print(f"{runs} recordings in {out}/seed-{first} ...; next: softaim track {out}/seed-{first} --out {out}-track")
+
+    def show() -> None:
+        if runs is None:
+            print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
+        else:
+            where = f"{out}/{names[0]}"
+            print(f"{runs} recordings in {where} ...; next: softaim track {where} --out {out}-track")
+
+    return Answer({"out": out, "recordings": [out / name for name in names]}, show)

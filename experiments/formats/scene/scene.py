@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
@@ -14,6 +14,7 @@ from experiments.formats.scene.filter import filter_table, settings_of, uncertai
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import network_lines, network_of, spring_groups
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
+from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, read_toml, toml_list, toml_text, toml_value
 from vision import PlaneCamera
@@ -27,6 +28,7 @@ class Scene:
     settings: noise levels, pokes and led nodes that the filter assumes
     spring_groups: name of the group of each spring, whose constants are identified together, (n_springs,), empty for a
         spring by itself; none at all where the network has no groups
+    steps: what was done on it, in order
     """
 
     network: MassSpringNetwork
@@ -36,6 +38,7 @@ class Scene:
     uncertainty: ParameterUncertainty | None = None
     settings: FilterSettings = field(default_factory=FilterSettings)
     spring_groups: tuple[str, ...] = ()
+    steps: tuple[Step, ...] = ()
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -130,6 +133,7 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
             spring_groups=spring_groups(file.network),
+            steps=tuple(step_of(table) for table in file.provenance),
         )
     except (SceneError, NetworkError) as error:
         raise InputError(f"{path}: {error}") from None
@@ -146,6 +150,31 @@ def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
 
 def write_scene(scene: Scene, path: Path) -> None:
     """Write a scene as `scene.toml`, whole or not at all; raises InputError."""
+    write_whole(path, scene_text(scene))
+
+
+def scene_text(scene: Scene) -> str:
+    """A scene as `scene.toml` has it."""
+    return "\n".join([*_content(scene), *step_lines(scene.steps)]) + "\n"
+
+
+def scene_digest(scene: Scene) -> str:
+    """SHA-256 of all that a scene says, however its file is laid out; the steps done on it are left out."""
+    return digest("\n".join(_content(scene)))
+
+
+def network_digest(scene: Scene) -> str:
+    """SHA-256 of the network alone."""
+    return digest("\n".join(network_lines(scene.network, scene.spring_groups)))
+
+
+def with_step(scene: Scene, step: StepName, program: str, recording: str | None = None) -> Scene:
+    """The scene on which one more step was done, by this version of the program, with a recording of this digest."""
+    done = Step(step, program, recording, network_digest(scene), scene_digest(scene))
+    return replace(scene, steps=(*scene.steps, done))
+
+
+def _content(scene: Scene) -> list[str]:
     network = scene.network
     lines = [f"version = {VERSION}", "", *network_lines(network, scene.spring_groups)]
     for mark in scene.marks:
@@ -160,4 +189,4 @@ def write_scene(scene: Scene, path: Path) -> None:
         lines += [f"{key} = {toml_value(value)}" for key, value in keys.items()]
     for camera in scene.cameras:
         lines += camera_lines(camera)
-    write_whole(path, "\n".join(lines) + "\n")
+    return lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -150,6 +150,16 @@ class FilterTable(Strict):
     led_nodes: list[Name] = Field(default_factory=list)
 
 
+class ProvenanceTable(Strict):
+    """`[[provenance]]`: a step that was done on the scene; written by the program, see `Step`."""
+
+    step: Literal["simulate", "at-rest", "identify", "tune"]
+    program: Name
+    recording_sha256: Name | None = None
+    network_sha256: Name
+    scene_sha256: Name
+
+
 class SceneFile(Strict):
     """The whole of `scene.toml`, version 1."""
 
@@ -160,3 +170,4 @@ class SceneFile(Strict):
     mark: list[MarkTable] = Field(default_factory=list)
     target: TargetTable
     camera: list[CameraTable] = Field(default_factory=list)
+    provenance: list[ProvenanceTable] = Field(default_factory=list)

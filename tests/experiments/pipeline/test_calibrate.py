@@ -52,7 +52,9 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
     assert drawing is not None
     assert drawing.shape[1] > 1000
     assert "7 pictures used" in capsys.readouterr().out
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["front.png", "front.toml", "o.yml", "r.yaml"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        *("front.png", "front.provenance.json", "front.toml", "o.yml", "r.yaml")
+    ]
 
 
 def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path) -> None:
@@ -84,7 +86,9 @@ def test_a_picture_of_the_plane_may_lie_elsewhere(pictures: Path, tmp_path: Path
 def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path) -> None:
     both = [word for name in ("left", "right") for word in ("--camera", f"{name}={pictures / name}")]
     assert softaim("calibrate", *both, *CHESS, "--out", tmp_path / "rig") == 0
-    assert sorted(p.name for p in (tmp_path / "rig").iterdir()) == ["left.png", "left.toml", "right.png", "right.toml"]
+    assert sorted(p.name for p in (tmp_path / "rig").iterdir()) == [
+        *("left.png", "left.toml", "provenance.json", "right.png", "right.toml", "softaim.log")
+    ]
     left, right = (read_camera_toml(tmp_path / "rig" / f"{name}.toml") for name in ("left", "right"))
     between = right.pose.after(left.pose.inverse())
     turn = cv2.Rodrigues(between.rotation @ TO_RIGHT.rotation.T)[0]

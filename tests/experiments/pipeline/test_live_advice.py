@@ -221,5 +221,5 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
     printed = capsys.readouterr().out
     assert f"Advice in {out / 'advice.csv'}: GO {(rows['advice'] == 'GO').sum()}, WAIT" in printed
     assert softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
-    assert {path.name for path in (tmp_path / "plain").iterdir()} == {"estimates.csv"}
+    assert {path.name for path in (tmp_path / "plain").iterdir()} == {"estimates.csv", "provenance.json", "softaim.log"}
     assert "Advice" not in capsys.readouterr().out

@@ -63,7 +63,9 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     """All paths in the table, ranked, in mm; the best of plan.json is its first row; the picture can be read."""
     out = tmp_path / "out"
     assert softaim("plan", scene, "--plan", plan_file, "--out", out) == 0
-    assert sorted(file.name for file in out.iterdir()) == ["plan.csv", "plan.json", "plan.png"]
+    assert sorted(file.name for file in out.iterdir()) == [
+        *("plan.csv", "plan.json", "plan.png", "provenance.json", "softaim.log")
+    ]
     rows = pd.read_csv(out / "plan.csv", keep_default_na=False)
     told = json.loads((out / "plan.json").read_text())
     assert len(rows) == told["paths"] == 300

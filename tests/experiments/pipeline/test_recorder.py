@@ -226,7 +226,8 @@ def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.Cap
     words = ("record", tmp_path / "film.avi", "--out", tmp_path / "rec", "--scene", tmp_path / "scene.toml")
     assert softaim(*words) == 0
     assert f"40 frames in {tmp_path / 'rec'}; next: softaim track" in capfd.readouterr().out
-    assert sorted(path.name for path in (tmp_path / "rec").iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
+    names = {path.name for path in (tmp_path / "rec").iterdir()}
+    assert names == {"frames.csv", "provenance.json", "scene.toml", "softaim.log", "video.mkv"}
     check_frames(tmp_path / "rec", 40)
     # again: what is there is not written over
     assert softaim(*words) == 2

@@ -46,7 +46,8 @@ BAD = {
     "unknown table": (
         "[target]",
         "[aim]",
-        ": aim: expected one of version, network, uncertainty, filter, mark, target, camera, found an unknown key",
+        ": aim: expected one of version, network, uncertainty, filter, mark, target, camera, provenance,"
+        " found an unknown key",
     ),
     "missing key": ("stiffness_N_m = 80.0\n", "", ": network.spring[0].stiffness_N_m: expected this key, found none"),
     "missing mass": (

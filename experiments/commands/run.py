@@ -1,0 +1,208 @@
+"""One run of a subcommand: what it reports, how far it is, and what it writes, with its provenance.
+
+What all subcommands have in common is added here: --json, --verbose, softaim.log and provenance.json.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stdout
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.commands.options import AsJson, Verbose
+from experiments.commands.terminal import progress
+
+if TYPE_CHECKING:
+    from experiments.formats.scene.scene import Scene
+    from experiments.formats.scene.steps import StepName
+    from experiments.log import Kept
+    from experiments.pipeline.events import Command
+
+Advance = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """What a subcommand answers: a record for programs (--json), and what prints the same for people.
+
+    fault: that is raised after this was printed, for what was done in part
+    """
+
+    record: Mapping[str, Any]
+    show: Callable[[], None]
+    fault: Exception | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """A run of a subcommand.
+
+    arguments: of the command line, without passwords; log: all that was reported
+    State: what is open until its end; the bar of progress, once there is one; the scene, and steps left out.
+    """
+
+    command: str
+    arguments: tuple[str, ...]
+    log: Kept
+    opened: ExitStack
+    began: float = field(default_factory=time.time)
+    _stage: Callable[[str], Advance] | None = None
+    _scene: Scene | None = None
+    _left_out: tuple[str, ...] = ()
+
+    def stage(self, name: str) -> Advance:
+        """Begin a stage of the work, of which the function that comes back is told the share done."""
+        from experiments.log import LOG
+
+        if self._stage is None:
+            self._stage = self.opened.enter_context(progress())
+        advance, began = self._stage(name), time.perf_counter()
+
+        def done(share: float) -> None:
+            advance(share)
+            if share >= 1.0:
+                LOG.info("%s: %.2f s", name, time.perf_counter() - began)
+
+        return done
+
+    def use(self, scene: Scene, before: Command | None = None) -> None:
+        """Note the scene of this run, and report which steps were not done on it before this one."""
+        from experiments.pipeline.events import report_steps
+
+        self._scene = scene
+        self._left_out = () if before is None else report_steps(scene, before)
+
+    @contextmanager
+    def folder(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[Path]:
+        """A folder to write into, as `output_folder`, that has the run's provenance and log at the end.
+
+        inputs: files and folders that are read, None for one that is not given
+        """
+        from experiments.formats.outputs import output_folder
+
+        read = [one for one in inputs if one is not None and one.is_dir()]
+        with output_folder(path, force=force, inputs=read) as folder:
+            yield folder
+            self.finish(folder, path, inputs)
+
+    def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:
+        """Write the run's provenance and log to a folder that exists and will be, or is, `named`."""
+        from experiments.formats.outputs import write_together
+        from experiments.formats.provenance import LOG_FILE, PROVENANCE
+        from experiments.log import LOG
+
+        text = self._provenance(inputs)
+        LOG.info("%s: %.2f s in all; written to %s", self.command, time.time() - self.began, named)
+        write_together({folder / PROVENANCE: text, folder / LOG_FILE: self.log.text()})
+
+    def write_scene(
+        self, scene: Scene, path: Path, step: StepName, *, recording: Path, inputs: Sequence[Path | None] = ()
+    ) -> None:
+        """Write a scene on which this step was done with a recording, its provenance beside it. Raises InputError."""
+        from experiments.formats.provenance import content_digest
+        from experiments.formats.scene.scene import scene_text, with_step
+        from experiments.version import version
+
+        self._scene = with_step(scene, step, version(), content_digest(recording))
+        self.write_files({path: scene_text(self._scene)}, [recording, *inputs])
+
+    def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
+        """Write files together, with the provenance of the first of them beside it. Raises InputError."""
+        from experiments.formats.outputs import write_together
+        from experiments.formats.provenance import beside
+
+        write_together({**contents, beside(next(iter(contents))): self._provenance(inputs)})
+
+    def _provenance(self, inputs: Sequence[Path | None]) -> str:
+        from datetime import UTC, datetime
+
+        from experiments.engine.runs import program
+        from experiments.formats.provenance import Provenance, input_of, now, provenance_text
+
+        began = datetime.fromtimestamp(self.began, UTC)
+        # what is neither is a device, an address or the name of something shipped
+        read = tuple(input_of(one) for one in inputs if one is not None and (one.is_file() or one.is_dir()))
+        return provenance_text(
+            Provenance(self.command, self.arguments, program(), began, now(), read, self._scene, self._left_out)
+        )
+
+
+def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
+    """The function as typer calls it: it gets its `run`, --json and --verbose are added, and its answer is printed."""
+    name = command.__name__.replace("_", "-")
+    signature = inspect.signature(command, eval_str=True)
+    own = {key: one for key, one in signature.parameters.items() if key != "run"}
+    common = {
+        key: inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=annotation)
+        for key, annotation in (("verbose", Verbose), ("as_json", AsJson))
+    }
+
+    @wraps(command)
+    def called(*, verbose: bool, as_json: bool, **options: Any) -> None:
+        with _logged(name, verbose) as run:
+            if "run" in signature.parameters:
+                options["run"] = run
+            # where JSON is wanted, nothing else is on standard output, whoever prints it
+            with redirect_stdout(sys.stderr if as_json else sys.stdout):
+                answer = command(**options)
+        if answer is None:
+            return
+        if as_json:
+            print(json.dumps(plain(answer.record), indent=2, ensure_ascii=False, allow_nan=False))
+        else:
+            answer.show()
+        if answer.fault is not None:
+            raise answer.fault
+
+    parameters = own | common
+    called.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in parameters.values()]
+    )
+    called.__annotations__ = {key: one.annotation for key, one in parameters.items()}
+    return called
+
+
+@contextmanager
+def _logged(name: str, verbose: bool) -> Iterator[Run]:
+    import logging
+
+    from experiments.log import LOG, SHOWN, Kept
+    from experiments.version import version
+
+    kept = Kept()
+    LOG.addHandler(kept)
+    SHOWN.setLevel(logging.INFO if verbose else logging.WARNING)
+    arguments = public(sys.argv[1:])
+    try:
+        LOG.info("softaim %s: %s", version(), " ".join(arguments))
+        with ExitStack() as opened:
+            yield Run(name, arguments, kept, opened)
+    finally:
+        SHOWN.setLevel(logging.WARNING)
+        LOG.removeHandler(kept)
+
+
+def public(arguments: Sequence[str]) -> tuple[str, ...]:
+    """Arguments without the passwords that addresses of streams may hold."""
+    return tuple(re.sub(r"(?<=://)[^/@]*@", "", argument) for argument in arguments)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: paths as text, None for numbers that are not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    if isinstance(value, float) and not -float("inf") < value < float("inf"):
+        return None
+    return value

@@ -1,0 +1,94 @@
+"""`provenance.json` beside whatever a command writes: which program made it, how, when and of what."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from experiments.formats.scene.scene import Scene, scene_digest
+from experiments.formats.scene.steps import step_keys
+from experiments.version import version
+
+PROVENANCE, LOG_FILE = "provenance.json", "softaim.log"
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A file or a folder that was read: its path as it was given, and the SHA-256 of its content."""
+
+    path: Path
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Provenance:
+    """Where an output comes from.
+
+    arguments: of the command line; program: digest of its source; inputs: what was read
+    scene: that was used, None where there was none; left_out: steps that were not done on it
+    """
+
+    command: str
+    arguments: tuple[str, ...]
+    program: str
+    began: datetime
+    ended: datetime
+    inputs: tuple[Input, ...] = ()
+    scene: Scene | None = None
+    left_out: tuple[str, ...] = ()
+
+
+def now() -> datetime:
+    """The time, UTC."""
+    return datetime.now(UTC)
+
+
+def input_of(path: Path) -> Input:
+    """A file, or a folder with all files in it, and its digest; what this program notes of its runs is left out."""
+    return Input(path, content_digest(path))
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256 of a file; of a folder, that of the digests and names of its files in the order of names."""
+    if path.is_dir():
+        files = sorted(file for file in path.rglob("*") if file.is_file() and file.name not in (PROVENANCE, LOG_FILE))
+        lines = (f"{content_digest(file)}  {file.relative_to(path).as_posix()}\n" for file in files)
+        return hashlib.sha256("".join(lines).encode("utf-8")).hexdigest()
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def provenance_text(of: Provenance) -> str:
+    """The file's content."""
+    table: dict[str, Any] = {
+        "version": FORMAT,
+        "program": {"name": "softaim", "version": version(), "source_sha256": of.program},
+        "command": of.command,
+        "arguments": list(of.arguments),
+        "began": _utc(of.began),
+        "ended": _utc(of.ended),
+        "inputs": [{"path": str(one.path), "sha256": one.sha256} for one in of.inputs],
+    }
+    if of.scene is not None:
+        table["scene"] = _scene_table(of.scene, of.left_out)
+    return json.dumps(table, indent=2, ensure_ascii=False) + "\n"
+
+
+def _scene_table(scene: Scene, left_out: Sequence[str]) -> Mapping[str, Any]:
+    steps = [step_keys(step) for step in scene.steps]
+    return {"sha256": scene_digest(scene), "steps": steps, "left_out": list(left_out)}
+
+
+def _utc(time: datetime) -> str:
+    return time.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def beside(path: Path) -> Path:
+    """Where the provenance of a single file stands: my.provenance.json beside my.toml."""
+    return path.with_name(f"{path.stem}.{PROVENANCE}")

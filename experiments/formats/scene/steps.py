@@ -1,0 +1,62 @@
+"""What was done on a scene, step by step: read from `[[provenance]]`, and written to it.
+
+No times stand here, so that the same steps give the same file; they are in the provenance file beside it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from experiments.formats.scene.schema import ProvenanceTable
+from experiments.formats.toml_file import toml_text
+
+StepName = Literal["simulate", "at-rest", "identify", "tune"]
+"""simulate: the truth of the recording in whose folder it stands was made with its constants."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step that was done on a scene.
+
+    program: its version; recording: SHA-256 of what it was done with, None where there was none
+    network, scene: SHA-256 of the network and of the whole scene after it, as `scene_digest` has them
+    """
+
+    name: StepName
+    program: str
+    recording: str | None
+    network: str
+    scene: str
+
+
+def digest(text: str) -> str:
+    """SHA-256 of a text in UTF-8."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def step_of(table: ProvenanceTable) -> Step:
+    """The step of a table."""
+    return Step(table.step, table.program, table.recording_sha256, table.network_sha256, table.scene_sha256)
+
+
+def step_keys(step: Step) -> dict[str, str]:
+    """The keys of `[[provenance]]`, those without a value left out."""
+    keys = {
+        "step": step.name,
+        "program": step.program,
+        "recording_sha256": step.recording,
+        "network_sha256": step.network,
+        "scene_sha256": step.scene,
+    }
+    return {key: value for key, value in keys.items() if value is not None}
+
+
+def step_lines(steps: Sequence[Step]) -> list[str]:
+    """The lines of `[[provenance]]`, a table a step."""
+    lines = []
+    for step in steps:
+        lines += ["", "[[provenance]]", *(f"{key} = {toml_text(value)}" for key, value in step_keys(step).items())]
+    return lines

@@ -1,0 +1,10 @@
+"""Which version of the program this is."""
+
+from __future__ import annotations
+
+from importlib.metadata import version as installed
+
+
+def version() -> str:
+    """Version of the program that is installed."""
+    return installed("softaim")
