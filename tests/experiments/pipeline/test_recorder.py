@@ -231,7 +231,7 @@ def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.Cap
     check_frames(tmp_path / "rec", 40)
     # again: what is there is not written over
     assert softaim(*words) == 2
-    assert "rec: expected a new or an empty folder, found a folder with files" in capfd.readouterr().err
+    assert "rec: expected a new or an empty folder, found files in it; --force" in capfd.readouterr().err
     check_frames(tmp_path / "rec", 40)
 
 

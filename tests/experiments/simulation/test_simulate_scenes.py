@@ -83,7 +83,9 @@ def test_a_body_in_space_is_marks_and_truth(scenario: Path, tmp_path: Path):
     simulate(read_scenario(str(scenario)), tmp_path / "rec")
     names = sorted(path.name for path in (tmp_path / "rec").iterdir())
     assert names == ["frames.csv", "marks.csv", "scene.toml", "truth.csv"]
-    assert (tmp_path / "rec" / "scene.toml").read_text() == HANGING
+    own, step = (tmp_path / "rec" / "scene.toml").read_text().split("\n[[provenance]]\n")
+    assert own == HANGING
+    assert step.startswith('step = "simulate"\n')
     recording = read_recording(tmp_path / "rec")
     assert recording.scene.settings.poked.poke == 3.0
     assert recording.scene.uncertainty is not None
@@ -157,7 +159,9 @@ def test_several_recordings_are_of_successive_seeds(scenario: Path, tmp_path: Pa
     assert softaim("simulate", scenario, "--out", tmp_path / "all", "--seed", "8", "--runs", "2") == 0
     assert "the network rests up to" in capsys.readouterr().err
     assert softaim("simulate", scenario, "--out", tmp_path / "one", "--seed", "9") == 0
-    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == ["seed-8", "seed-9"]
+    assert sorted(path.name for path in (tmp_path / "all").iterdir()) == [
+        *("provenance.json", "seed-8", "seed-9", "softaim.log")
+    ]
     for name in ("marks.csv", "truth.csv", "frames.csv"):
         assert (tmp_path / "all" / "seed-9" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
     marks = [(tmp_path / "all" / f"seed-{k}" / "marks.csv").read_bytes() for k in (8, 9)]
