@@ -12,11 +12,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from estimators.arrays import Floats
 from estimators.filters.gaussians import moment_matched
 from estimators.filters.motion import ModeBeliefs, Transition
+from estimators.filters.unscented import CovarianceError
+from estimators.smoothing.kernels import gains, met, roots_each
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
@@ -131,22 +132,11 @@ def smoothed_before(after: ModeBeliefs, cycle: Transition, before: ModeBeliefs) 
 
     after: smoothed, at the end; before: filtered, at the start.
     """
-    k, n = before.means.shape
-    logs = np.empty((k, k))
-    means, covs = np.empty((k, k, n)), np.empty((k, k, n, n))
-    roots = np.linalg.cholesky(before.covs)
-    for j in range(k):
-        root = np.linalg.cholesky(cycle.covs[j])
-        N, pull = _likelihood(after, cycle, j, root)
-        for i in range(k):
-            T = solve_triangular(root, roots[i], lower=True)
-            u = solve_triangular(root, before.means[i] - cycle.means[j], lower=True)
-            S = np.eye(n) + T.T @ N @ T
-            slope = T.T @ (pull - N @ u)
-            step = np.linalg.solve(S, slope)
-            means[i, j] = before.means[i] + roots[i] @ step
-            covs[i, j] = roots[i] @ np.linalg.solve(S, roots[i].T)
-            logs[i, j] = u @ pull - 0.5 * u @ N @ u + 0.5 * slope @ step - 0.5 * np.linalg.slogdet(S)[1]
+    (roots, definite), (mix_roots, mix_definite) = roots_each(before.covs), roots_each(cycle.covs)
+    _check(definite and mix_definite)
+    N, pull = _likelihoods(after, cycle, mix_roots)
+    logs, means, covs, definite = met(before.means, roots, cycle.means, mix_roots, N, pull)
+    _check(definite)
     weights = cycle.weights * np.exp(logs - logs.max(axis=0))
     weights *= after.mu / weights.sum(axis=0)
     mu = weights.sum(axis=1)
@@ -157,18 +147,25 @@ def smoothed_before(after: ModeBeliefs, cycle: Transition, before: ModeBeliefs) 
     return ModeBeliefs(mu, joined, 0.5 * (spread + spread.swapaxes(1, 2)))
 
 
-def _likelihood(after: ModeBeliefs, cycle: Transition, j: int, root: Floats) -> tuple[Floats, Floats]:
-    """Likelihood exp(y'n - y'N y / 2) of later marks given y, (x - mix's mean) by the root of the mix's covariance.
+def _likelihoods(after: ModeBeliefs, cycle: Transition, roots: Floats) -> tuple[Floats, Floats]:
+    """Likelihood exp(y'n - y'N y / 2) of later marks by each mode: N (k, n, n) and n (k, n).
 
-    It takes the mix, N(0, 1) in y, to the smoothed moments of Rauch, Tung and Striebel: N(m / (1 - M), 1 - M) with M
-    between 0 and 1. Beyond these bounds, where merging modes has made the end less sure than was predicted, it is
-    taken to hold no information.
+    Given y, (x - mix's mean) by the root of the mix's covariance, (k, n, n). It takes the mix, N(0, 1) in y, to the
+    smoothed moments of Rauch, Tung and Striebel: N(m / (1 - M), 1 - M) with M between 0 and 1. Beyond these bounds,
+    where merging modes has made the end less sure than was predicted, it is taken to hold no information.
     """
     predicted = cycle.arrived
-    gain = np.linalg.solve(predicted.covs[j], cycle.F[j] @ root).T
-    M = gain @ (predicted.covs[j] - after.covs[j]) @ gain.T
-    values, axes = np.linalg.eigh(0.5 * (M + M.T))
+    gain, M, definite = gains(roots, predicted.covs, cycle.F, after.covs)
+    _check(definite)
+    values, axes = np.linalg.eigh(0.5 * (M + M.mT))
     shares = np.where(values > 0.0, np.minimum(values, CERTAIN), 0.0)
-    toward = axes.T @ (gain @ (after.means[j] - predicted.means[j]))
+    moved = np.einsum("jab,jb->ja", gain, after.means - predicted.means)
+    toward = np.einsum("jba,jb->ja", axes, moved)
     pull = np.where(values > 0.0, toward / (1.0 - shares), 0.0)
-    return (axes * (shares / (1.0 - shares))) @ axes.T, axes @ pull
+    weighted = axes * (shares / (1.0 - shares))[:, None, :]
+    return np.einsum("jac,jbc->jab", weighted, axes), np.einsum("jab,jb->ja", axes, pull)
+
+
+def _check(definite: bool) -> None:  # noqa: FBT001
+    if not definite:
+        raise CovarianceError("smoothed covariance: expected positive definite, found otherwise")
