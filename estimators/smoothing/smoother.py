@@ -166,6 +166,6 @@ def _likelihoods(after: ModeBeliefs, cycle: Transition, roots: Floats) -> tuple[
     return np.einsum("jac,jbc->jab", weighted, axes), np.einsum("jab,jb->ja", axes, pull)
 
 
-def _check(definite: bool) -> None:  # noqa: FBT001
+def _check(definite: bool) -> None:
     if not definite:
         raise CovarianceError("smoothed covariance: expected positive definite, found otherwise")

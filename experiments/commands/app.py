@@ -27,6 +27,7 @@ from experiments.commands.prepare.hue import hue
 from experiments.commands.prepare.record import record
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
+from experiments.threads import one_thread_each
 
 COMMANDS = (
     simulate,
@@ -76,6 +77,7 @@ def softaim(
 
 def main() -> None:
     """Run the command; bad input is one line on standard error and exit code 2, an interrupt 130."""
+    one_thread_each()
     try:
         code = app(prog_name="softaim", standalone_mode=False)
     except typer.TyperException as fault:

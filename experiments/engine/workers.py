@@ -14,16 +14,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from experiments.errors import InputError
+from experiments.threads import ONE_THREAD
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 EXTRA = 'the packages of the extra "cluster" (pip install "softaim[cluster]")'
-
-ONE_THREAD = dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), 1
-)
-"""Environment of a worker process: as many processes as cores, so that more threads of a library only wait."""
 
 SELDOM = {
     "distributed.worker.profile.enabled": False,

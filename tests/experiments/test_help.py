@@ -29,3 +29,16 @@ def test_help_does_not_load(module: str) -> None:
         f"sys.exit({module!r} in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+def test_the_program_has_one_thread_for_each_library_unless_told_otherwise() -> None:
+    """More of them wait for each other: `fixed_interval` on 600 frames then took 200 s in place of 3."""
+    code = (
+        "import os, sys; os.environ['OMP_NUM_THREADS'] = '3'; os.environ.pop('OPENBLAS_NUM_THREADS', None)\n"
+        "sys.argv = ['softaim', '--version']\n"
+        "from experiments.commands.app import main\n"
+        "try: main()\n"
+        "except SystemExit: print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "1 3"
