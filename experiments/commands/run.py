@@ -46,7 +46,8 @@ class Run:
     """A run of a subcommand.
 
     arguments: of the command line, without passwords; log: all that was reported
-    State: what is open until its end; the bar of progress, once there is one; the scene, and steps left out.
+    State: what is open until its end; the bar of progress, once there is one; the scene, what was left out on it and why
+    that matters, and whether that was reported.
     """
 
     command: str
@@ -56,7 +57,8 @@ class Run:
     began: float = field(default_factory=time.time)
     _stage: Callable[[str], Advance] | None = None
     _scene: Scene | None = None
-    _left_out: tuple[str, ...] = ()
+    _left_out: Mapping[str, str] = field(default_factory=dict)
+    _told: bool = True
 
     def stage(self, name: str) -> Advance:
         """Begin a stage of the work, of which the function that comes back is told the share done."""
@@ -67,6 +69,7 @@ class Run:
         advance, began = self._stage(name), time.perf_counter()
 
         def done(share: float) -> None:
+            self.begun()
             advance(share)
             if share >= 1.0:
                 LOG.info("%s: %.2f s", name, time.perf_counter() - began)
@@ -74,11 +77,21 @@ class Run:
         return done
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Note the scene of this run, and report which steps were not done on it before this one."""
-        from experiments.pipeline.events import report_steps
+        """Note the scene of this run, and which steps were not done on it before this one: see `begun`."""
+        from experiments.pipeline.events import steps_left_out
 
         self._scene = scene
-        self._left_out = () if before is None else report_steps(scene, before)
+        self._left_out = {} if before is None else steps_left_out(scene, before)
+        self._told = False
+
+    def begun(self) -> None:
+        """Report the steps that were left out, once: input that turns out bad is one line alone."""
+        from experiments.log import LOG
+
+        if not self._told:
+            self._told = True
+            for line in self._left_out.values():
+                LOG.warning("%s", line)
 
     @contextmanager
     def folder(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[Path]:
@@ -100,6 +113,7 @@ class Run:
         from experiments.log import LOG
 
         text = self._provenance(inputs)
+        self.begun()
         LOG.info("%s: %.2f s in all; written to %s", self.command, time.time() - self.began, named)
         write_together({folder / PROVENANCE: text, folder / LOG_FILE: self.log.text()})
 
@@ -119,6 +133,7 @@ class Run:
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import beside
 
+        self.begun()
         write_together({**contents, beside(next(iter(contents))): self._provenance(inputs)})
 
     def _provenance(self, inputs: Sequence[Path | None]) -> str:
@@ -131,7 +146,7 @@ class Run:
         # what is neither is a device, an address or the name of something shipped
         read = tuple(input_of(one) for one in inputs if one is not None and (one.is_file() or one.is_dir()))
         return provenance_text(
-            Provenance(self.command, self.arguments, program(), began, now(), read, self._scene, self._left_out)
+            Provenance(self.command, self.arguments, program(), began, now(), read, self._scene, tuple(self._left_out))
         )
 
 

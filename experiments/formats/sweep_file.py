@@ -84,6 +84,8 @@ def read_sweep(path: Path) -> Sweep:
     """The sweep of a file; raises InputError, `file: key: expected …, found …`, for the first fault."""
     file = read_toml(path, SweepFile)
     name = file.scenario if file.scenario in shipped() else str(path.parent / file.scenario)
+    if file.scenario not in shipped() and not Path(name).is_file():
+        raise InputError.at(f"{path}: scenario", f"one of {', '.join(shipped())} or a file", shown(file.scenario))
     read = read_scenario_file(name)
     scenario = read.model_dump(exclude_unset=True)
     lists = dict(_lists(file.grid, f"{path}: grid", ()))

@@ -31,63 +31,60 @@ def rest_offsets(scene: Scene) -> Floats:
     return np.asarray(np.linalg.norm(rest_shape(network) - network.positions, axis=1))
 
 
-def report_rest(scene: Scene) -> bool:
-    """Report whether the network rests elsewhere than it is drawn: its target is then expected elsewhere, too."""
+def rest_line(scene: Scene) -> str | None:
+    """Where the network rests elsewhere than it is drawn: its target is then expected elsewhere, too; None if it does.
+
+    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull.
+    """
     network, offsets = scene.network, rest_offsets(scene)
     if offsets.max() <= SAGS * np.ptp(network.positions, axis=0).max():
-        return False
+        return None
     node, target = network.names[int(offsets.argmax())], network.index(scene.target.node)
-    LOG.warning(
-        "scene: the network rests up to %.1f mm from where it is drawn (node %s; the target's %.1f mm). "
-        "If it was drawn at rest: softaim identify RECORDING --at-rest",
-        1e3 * offsets.max(),
-        node,
-        1e3 * offsets[target],
+    return (
+        f"scene: the network rests up to {1e3 * offsets.max():.1f} mm from where it is drawn (node {node}; "
+        f"the target's {1e3 * offsets[target]:.1f} mm). If it was drawn at rest: softaim identify RECORDING --at-rest"
     )
-    return True
 
 
 Command = Literal["simulate", "identify", "tune", "track"]
 """What the steps come before: simulation, identification, tuning, and all that estimates."""
 
 
-def report_steps(scene: Scene, before: Command) -> tuple[str, ...]:
-    """Report which steps were not done on a scene before this one, and what that means, a line each; their names."""
-    left_out = ["at-rest"] if report_rest(scene) else []
-    if before == "simulate":
-        return tuple(left_out)
-    if scene.target.node in scene.measured_nodes:
-        LOG.warning(
-            "scene: the target %s has a measured mark: its estimate follows that mark, and nothing is hidden; "
-            "measured = false keeps the mark for scoring",
-            scene.target.node,
+def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
+    """Steps that were not done on a scene before this one, and what else limits what it tells: a line each, by name."""
+    lines = {"at-rest": rest_line(scene)}
+    if before != "simulate" and scene.target.node in scene.measured_nodes:
+        lines["hidden target"] = (
+            f"scene: the target {scene.target.node} has a measured mark: its estimate follows that mark, nothing is "
+            "hidden; measured = false keeps the mark for scoring"
         )
-    if before == "identify":
-        return tuple(left_out)
+    if before in ("tune", "track"):
+        lines["identify"] = _unidentified(scene)
+    if before == "track":
+        lines["tune"] = _untuned(scene)
+    return {name: line for name, line in lines.items() if line is not None}
+
+
+def _unidentified(scene: Scene) -> str | None:
+    """Why the constants are not those of the tissue; None where they were found, or are stated with uncertainty."""
     edited = bool(scene.steps) and scene.steps[-1].network != network_digest(scene)
-    found = any(step.name in CONSTANTS for step in scene.steps) and not edited
-    if not found and scene.uncertainty is None:
-        after = f" since softaim {scene.steps[-1].name} the network was changed:" if edited else ""
-        LOG.warning(
-            "constants were not identified (softaim identify):%s they are taken as exact, so that no covariance has "
-            "their errors",
-            after,
-        )
-        left_out.append("identify")
-    if before == "track" and (why := _untuned(scene)) is not None:
-        LOG.warning("settings were %s: covariances may be too large, probabilities too low", why)
-        left_out.append("tune")
-    return tuple(left_out)
+    found = any(step.name in CONSTANTS for step in scene.steps)
+    if scene.uncertainty is not None or (found and not edited):
+        return None
+    since = f" since the network was changed after softaim {scene.steps[-1].name}" if edited and found else ""
+    return f"constants were not identified{since} (softaim identify): no covariance has their errors"
 
 
 def _untuned(scene: Scene) -> str | None:
-    """In what way the noise levels are not those of the tissue; None where they were found or stated."""
+    """Why the noise levels are not those of the tissue; None where they were found or stated."""
     usual, names = FilterSettings(), [step.name for step in scene.steps]
     if (scene.settings.quiet, scene.settings.poked) == (usual.quiet, usual.poked):
-        return "not tuned (softaim tune)"
-    if "tune" in names and "identify" in names[names.index("tune") :]:
-        return "tuned before softaim identify, for other constants (softaim tune)"
-    return None
+        why = "not tuned"
+    elif "tune" in names and "identify" in names[names.index("tune") :]:
+        why = "tuned before softaim identify, for other constants"
+    else:
+        return None
+    return f"settings were {why} (softaim tune): covariances may be too large, probabilities too low"
 
 
 def report_swap(swap: IdentitySwap) -> None:

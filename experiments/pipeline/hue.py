@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from experiments.errors import InputError, shown
 from experiments.pipeline.frame_sources import open_source
 from vision import HueError, learn_hue
@@ -14,6 +16,8 @@ def hue_lines(source: str, at: str, number: int, fps: float | None = None) -> li
     """
     try:
         u, v = (float(part) for part in at.split(","))
+        if not (math.isfinite(u) and math.isfinite(v)):
+            raise ValueError(at)
     except ValueError:
         raise InputError(f"--at: expected two numbers, U,V, found {shown(at)}") from None
     _, frames = open_source(source, None, live=False, fps=fps if fps is not None else 30.0)

@@ -218,13 +218,14 @@ def live(
     scene_path: Path | None,
     begin: Callable[[Scene], AbstractContextManager[Path]],
     *,
+    begun: Callable[[], None] = lambda: None,
     duration_s: float | None = None,
     fps: float | None = None,
     needle_path: Path | None = None,
 ) -> Followed:
     """Track the target live until the source ends, the duration is over or Ctrl-C; write estimates.csv.
 
-    begin: opens the folder that rows are written to as they come. While no frame comes the target is predicted; events
+    begin: opens the folder that rows are written to as they come; begun: called once frames are used. While no frame comes the target is predicted; events
     of the source are reported on standard error. With a needle's file there is advice on it, too, in the status line
     and in advice.csv. Raises InputError.
     """
@@ -236,7 +237,13 @@ def live(
             raise InputError.at(name, "--scene scene.toml beside it", "none")
         plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
         with begin(scene) as folder, status_line() as show:
-            session = Session(scene, folder / "estimates.csv", show, needle=plan)
+
+            def shown(text: str) -> None:
+                if session.n_frames:
+                    begun()
+                show(text)
+
+            session = Session(scene, folder / "estimates.csv", shown, needle=plan)
             try:
                 follow(session, frames, np.inf if duration_s is None else duration_s)
             except KeyboardInterrupt:

@@ -43,7 +43,7 @@ def live(
             run.use(used, before="track")
             yield folder
 
-    done = followed(source, scene, begin, duration_s=duration, fps=fps, needle_path=needle)
+    done = followed(source, scene, begin, begun=run.begun, duration_s=duration, fps=fps, needle_path=needle)
 
     def show() -> None:
         counted = ", ".join(f"{n} {status}" for status, n in done.statuses.items())

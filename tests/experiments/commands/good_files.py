@@ -1,0 +1,90 @@
+"""Good files of every kind, small, for tests that spoil one of them."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dynamics import four_mass_phantom
+from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from vision import VideoWriter, fronto_parallel_camera
+
+HERE = Path(__file__).parent
+SIZE_PX = (64, 48)
+PLAN = """version = 1
+[needle]
+gauge = 16
+[entry]
+from_mm = [-100.0, 268.0]
+to_mm = [100.0, 268.0]
+normal = [0.0, 1.0]
+n = 5
+[[obstacle]]
+name = "rib"
+centre_mm = [60.0, 240.0]
+radius_mm = 6.0
+"""
+SCENARIO = """version = 1
+title = "short"
+phantom = "four-mass"
+seed = 4
+duration_s = 0.2
+frame_interval_s = 0.1
+[pokes]
+nodes = ["M1"]
+acceleration_m_s2 = 5.0
+shortest_s = 0.1
+longest_s = 0.4
+pause_s = 1.5
+[camera]
+size_px = [64, 64]
+mm_per_px = [10.0, 10.0]
+"""
+SWEEP = """version = 1
+scenario = "quiet"
+seeds = 1
+[grid]
+scenario.duration_s = [0.2]
+marks.sd_mm = [1.0]
+"""
+
+
+def write_good_files(folder: Path) -> None:
+    """A recording of marks and one of a film, a scene, needle, plan, scenario, sweep, pictures, a user's own notes."""
+    network = four_mass_phantom()
+    marks = tuple(Mark(node, 0.0, 0.03, measured=node != "M2") for node in ("M1", "M2", "M3", "M4"))
+    scene = Scene(network, marks, Target("M2", 0.005), (fronto_parallel_camera("front", SIZE_PX, (15.0, 15.0)),))
+    times = (0.0, 0.1, 0.2)
+    frames = "frame,exposure_s\n" + "".join(f"{k},{t}\n" for k, t in enumerate(times))
+    places = {node: 1e3 * network.positions[network.index(node)] for node in ("M1", "M2", "M3", "M4")}
+    rows = [f"{t},{node},{x:.3f},{y:.3f}" for t in times for node, (x, y) in places.items()]
+    for name in ("marks", "film"):
+        (folder / name).mkdir()
+        write_scene(scene, folder / name / "scene.toml")
+        (folder / name / "frames.csv").write_text(frames, encoding="utf-8")
+    (folder / "marks" / "marks.csv").write_text(
+        "time_s,node,x_mm,y_mm,sd_mm\n" + "".join(f"{row},1.0\n" for row in rows if "M2" not in row), encoding="utf-8"
+    )
+    (folder / "marks" / "truth.csv").write_text(
+        "time_s,node,x_mm,y_mm\n" + "".join(f"{row}\n" for row in rows), encoding="utf-8"
+    )
+    (folder / "marks" / "fixes.csv").write_text("time_s,x_mm,y_mm,sd_mm\n0.1,0,188,1\n", encoding="utf-8")
+    grey = np.full((SIZE_PX[1], SIZE_PX[0], 3), 128, dtype=np.uint8)
+    with VideoWriter(folder / "film" / "video.avi", SIZE_PX, 10.0) as film:
+        for _ in times:
+            film.write(grey)
+    (folder / "boards").mkdir()
+    cv2.imwrite(str(folder / "boards" / "blank.png"), grey)
+    write_scene(scene, folder / "scene.toml")
+    shutil.copy(HERE.parent / "needle.toml", folder / "needle.toml")
+    for name, text in (("plan.toml", PLAN), ("scenario.toml", SCENARIO), ("sweep.toml", SWEEP)):
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "notes").mkdir()
+    (folder / "notes" / "mine.txt").write_text("mine", encoding="utf-8")
+
+
+def tree(folder: Path) -> dict[str, bytes | None]:
+    """Everything in a folder: the content of files, None for folders."""
+    paths = sorted(folder.rglob("*"))
+    return {str(path.relative_to(folder)): None if path.is_dir() else path.read_bytes() for path in paths}
