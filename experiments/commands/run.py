@@ -46,8 +46,8 @@ class Run:
     """A run of a subcommand.
 
     arguments: of the command line, without passwords; log: all that was reported
-    State: what is open until its end; the bar of progress, once there is one; the scene, what was left out on it and why
-    that matters, and whether that was reported.
+    State: what is open until its end; the bar of progress, once there is one; the scene, what was left out on it and
+    what that means, and whether that was reported.
     """
 
     command: str

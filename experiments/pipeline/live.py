@@ -225,9 +225,9 @@ def live(
 ) -> Followed:
     """Track the target live until the source ends, the duration is over or Ctrl-C; write estimates.csv.
 
-    begin: opens the folder that rows are written to as they come; begun: called once frames are used. While no frame comes the target is predicted; events
-    of the source are reported on standard error. With a needle's file there is advice on it, too, in the status line
-    and in advice.csv. Raises InputError.
+    begin: opens the folder that rows are written to as they come; begun: called when frames are used. While no frame
+    comes the target is predicted; events of the source are reported on standard error. With a needle's file there is
+    advice on it, too, in the status line and in advice.csv. Raises InputError.
     """
     name = f"--source {vision.shown_source(source)}"
     scene, frames = open_source(source, scene_path, live=True, fps=fps)
