@@ -62,7 +62,7 @@ def test_as_drawn_it_sags():
     assert rest_shape(network)[2, 1] < -0.1 - 5e-3
 
 
-@pytest.mark.parametrize("changes", [{"fixed": ()}, {"gravity": [0.0, 0.0]}])
+@pytest.mark.parametrize("changes", [{"fixed": (), "masses": [0.1, 0.1, 0.3]}, {"gravity": [0.0, 0.0]}])
 def test_without_weight_it_rests_as_drawn(changes):
     np.testing.assert_allclose(build(**changes).rest_lengths, np.sqrt(0.02), rtol=1e-12)
 
