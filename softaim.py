@@ -148,9 +148,9 @@ if not TYPE_CHECKING:  # who checks types would take every name to be there
 
     def __getattr__(name: str) -> Any:
         if name == "__version__":
-            from importlib.metadata import version
+            from experiments.version import version
 
-            value: Any = version("softaim")
+            value: Any = version()
         elif name in _HOMES:
             value = getattr(import_module(_HOMES[name]), name)
         else:

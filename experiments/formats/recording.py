@@ -109,7 +109,7 @@ def read_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:
-        exposures_s, marks = _read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
+        exposures_s, marks = read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
     else:
         if len(scene.cameras) != 1:
             raise InputError.at(
@@ -169,7 +169,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
     return table.numbers["exposure_s"]
 
 
-def _read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
+def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
     """Exposure times of the frames and the marks of each; without given times, those at which a mark was seen."""
     table = _read_places(path, scene, ["time_s", "sd_mm"], ["node"])
     nodes = _node_indices(table, scene)

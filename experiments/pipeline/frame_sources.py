@@ -13,6 +13,9 @@ from experiments.simulation.phantom_camera import PhantomCamera
 
 PHANTOM = "phantom"
 
+FILM = "film+"
+"""Before udp://, whose datagrams `softaim live` else takes for marks: a film comes by them."""
+
 
 def open_source(
     spec: str, scene_path: Path | None, *, live: bool, fps: float | None = None
@@ -36,7 +39,7 @@ def open_source(
         recording = read_recording(folder, scene_path)
         return recording.scene, vision.from_file(recording.open_frames(), live=live)
     try:
-        return scene, vision.open_source(spec, live=live, fps=fps)
+        return scene, vision.open_source(spec.removeprefix(FILM), live=live, fps=fps)
     except vision.SourceError as error:
         raise InputError(str(error)) from error
 

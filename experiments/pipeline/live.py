@@ -28,6 +28,8 @@ from experiments.pipeline.events import report_source_events, report_swap
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.live_advice import LiveAdvice, words
+from experiments.pipeline.live_marks.opening import is_mark_source, open_mark_source
+from experiments.pipeline.live_marks.receiver import LiveMarks, MarksFrame, MarkSource
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 
@@ -86,26 +88,24 @@ class Session:
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
 
-    def take(self, frame: vision.Frame) -> bool:
-        """Estimate, write and show one frame; whether it could be used.
+    def take(self, frame: vision.Frame | MarksFrame) -> bool:
+        """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
 
         Not used is a frame older than the filter's state, or of another size than the scene's camera gives.
         Raises InputError where the first frame has another size.
         """
-        height, width = frame.image.shape[:2]
-        size_px = self.line.scene.cameras[0].size_px
-        if size_px != (width, height) and not self.n_frames:
-            raise InputError(
-                f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
-            )
+        fits = isinstance(frame, MarksFrame) or self._fits(frame)
         if self._last_s is not None:
             self._intervals_s.append(max(frame.exposure_s - self._last_s, 1e-6))
         self._last_s = frame.exposure_s
         reached_s = self.line.filter.time_s
-        if size_px != (width, height) or (reached_s is not None and frame.exposure_s < reached_s):
+        if not fits or (reached_s is not None and frame.exposure_s < reached_s):
             self.n_unused += 1
             return False
-        step = self.line.see(frame.exposure_s, frame.image)
+        if isinstance(frame, MarksFrame):
+            step = self.line.take(frame.exposure_s, frame.marks)
+        else:
+            step = self.line.see(frame.exposure_s, frame.image)
         if step.swap is not None:
             report_swap(step.swap)
         estimate = step.estimates[FILTER]
@@ -116,6 +116,15 @@ class Session:
         self.n_frames += 1
         self._show(status_text(estimate, self.interval_s, latency_ms, advised))
         return True
+
+    def _fits(self, frame: vision.Frame) -> bool:
+        height, width = frame.image.shape[:2]
+        size_px = self.line.scene.cameras[0].size_px
+        if size_px != (width, height) and not self.n_frames:
+            raise InputError(
+                f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
+            )
+        return size_px == (width, height)
 
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.
@@ -162,12 +171,15 @@ class Session:
 
 def _warm_up(scene: Scene) -> None:
     """Compile and load all that the first frame would have to wait for."""
-    line, camera = Line(scene, baseline=False), scene.cameras[0]
+    line = Line(scene, baseline=False)
     positions = scene.network.positions[[scene.network.index(node) for node in scene.measured_nodes]]
     plain = np.eye(scene.network.dim)
     marks = [MarkMeasurement(node, x, 1e-6 * plain) for node, x in zip(scene.measured_nodes, positions, strict=True)]
     for k in range(2):
         line.take(k / 30.0, marks)
+    if not scene.cameras:
+        return
+    camera = scene.cameras[0]
     discs = [vision.Disc(center, (8.0, 8.0), scene.marks[0].hue_deg) for center in camera.project(positions)]
     image = vision.draw_frame(camera.size_px, discs, vision.Lighting(), np.random.default_rng(0))
     line.see(3 / 30.0, image)
@@ -200,7 +212,10 @@ def status_text(
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that ended it."""
+    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that ended it.
+
+    refused: how much of what a tracker sent could not be used, by kind; None where it was not one that sent
+    """
 
     frames: int
     without_frame: int
@@ -210,6 +225,7 @@ class Followed:
     latency_median_ms: float
     latency_worst_ms: float
     advice: Mapping[str, int] | None
+    refused: Mapping[str, int] | None
     fault: str | None
 
 
@@ -230,7 +246,7 @@ def live(
     advice on it, too, in the status line and in advice.csv. Raises InputError.
     """
     name = f"--source {vision.shown_source(source)}"
-    scene, frames = open_source(source, scene_path, live=True, fps=fps)
+    scene, frames = _open(source, scene_path, fps)
     fault: Exception | None = None
     with frames:
         if scene is None:
@@ -255,8 +271,11 @@ def live(
             finally:
                 report_source_events(frames)
                 session.close()
+            refused = dict(frames.refused) if isinstance(frames, LiveMarks) else None
             if not session.n_frames:
-                raise InputError.at(name, "frames", "none")
+                raise InputError.at(
+                    name, "frames", "none" + "".join(f", {n} {kind}" for kind, n in (refused or {}).items())
+                )
     return Followed(
         session.n_frames,
         session.n_coasted,
@@ -266,12 +285,19 @@ def live(
         float(np.median(session.latencies_ms)),
         max(session.latencies_ms),
         None if session.advice is None else dict(session.advice.counts),
+        refused,
         None if fault is None else f"{name}: {fault}",
     )
 
 
+def _open(source: str, scene_path: Path | None, fps: float | None) -> tuple[Scene | None, vision.Source | MarkSource]:
+    if is_mark_source(source):
+        return open_mark_source(source, scene_path)
+    return open_source(source, scene_path, live=True, fps=fps)
+
+
 def follow(
-    session: Session, frames: vision.Source, duration_s: float, clock: Callable[[], float] = time.monotonic
+    session: Session, frames: vision.Source | MarkSource, duration_s: float, clock: Callable[[], float] = time.monotonic
 ) -> None:
     """Process frames as they come, and coast where none does, until they end or for duration_s [s]."""
     began = clock()

@@ -24,6 +24,8 @@ class EventKind(StrEnum):
     """New pictures after one of these."""
     RESIZED = "RESIZED"
     """Pictures of another size than before."""
+    REFUSED = "REFUSED"
+    """What came could not be used: it is no frame, or its time does not follow."""
     ENDED = "ENDED"
     """No frames will come any more."""
 

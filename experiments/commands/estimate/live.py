@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 def live(
     run: Run,
     source: Annotated[
-        str, typer.Option("--source", help="Camera index, device, film, folder, stream, recording, or phantom.")
+        str,
+        typer.Option(
+            "--source",
+            help="Camera index, device, film, folder, stream, recording, phantom; marks: udp://:PORT, - or marks.csv.",
+        ),
     ],
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
@@ -46,10 +50,11 @@ def live(
     done = followed(source, scene, begin, begun=run.begun, duration_s=duration, fps=fps, needle_path=needle)
 
     def show() -> None:
+        refused = "".join(f", {n} {kind}" for kind, n in (done.refused or {}).items())
         counted = ", ".join(f"{n} {status}" for status, n in done.statuses.items())
         print(
             f"{done.frames} frames and {done.without_frame} moments without one ({counted}), "
-            f"{done.dropped} dropped, {done.not_used} not used; "
+            f"{done.dropped} dropped, {done.not_used} not used{refused}; "
             f"latency median {done.latency_median_ms:.1f} ms, worst {done.latency_worst_ms:.1f} ms"
         )
         print(f"Estimates in {path / 'estimates.csv'}")

@@ -1,0 +1,115 @@
+"""Feeds of lines: datagrams of UDP, and a pipe."""
+
+from __future__ import annotations
+
+import os
+import socket
+from urllib.parse import urlsplit
+
+from experiments.pipeline.live_marks.lines import LONGEST_LINE
+from experiments.pipeline.live_marks.receiver import SETTINGS, LiveMarks
+from vision import SourceError, SourceSettings
+
+POLL_S = 0.1
+"""Period in which a feed that waits looks whether it is still wanted; a line wakes it at once."""
+
+LOOPBACK = "127.0.0.1"
+
+
+class UdpFeed:
+    """Lines that come as datagrams, one or more in each, to a port of this machine; SourceError where it is not free.
+
+    host: own address to listen on; the loopback, unless given, so that only programs of this machine are heard
+    Once one host has sent, others are refused, until it has been silent for settings.hung_s.
+
+    State: the socket; who sent last, and when [s].
+    """
+
+    def __init__(self, port: int, host: str = LOOPBACK, *, settings: SourceSettings = SETTINGS) -> None:
+        self._settings = settings
+        try:
+            family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+            try:
+                self._socket.bind(address)
+            except OSError:
+                self._socket.close()
+                raise
+        except OSError as error:
+            text = (error.strerror or type(error).__name__).lower()
+            raise SourceError(f"expected a free port and an address of this machine, found {text}") from error
+        self._socket.settimeout(POLL_S)
+        self._sender, self._heard_s = "", -float("inf")
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port that it listens on."""
+        host, port, *_ = self._socket.getsockname()
+        return host, port
+
+    def run(self, receiver: LiveMarks) -> None:
+        """Hand on datagrams, until the receiver is closed."""
+        while receiver.wanted:
+            try:
+                datagram, sender = self._socket.recvfrom(LONGEST_LINE + 1)
+            except TimeoutError:
+                continue
+            except OSError:
+                if receiver.wanted:
+                    raise
+                return
+            now = receiver.clock()
+            if sender[0] != self._sender and now - self._heard_s < self._settings.hung_s:
+                receiver.refuse("of another sender", f"expected frames of {self._sender}, found {sender[0]}")
+                continue
+            self._sender, self._heard_s = sender[0], now
+            for line in datagram.split(b"\n"):
+                receiver.take_line(line)
+
+    def close(self) -> None:
+        """Close the port."""
+        self._socket.close()
+
+
+def udp_feed(address: str) -> UdpFeed:
+    """The feed of `udp://:PORT` or `udp://HOST:PORT`, HOST an address of this machine. Raises SourceError."""
+    try:
+        parts = urlsplit(address)
+        port, spare = parts.port, parts.path.strip("/") or parts.query or parts.username
+    except ValueError:
+        port, spare = None, None
+    if not port or spare:
+        raise SourceError("expected udp://:PORT or udp://HOST:PORT, PORT from 1 to 65535, found neither")
+    return UdpFeed(port, parts.hostname or LOOPBACK)
+
+
+class PipeFeed:
+    """Lines of a pipe or terminal, by its file descriptor, such as 0, standard input; it is left open.
+
+    Read past Python's buffers, whose lock a thread that blocks would hold when the program ends.
+    State: the bytes of a line that has not ended, and whether it grew too long and is passed over.
+    """
+
+    def __init__(self, descriptor: int = 0) -> None:
+        self._descriptor = descriptor
+        self._rest, self._too_long = b"", False
+
+    def run(self, receiver: LiveMarks) -> None:
+        """Hand on lines until the pipe ends; the last needs no line break."""
+        while receiver.wanted:
+            read = os.read(self._descriptor, LONGEST_LINE)
+            *lines, rest = (self._rest + read).split(b"\n") if read else (self._rest, b"")
+            for line in lines:
+                if not self._too_long:
+                    receiver.take_line(line)
+                self._too_long = False
+            if self._too_long or len(rest) > LONGEST_LINE:
+                if not self._too_long:
+                    receiver.take_line(rest)  # which refuses it
+                rest, self._too_long = b"", True
+            self._rest = rest
+            if not read:
+                return
+
+    def close(self) -> None:
+        """Nothing is let go of: the pipe is the program's."""

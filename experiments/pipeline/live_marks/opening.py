@@ -1,0 +1,41 @@
+"""Open a source of marks by its name: udp://, stdin, marks.csv, a recording that holds one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.errors import InputError
+from experiments.formats.pictures import MARKS, source_in
+from experiments.formats.recording import read_frames, read_marks
+from experiments.formats.scene.scene import Scene, read_scene
+from experiments.pipeline.live_marks.feeds import PipeFeed, udp_feed
+from experiments.pipeline.live_marks.receiver import LiveMarks, MarkSource
+from experiments.pipeline.live_marks.replay import MarksReplay
+from vision import SourceError
+
+STDIN = ("-", "stdin")
+UDP = "udp://"
+
+
+def is_mark_source(spec: str) -> bool:
+    """Whether a source of this name gives marks, not pictures."""
+    path = Path(spec)
+    return spec in STDIN or spec.startswith(UDP) or path.suffix == ".csv" or (path / MARKS).is_file()
+
+
+def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSource]:
+    """The marks of `spec`, and the scene: that of scene_path, else that beside marks.csv. Raises InputError."""
+    path = source_in(Path(spec)) if Path(spec).is_dir() else Path(spec)
+    if path.suffix == ".csv":
+        scene = read_scene(path.with_name("scene.toml") if scene_path is None else scene_path)
+        frames_csv = path.with_name("frames.csv")
+        times_s = read_frames(frames_csv) if path.name == MARKS and frames_csv.exists() else None
+        return scene, MarksReplay(*read_marks(path, scene, times_s))
+    name = f"--source {spec}"
+    if scene_path is None:
+        raise InputError.at(name, "--scene scene.toml beside it", "none")
+    scene = read_scene(scene_path)
+    try:
+        return scene, LiveMarks(scene, PipeFeed() if spec in STDIN else udp_feed(spec))
+    except SourceError as error:
+        raise InputError(f"{name}: {error}") from error

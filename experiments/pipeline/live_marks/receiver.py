@@ -1,0 +1,228 @@
+"""Live marks: what another tracker sends, read in its own thread, the newest frame first."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+from estimators import MarkMeasurement
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.live_marks.lines import LineError, SentFrame, read_line
+from experiments.pipeline.live_marks.sender_clock import OrderError, SenderClock
+from experiments.pipeline.track import measurement
+from vision import EventKind, SourceError, SourceEvent, SourceSettings, SourceWatchdog
+
+SETTINGS = SourceSettings()
+"""When a sender counts as blocked, and how its clock is followed: as for a camera."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarksFrame:
+    """Marks seen at one exposure time [s] on the monotonic clock, none where none was seen; index: counted from 0."""
+
+    index: int
+    exposure_s: float
+    marks: tuple[MarkMeasurement, ...]
+
+
+class MarkSource(Protocol):
+    """Frames of marks in order of exposure, whatever they come from: as `vision.Source`, which gives pictures.
+
+    frames_dropped: frames that were read and not handed on, because newer ones had come
+    """
+
+    frames_dropped: int
+
+    @property
+    def ended(self) -> bool:
+        """Whether all frames have been handed on and none will come."""
+
+    def next(self, timeout_s: float) -> MarksFrame | None:
+        """The next frame, or None where there is none within timeout_s [s] or the source ended; SourceError."""
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked, in order."""
+
+    def close(self) -> None:
+        """Stop, and let go of the source."""
+
+    def __enter__(self) -> Self:
+        """The source, closed at the end of the block."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+
+
+class Feed(Protocol):
+    """What carries marks: a socket, a pipe, a protocol."""
+
+    def run(self, receiver: LiveMarks) -> None:
+        """Hand on all that comes, until the receiver is closed or nothing will come; called in the reading thread.
+
+        To `take_line` or `take`, and what cannot be used to `refuse`. Raises OSError where the feed fails.
+        """
+
+    def close(self) -> None:
+        """Let go of what carries them."""
+
+
+class LiveMarks:
+    """The newest frame of marks that a feed hands over, each once, until the feed ends or `close()`: a `MarkSource`.
+
+    Lines that are no frame, and frames whose times do not follow, are refused: counted by kind, and reported as events,
+    the first at once and then at most one in settings.hung_s. Without a usable frame for settings.blocked_s the sender
+    is BLOCKED, as a camera is.
+
+    refused: counts of what came and could not be used, by kind
+    State, shared with the feed's thread: the frame that waits; the sender's clock; the watchdog; events not yet taken,
+    what was refused, of which unreported, and when that was last reported [s].
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        feed: Feed,
+        *,
+        settings: SourceSettings = SETTINGS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.clock = clock
+        self.frames_dropped = 0
+        self.refused: Counter[str] = Counter()
+        self._scene, self._feed, self._settings = scene, feed, settings
+        self._changed = threading.Condition()
+        self._stop = threading.Event()
+        self._sender = SenderClock(settings)
+        self._watch = SourceWatchdog(clock(), settings)
+        self._waiting: MarksFrame | None = None
+        self._n_frames = 0
+        self._events: list[SourceEvent] = []
+        self._unreported: Counter[str] = Counter()
+        self._reported_s = -float("inf")
+        self._error: Exception | None = None
+        self._finished = self._ended = False
+        # A daemon: a pipe may block for ever, and the program must end all the same.
+        self._thread = threading.Thread(target=self._run, name="softaim marks", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._feed.run(self)
+        except Exception as error:
+            self._error = error
+        with self._changed:
+            self._finished = True
+            self._changed.notify_all()
+
+    @property
+    def wanted(self) -> bool:
+        """Whether frames are still wanted: a feed asks now and then."""
+        return not self._stop.is_set()
+
+    def take_line(self, line: bytes) -> None:
+        """Take in a line that has just come; an empty one is nothing."""
+        arrival_s = self.clock()
+        if not line.strip():
+            return
+        try:
+            self.take(read_line(line, self._scene), arrival_s)
+        except LineError as error:
+            self.refuse("malformed", str(error))
+
+    def take(self, frame: SentFrame, arrival_s: float) -> None:
+        """Take in a frame that arrived at this time on the own clock [s]."""
+        with self._changed:
+            restarts = self._sender.restarts
+            try:
+                exposure_s = self._sender.exposure_s(frame.time_s, arrival_s)
+            except OrderError as error:
+                self._refuse("out of order", str(error))
+                return
+            if self._sender.restarts > restarts:
+                text = f"the sender's clock was set to {frame.time_s:.3f} s"
+                self._events.append(SourceEvent(arrival_s, EventKind.RESUMED, text))
+            self._events += self._watch.saw_new(arrival_s, (0, 0))
+            self.frames_dropped += self._waiting is not None
+            marks = tuple(measurement(mark) for mark in frame.marks)
+            self._waiting = MarksFrame(self._n_frames, exposure_s, marks)
+            self._n_frames += 1
+            self._changed.notify_all()
+
+    def refuse(self, kind: str, text: str) -> None:
+        """Count what came and cannot be used, and report it when that is due; text: what was expected and found."""
+        with self._changed:
+            self._refuse(kind, text)
+
+    def _refuse(self, kind: str, text: str) -> None:
+        self.refused[kind] += 1
+        self._unreported[kind] += 1
+        now = self.clock()
+        if now - self._reported_s < self._settings.hung_s:
+            return
+        self._reported_s = now
+        counts = ", ".join(f"{n} {each}" for each, n in self._unreported.items())
+        self._events.append(SourceEvent(now, EventKind.REFUSED, f"{counts}: {text}"))
+        self._unreported.clear()
+        self._changed.notify_all()
+
+    @property
+    def ended(self) -> bool:
+        """Whether no frame will come any more."""
+        return self._ended or self._stop.is_set()
+
+    def next(self, timeout_s: float) -> MarksFrame | None:
+        """The newest frame not yet seen; None where none comes within timeout_s [s], or at the end.
+
+        Raises SourceError where the feed fails, and any other error of its thread.
+        """
+        until = self.clock() + timeout_s
+        with self._changed:
+            while not self.ended:
+                now = self.clock()
+                if self._waiting is not None:
+                    frame, self._waiting = self._waiting, None
+                    return frame
+                if self._error is not None:
+                    self._ended = True
+                    if isinstance(self._error, OSError):
+                        text = self._error.strerror or type(self._error).__name__
+                        raise SourceError(f"expected lines of marks, found {text.lower()}") from self._error
+                    raise self._error
+                if self._finished:
+                    self._ended = True
+                    self._events.append(SourceEvent(now, EventKind.ENDED, "after the last frame"))
+                    return None
+                self._events += self._watch.check(now)
+                if now >= until:
+                    return None
+                self._changed.wait(until - now)
+        return None
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked, in order; faults are noticed while `next` waits or is asked."""
+        with self._changed:
+            events, self._events = tuple(self._events), []
+        return events
+
+    def close(self) -> None:
+        """Stop; the thread ends as soon as it comes back from what it reads."""
+        self._stop.set()
+        self._feed.close()
+        with self._changed:
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: self._finished, timeout=self._settings.blocked_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

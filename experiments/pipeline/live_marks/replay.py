@@ -1,0 +1,84 @@
+"""Marks as they were once written, at their own pace."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Self
+
+from experiments.arrays import Floats
+from experiments.formats.recording import MarkRow
+from experiments.pipeline.live_marks.receiver import MarksFrame
+from experiments.pipeline.track import measurement
+from vision import EventKind, SourceEvent
+
+
+class MarksReplay:
+    """Frames of marks.csv when they are due, the newest first: a `MarkSource`. The first is due when it is asked for.
+
+    State: the next frame, when the first was asked for [s], events not yet taken, whether it ended.
+    """
+
+    def __init__(
+        self,
+        exposures_s: Floats,
+        marks: Sequence[Sequence[MarkRow]],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.frames_dropped = 0
+        self._times_s, self._marks = (exposures_s - exposures_s[0]).tolist(), marks
+        self._clock, self._sleep = clock, sleep
+        self._next = 0
+        self._began_s: float | None = None
+        self._events: list[SourceEvent] = []
+        self._ended = False
+
+    @property
+    def ended(self) -> bool:
+        """Whether all frames have been handed on."""
+        return self._ended
+
+    def next(self, timeout_s: float) -> MarksFrame | None:
+        """The newest frame that is due and was not yet seen; None where none is within timeout_s [s], or at the end."""
+        now = self._clock()
+        if self._began_s is None:
+            self._began_s = now
+        if self._ended or self._next == len(self._times_s):
+            if not self._ended:
+                self._events.append(SourceEvent(now, EventKind.ENDED, "after the last frame"))
+            self._ended = True
+            return None
+        wait_s = self._began_s + self._times_s[self._next] - now
+        if wait_s > timeout_s:
+            self._sleep(timeout_s)
+            return None
+        if wait_s > 0.0:
+            self._sleep(wait_s)
+        now = max(self._clock(), now + wait_s)
+        k = self._next
+        while k + 1 < len(self._times_s) and self._began_s + self._times_s[k + 1] <= now:
+            k += 1
+        self.frames_dropped += k - self._next
+        self._next = k + 1
+        marks = tuple(measurement(mark) for mark in self._marks[k])
+        return MarksFrame(k, self._began_s + self._times_s[k], marks)
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked, in order."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def close(self) -> None:
+        """No frame comes any more."""
+        self._ended = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

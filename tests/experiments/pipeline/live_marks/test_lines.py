@@ -1,0 +1,139 @@
+"""The line format: what a line states, and that what it cannot be is refused by place, expected and found."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dynamics import build_network
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.target import Target
+from experiments.pipeline.live_marks.lines import LONGEST_LINE, LineError, read_line
+from experiments.simulation.simulate import scene_of
+
+FLAT = scene_of(read_scenario("webcam"))
+PAGE = Path(__file__).parents[4] / "docs" / "live-marks.md"
+M1 = '{"node": "M1", "x_mm": -200.5, "y_mm": 195, "sd_mm": 0.5}'
+
+
+def in_space() -> Scene:
+    places = [[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+    edges = [(0, 3), (1, 3), (2, 3)]
+    network = build_network(
+        list("ABCD"), places, edges, stiffness=100.0, masses=0.1, gravity=np.zeros(3), fixed=list("ABC")
+    )
+    return Scene(network, (Mark("D", 0.0, 0.01),), Target("D", 0.005), ())
+
+
+def test_a_line_states_a_time_and_marks() -> None:
+    frame = read_line(f'{{"time_s": 12.25, "marks": [{M1}]}}\r'.encode(), FLAT)
+    assert frame.time_s == 12.25
+    assert [mark.node for mark in frame.marks] == ["M1"]
+    np.testing.assert_allclose(frame.marks[0].position_m, [-0.2005, 0.195], rtol=1e-15)
+    assert frame.marks[0].sd_m == pytest.approx(5e-4, rel=1e-15)
+
+
+def test_a_frame_without_marks_is_a_frame() -> None:
+    assert read_line(b'{"marks": [], "time_s": 3}', FLAT).marks == ()
+
+
+def test_in_space_a_mark_has_a_z() -> None:
+    scene = in_space()
+    line = '{"time_s": 0, "marks": [{"node": "D", "x_mm": 1, "y_mm": 2, %s"sd_mm": 1}]}'
+    np.testing.assert_allclose(
+        read_line((line % '"z_mm": 3, ').encode(), scene).marks[0].position_m, [1e-3, 2e-3, 3e-3]
+    )
+    with pytest.raises(LineError, match=r"^marks\[0\]: expected the key z_mm, found none$"):
+        read_line((line % "").encode(), scene)
+
+
+def one(**changes: str) -> str:
+    """A line whose mark has other values, as JSON texts; None leaves a key out."""
+    keys = {"node": '"M1"', "x_mm": "1", "y_mm": "2", "sd_mm": "0.5", **changes}
+    return f'{{"time_s": 1, "marks": [{{{", ".join(f"{json.dumps(k)}: {v}" for k, v in keys.items() if v)}}}]}}'
+
+
+FAULTS = [
+    ("garbage", 'expected a line of JSON, found "garbage"'),
+    ("[" * 60_000, "expected a line of JSON, found"),
+    ('{"time_s": 1, "marks": []', "expected a line of JSON, found"),
+    ("[]", "the line: expected a table, found []"),
+    ("12", "the line: expected a table, found 12"),
+    ('{"marks": []}', "the line: expected the key time_s, found none"),
+    ('{"time_s": 1}', "the line: expected the key marks, found none"),
+    ('{"time_s": 1, "marks": [], "frame": 3}', 'the line: expected time_s, marks, found the key "frame"'),
+    ('{"time_s": "1", "marks": []}', 'time_s: expected a number, found "1"'),
+    ('{"time_s": true, "marks": []}', "time_s: expected a number, found true"),
+    ('{"time_s": null, "marks": []}', "time_s: expected a number, found null"),
+    ('{"time_s": NaN, "marks": []}', "expected finite numbers, found NaN"),
+    ('{"time_s": -Infinity, "marks": []}', "expected finite numbers, found -Infinity"),
+    ('{"time_s": 1e999, "marks": []}', "time_s: expected a finite number, found inf"),
+    (f'{{"time_s": {"9" * 400}, "marks": []}}', "time_s: expected a finite number, found"),
+    (f'{{"time_s": {"9" * 5000}, "marks": []}}', "expected a line of JSON, found"),
+    ('{"time_s": 1, "time_s": 2, "marks": []}', 'expected each key once, found ["time_s", "time_s", "marks"]'),
+    ('{"time_s": 1, "marks": {}}', "marks: expected a list, found a table"),
+    ('{"time_s": 1, "marks": ["M1"]}', 'marks[0]: expected a table, found "M1"'),
+    (f'{{"time_s": 1, "marks": [{M1}, {M1}]}}', 'marks[1].node: expected each node once, found "M1" again'),
+    (one(node='"M9"'), 'marks[0].node: expected a node with a mark in the scene, found "M9"'),
+    (one(node='"In1"'), 'marks[0].node: expected a node with a mark in the scene, found "In1"'),
+    (one(node="1"), "marks[0].node: expected a node with a mark in the scene, found 1"),
+    (one(node='["M1"]'), "marks[0].node: expected a node with a mark in the scene, found"),
+    (one(y_mm=""), "marks[0]: expected the key y_mm, found none"),
+    (one(z_mm="0"), 'marks[0]: expected node, x_mm, y_mm, sd_mm, found the key "z_mm"'),
+    (one(x_mm="NaN"), "expected finite numbers, found NaN"),
+    (one(x_mm="1e7"), "marks[0].x_mm: expected -1e+06 to 1e+06, found 1e+07"),
+    (one(y_mm="-1e300"), "marks[0].y_mm: expected -1e+06 to 1e+06, found -1e+300"),
+    (one(sd_mm="0"), "marks[0].sd_mm: expected 1e-06 to 1e+06, found 0"),
+    (one(sd_mm="-0.5"), "marks[0].sd_mm: expected 1e-06 to 1e+06, found -0.5"),
+    (" " * (LONGEST_LINE + 1), f"expected up to {LONGEST_LINE} bytes, found more"),
+]
+
+
+@pytest.mark.parametrize(("line", "message"), FAULTS, ids=[f"{i}-{line[:30]}" for i, (line, _) in enumerate(FAULTS)])
+def test_what_is_no_frame_is_refused_in_one_line(line: str, message: str) -> None:
+    with pytest.raises(LineError) as error:
+        read_line(line.encode(), FLAT)
+    assert str(error.value).startswith(message)
+    assert str(error.value).isprintable()
+    assert len(str(error.value)) < 160
+
+
+def test_bytes_that_are_no_text_are_refused() -> None:
+    with pytest.raises(LineError, match=r"^expected a line of JSON, found"):
+        read_line(b'\xff\xfe{"time_s": 1}', FLAT)
+
+
+JSON = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.floats()
+    | st.integers()
+    | st.sampled_from(["M1", "M2", "x_mm"])
+    | st.text(max_size=4),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(st.sampled_from(["time_s", "marks", "node", "x_mm", "y_mm", "sd_mm"]), inner, max_size=6)
+    ),
+    max_leaves=12,
+)
+
+
+@given(st.binary(max_size=200) | JSON.map(lambda value: json.dumps(value).encode()))
+def test_whatever_comes_is_a_frame_or_refused(line: bytes) -> None:
+    try:
+        stated = str(read_line(line, FLAT).time_s)
+    except LineError as error:
+        stated = str(error)
+    assert stated.isprintable()
+    assert stated not in ("nan", "inf", "-inf")
+
+
+def test_the_lines_of_the_page_are_frames() -> None:
+    lines = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line.startswith('{"time_s"')]
+    assert len(lines) >= 2
+    assert {len(read_line(line.encode(), FLAT).marks) for line in lines} == {0, 2}

@@ -1,0 +1,212 @@
+"""The live loop on marks from elsewhere: the estimates of `softaim track`, advice; real pipes, sockets and files."""
+
+import csv
+import json
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.formats.needle_file import read_needle
+from experiments.formats.recording import Recording, read_recording
+from experiments.formats.scene.scene import read_scene
+from experiments.pipeline.line import FILTER
+from experiments.pipeline.live import Session, follow
+from experiments.pipeline.live_marks.opening import is_mark_source
+from experiments.pipeline.live_marks.replay import MarksReplay
+from experiments.pipeline.track import track
+from tests.experiments.command import softaim
+from tests.experiments.pipeline.live_marks.test_replay import Hand
+
+ROOT = Path(__file__).parents[4]
+SCENARIO = """version = 1
+scene = "hanging.toml"
+duration_s = 1.0
+[release]
+node = "a"
+force_n = [0.2, 0.0, 0.3]
+[marks]
+sd_mm = 0.2
+"""
+NEEDLE = "version = 1\nentry_mm = [0.0, -50.0, 60.0]\ndirection = [0.0, 0.0, -1.0]\nspeed_mm_s = 200.0\n"
+NEEDLE += "[lesion]\nradius_mm = 8.0\n"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Two masses that hang in space, pulled aside and let go: a scene without a camera, and a second of marks."""
+    folder = tmp_path_factory.mktemp("swing")
+    (folder / "hanging.toml").write_text((ROOT / "tests/experiments/hanging.toml").read_text())
+    (folder / "swing.toml").write_text(SCENARIO)
+    (folder / "needle.toml").write_text(NEEDLE)
+    assert softaim("simulate", folder / "swing.toml", "--out", folder / "rec") == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def recording(folder) -> Recording:
+    return read_recording(folder / "rec")
+
+
+def line(time_s: float, recording: Recording, k: int) -> bytes:
+    """Frame k of a recording as another tracker sends it, at a time by its clock [s]."""
+    marks = [
+        {"node": mark.node, **dict(zip(("x_mm", "y_mm", "z_mm"), 1e3 * mark.position_m, strict=True)), "sd_mm": 0.2}
+        for mark in recording.marks[k]
+    ]
+    return json.dumps({"time_s": time_s, "marks": marks}).encode() + b"\n"
+
+
+def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> None:
+    """Frame by frame, to the rounding of times; the first frame is at its own time zero."""
+    hand = Hand()
+    source = MarksReplay(recording.exposures_s, recording.marks, clock=lambda: hand.now, sleep=hand.sleep)
+    plan = read_needle(folder / "needle.toml", 0.004, 3)
+    session = Session(
+        recording.scene, tmp_path / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: hand.now
+    )
+    follow(session, source, np.inf, clock=lambda: hand.now)
+    session.close()
+    rows = pd.read_csv(tmp_path / "estimates.csv")
+    expected = track(recording).estimates(FILTER)
+    assert session.n_frames == len(rows) == len(expected) == len(recording.exposures_s)
+    assert list(rows["status"]) == [str(one.status) for one in expected]
+    assert Counter(rows["status"])["TRACKING"] > 20
+    np.testing.assert_allclose(
+        rows[["x_mm", "y_mm", "z_mm"]], 1e3 * np.array([one.mean for one in expected]), rtol=0, atol=1e-6
+    )
+    advice = pd.read_csv(tmp_path / "advice.csv")
+    assert len(advice) == len(rows)
+    assert {"GO", "WAIT", "REALIGN"} & set(advice["advice"])
+
+
+def test_frames_without_marks_coast_as_those_of_a_camera_do(tmp_path, recording) -> None:
+    """Half a second of marks, then frames without: COASTING, and LOST a second after the last mark."""
+    hand = Hand()
+    n = 15
+    times = np.arange(60) / 30.0
+    marks = [*recording.marks[:n], *((),) * (len(times) - n)]
+    source = MarksReplay(times, marks, clock=lambda: hand.now, sleep=hand.sleep)
+    session = Session(recording.scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: hand.now)
+    follow(session, source, np.inf, clock=lambda: hand.now)
+    session.close()
+    rows = pd.read_csv(tmp_path / "estimates.csv")
+    since = rows["time_s"] - rows["time_s"].iloc[n - 1]
+    assert set(rows["status"][(since > 0.0) & (since < 0.99)]) == {"COASTING"}
+    assert set(rows["status"][since > 1.01]) == {"LOST"}
+    assert session.n_coasted == 0
+
+
+def test_which_names_are_sources_of_marks(tmp_path, folder) -> None:
+    for name in ("-", "stdin", "udp://:5005", str(folder / "rec"), str(folder / "rec" / "marks.csv")):
+        assert is_mark_source(name), name
+    for name in ("0", "film.mp4", "phantom", "film+udp://127.0.0.1:5005", "rtsp://camera/1", str(tmp_path)):
+        assert not is_mark_source(name), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rec", "rec/marks.csv"])
+def test_a_file_of_marks_is_followed_by_the_command(tmp_path, folder, name, capsys) -> None:
+    out = tmp_path / "out"
+    needle = folder / "needle.toml"
+    assert softaim("live", "--source", folder / name, "--out", out, "--needle", needle) == 0
+    rows = pd.read_csv(out / "estimates.csv")
+    assert rows["status"].iloc[-1] == "TRACKING"
+    assert len(pd.read_csv(out / "advice.csv")) >= len(rows) > 10
+    printed = capsys.readouterr()
+    assert "ENDED: after the last frame" in printed.err
+
+
+@pytest.mark.slow
+def test_lines_through_a_pipe_are_followed_and_garbage_stops_nothing(tmp_path, folder, recording) -> None:
+    """Frames at their pace after the command is ready, with garbage between; the end of the pipe ends it."""
+    out, scene = tmp_path / "out", folder / "hanging.toml"
+    code = "from experiments.commands.app import main; main()"
+    run = subprocess.Popen(
+        [sys.executable, "-u", "-c", code, "live", "--source", "-", "--scene", str(scene), "--out", str(out)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=ROOT,
+    )
+    ready = threading.Thread(target=run.stdout.readline)
+    ready.start()
+    run.stdin.write(b"nonsense\n")
+    k = still = 0
+    while still < 25 and k < 3000:
+        run.stdin.write(line(0.04 * k, recording, k % len(recording.marks)) + b"[1, 2]\n" * (k % 7 == 0))
+        run.stdin.flush()
+        time.sleep(0.04)
+        k, still = k + 1, still + (not ready.is_alive())
+    printed, reported = run.communicate(timeout=60)
+    assert run.returncode == 0, reported
+    with (out / "estimates.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert sum(row["status"] == "TRACKING" for row in rows) > 5
+    assert b"malformed" in printed
+    assert b'REFUSED: 1 malformed: expected a line of JSON, found "nonsense"' in reported
+    assert b"Traceback" not in reported
+
+
+@pytest.mark.slow
+def test_datagrams_are_followed_for_a_while(tmp_path, folder, recording, capsys) -> None:
+    """Each frame is sent twice: the second is refused."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    over = threading.Event()
+
+    def send() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            k = 0
+            while not over.wait(0.03):
+                k += 1
+                for _ in range(2):
+                    sender.sendto(line(0.03 * k, recording, k % len(recording.marks)), ("127.0.0.1", port))
+
+    sending = threading.Thread(target=send)
+    sending.start()
+    words = "--source", f"udp://:{port}", "--scene", folder / "hanging.toml", "--out", tmp_path / "out"
+    code = softaim("live", *words, "--duration", 1.5, "--json")
+    over.set()
+    sending.join()
+    assert code == 0
+    printed = capsys.readouterr()
+    counted = json.loads(printed.out)
+    assert counted["frames"] > 15
+    assert counted["statuses"]["TRACKING"] > 5
+    assert counted["refused"]["out of order"] > 15
+    assert "REFUSED: 1 out of order: time_s: expected more than" in printed.err
+
+
+FAULTS = [
+    (["--source", "-"], "--source -: expected --scene scene.toml beside it, found none"),
+    (["--source", "udp://:0", "--scene", "{scene}"], "--source udp://:0: expected udp://:PORT or udp://HOST:PORT"),
+    (["--source", "udp://192.0.2.1:5005", "--scene", "{scene}"], "expected a free port and an address of this machine"),
+    (["--source", "{folder}/gone.csv", "--scene", "{scene}"], "gone.csv: expected a file, found none"),
+    (["--source", "{folder}/rec/truth.csv", "--scene", "{scene}"], "truth.csv"),
+]
+
+
+@pytest.mark.parametrize(("words", "message"), FAULTS, ids=[" ".join(words[:2]) for words, _ in FAULTS])
+def test_what_cannot_be_opened_is_one_line(tmp_path, folder, words, message, capsys) -> None:
+    scene = folder / "hanging.toml"
+    given = [word.format(folder=folder, scene=scene) for word in words]
+    assert softaim("live", *given, "--out", tmp_path / "out") == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_in_space_is_warmed_up_without_a_camera(tmp_path, folder) -> None:
+    scene = read_scene(folder / "hanging.toml")
+    assert not scene.cameras
+    Session(scene, tmp_path / "estimates.csv", lambda _text: None).close()
