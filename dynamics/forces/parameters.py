@@ -41,8 +41,8 @@ class ParameterUncertainty:
     """How well constants are known, on a log scale.
 
     parameters: which
-    directions: (n_directions, n_parameters): each row is what one standard deviation along one direction, independent
-        of the others, adds to the log of every constant; their covariance is directions' directions
+    directions: [1], (n_directions, n_parameters): each row is what one standard deviation along one direction,
+        independent of the others, adds to the log of every constant; their covariance is directions' directions
 
     Raises NetworkError for other shapes and for numbers that are not finite.
     """
@@ -66,7 +66,7 @@ class ParameterUncertainty:
 
     @property
     def cov(self) -> Floats:
-        """Covariance of the logs of the constants, (n_parameters, n_parameters)."""
+        """Covariance of the logs of the constants [1], (n_parameters, n_parameters)."""
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
@@ -80,7 +80,7 @@ class ParameterUncertainty:
 
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
-    """Every one of these constants known to so much by itself: relative standard deviations, one or (n_parameters,)."""
+    """Every one of these constants known to so much by itself: relative deviations [1], one or (n_parameters,)."""
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
@@ -148,7 +148,7 @@ def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
 
 
 def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
-    """The network with each of these constants times exp(change), (n_parameters,), all else as it was."""
+    """The network with each of these constants times exp(change) [1], (n_parameters,), all else as it was."""
     values = {kind: getattr(network, FIELDS[kind]).copy() for kind in KINDS}
     for parameter, factor in zip(which, np.exp(np.asarray(change, dtype=float)), strict=True):
         values[parameter.kind][parameter.index] *= factor

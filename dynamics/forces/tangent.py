@@ -54,6 +54,7 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
 def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
     """Matrix A of d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
+    positions: of all nodes at rest [m], (n_nodes, dim)
     speed_m_s: of the nodes, for their resistance; see `damping_matrix`
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)

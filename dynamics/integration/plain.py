@@ -14,7 +14,7 @@ from dynamics.network.mass_spring import MassSpringNetwork, all_positions, pack,
 
 
 def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:
-    """d(state)/dt of one state, (n_state,), without outside forces. The equation of `dynamics.forces.energy`."""
+    """d(state)/dt of one state [m, m/s], (n_state,), without outside forces; as `dynamics.forces.energy` has it."""
     free_x, free_v = unpack(state, network.dim)
     x = all_positions(network, free_x)
     v = np.zeros_like(x)

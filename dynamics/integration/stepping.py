@@ -86,7 +86,10 @@ def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0
 
 
 def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
-    """The function `derivative` of one network, its arrays made once: an adaptive integrator calls it 10,000 times."""
+    """The function `derivative` of one network: of states (..., n_state) [m, m/s] and outside forces [N].
+
+    Its arrays are made once: an adaptive integrator calls it 10,000 times.
+    """
     x = network.positions[:, :, None].copy()
     v, force = np.zeros_like(x), np.empty_like(x)
     shape = (len(network.free), network.dim)

@@ -45,7 +45,10 @@ _SPRINGS = [
     ("M4", "In2"),
 ]
 OUTER = ("M1", "M3", "M4")
+"""The masses of the phantom whose marks a camera sees."""
+
 HIDDEN = "M2"
+"""The mass of the phantom that is estimated: its target."""
 
 
 def four_mass_phantom() -> MassSpringNetwork:

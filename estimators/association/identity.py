@@ -67,9 +67,9 @@ class AssociationFilter:
 
     Where there is no estimate yet, any names may be right: at a start, after a divergence, and when innovations are
     too large for some time. Then the filter restarts by each of those that lie best about the rest shape; for the
-    tissue may be turned or displaced, that counts for no more than `decisive`. One by the present names restarts
-    beside them, which they must beat as well: or else a filter of large covariance, which nothing refutes, would win by
-    that and not by its names.
+    tissue may be turned or displaced, that counts for no more than `settings.decisive`. One by the present names
+    restarts beside them, which they must beat as well: or else a filter of large covariance, which nothing refutes,
+    would win by that and not by its names.
 
     tissue: the filter; predict it, and then come here with the marks
     groups: of nodes whose marks are interchangeable; names are never exchanged between groups
@@ -94,7 +94,10 @@ class AssociationFilter:
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Take in a sighting of the target, as `TissueFilter.fix` does; it does not depend on the names."""
+        """Take in a sighting of the target [m], (dim,), of this covariance [m²], (dim, dim), as `TissueFilter.fix`.
+
+        It does not depend on the names.
+        """
         tissue = self.tissue
         estimate = tissue.fix(position, cov)
         now = tissue.snapshot()

@@ -38,7 +38,7 @@ def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, flo
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Part of the normalised squared errors inside the region that ought to hold this share of them."""
+    """Part of the normalised squared errors, (n,), inside the region that ought to hold this share of them."""
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 
@@ -53,5 +53,5 @@ def coverage_over_runs(squared: ArrayLike, degrees: int, share: float = 0.95) ->
 
 
 def anees(squared: ArrayLike, degrees: int) -> float:
-    """Average NEES by degrees of freedom: 1 is right, above it the covariance is too small. Source: [li2006]."""
+    """Average NEES, (n,), by degrees of freedom: 1 is right, above it the covariance is too small. Source: [li2006]."""
     return float(np.mean(np.asarray(squared, dtype=float))) / degrees

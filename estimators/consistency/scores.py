@@ -18,7 +18,7 @@ from estimators.consistency.nees import coverage
 def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
     """Continuous ranked probability score of normal predictions, in the unit of what is predicted; lower is better.
 
-    means, sds, truths of one shape, which is that of the scores. Source: [gneiting2007], equation (21).
+    means, sds, truths: of one shape (...), which is that of the scores. Source: [gneiting2007], equation (21).
     """
     mean, sd = np.asarray(means, dtype=float), np.asarray(sds, dtype=float)
     z = (np.asarray(truths, dtype=float) - mean) / sd
@@ -54,7 +54,10 @@ def pit_squared(squared: ArrayLike, degrees: int) -> Floats:
 
 
 def uniformity(pit: ArrayLike) -> float:
-    """Probability that independent transforms of right predictions were so far from uniform: Kolmogorov and Smirnov."""
+    """Probability that independent transforms, (n,), of right predictions were so far from uniform.
+
+    Kolmogorov's and Smirnov's test.
+    """
     return float(kstest(np.asarray(pit, dtype=float).ravel(), "uniform").pvalue)
 
 

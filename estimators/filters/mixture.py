@@ -112,7 +112,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
 
     @property
-    def mu(self) -> Floats:  # noqa: D102
+    def mu(self) -> Floats:
+        """Probability of each mode, (n_branches n_modes,); where it is set, states of one mode keep their odds."""
         return self.chain.mode_odds
 
     @mu.setter

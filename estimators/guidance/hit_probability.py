@@ -35,7 +35,7 @@ def hit_probability(
 
     To 1e-5; of a core where the sum of covariances is dozens of times as wide one way as another, to 2e-4.
 
-    axis: unit vector (dim,) along the needle; of the tip's mean, the notch lies `needle.reach_m` back along it
+    axis: unit vector [1], (dim,), along the needle; of the tip's mean, the notch lies `needle.reach_m` back along it
     Raises ValueError where dimensions differ.
     """
     needle = Needle() if needle is None else needle

@@ -36,7 +36,8 @@ class TuningResult:
     """The noise levels under which a recording's innovations are most probable.
 
     settings: with the levels found; marks: standard deviation of the marks by the reported one
-    names, values, log_sd: what was tuned, its value, and the standard error of its logarithm, (3,)
+    names, values, log_sd: what was tuned, its value in the unit of its setting, and the standard error of the value's
+        logarithm [1], each (3,)
     log_likelihood: of the innovations there, and with the levels from before
     n_frames: of the recording that were used; in_time: False where the time was too short for all frames and passes
     """

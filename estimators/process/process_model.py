@@ -243,7 +243,7 @@ class TissueModel:
         return Q
 
     def noise_of_modes(self, dt: float, modes: Sequence[ForceMode]) -> list[Floats]:
-        """As `noise` for each of these modes; those asked for last are kept.
+        """As `noise`, (dim_x, dim_x), for each of these modes; those asked for last are kept.
 
         To a nanosecond: frames at one rate differ by rounding, and their noise does not.
         """

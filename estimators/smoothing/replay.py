@@ -56,7 +56,10 @@ class Replay:
         return self._fused(Event(time_s, marks=tuple(marks)))
 
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
-        """The newest estimate after a fix of the target exposed at this time [s]; None where it came too late."""
+        """The newest estimate after a fix of the target exposed at this time [s]; None where it came too late.
+
+        Its position [m], (dim,), and covariance [m²], (dim, dim).
+        """
         return self._fused(Event(time_s, fix=(position, cov)))
 
     def _fused(self, event: Event) -> TargetEstimate | None:

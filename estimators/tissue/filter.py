@@ -202,7 +202,7 @@ class TissueFilter:
         return expected_place(self.mixture, self._places[node], own, self.settings)
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """As `expected`, had an impulse on the node followed just after its mark was last taken in.
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), had an impulse on the node followed just after its last mark.
 
         Before the first marks a node may be anywhere in the network's reach.
         """
@@ -215,7 +215,10 @@ class TissueFilter:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """As `expected`, at rest and without any marks; inflated, for the tissue may be turned or displaced."""
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest and without any marks.
+
+        Inflated, for the tissue may be turned or displaced.
+        """
         place = self._places[node]
         mean = self._rest[self.model.network.index(node)].copy()
         return mean, self.settings.inflation * self._start_cov[place, place]

@@ -81,7 +81,7 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
-    """Corners of a board in a picture, grey or BGR; None where the board is not found.
+    """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None where it is not found.
 
     A chessboard counts only when it is seen whole, a ChArUco board from settings.fewest_corners corners in two rows on.
     """

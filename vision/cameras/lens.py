@@ -32,7 +32,7 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """Turned by the small rotation step[:3] [rad] from the left, shifted by step[3:] [m]."""
+        """By a step, (6,): turned by the small rotation step[:3] [rad] from the left, shifted by step[3:] [m]."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 

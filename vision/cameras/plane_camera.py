@@ -210,6 +210,9 @@ def fronto_parallel_camera(
 def posed_camera(
     name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()
 ) -> PlaneCamera:
-    """A camera with this lens that stands so before the plane z = 0 of the world."""
+    """A camera with this lens that stands so before the plane z = 0 of the world.
+
+    calibration: directions in which lens and pose are uncertain, each by one standard deviation, (n_directions, 15)
+    """
     homography = lens.matrix @ np.column_stack([pose.rotation[:, 0], pose.rotation[:, 1], pose.translation_m])
     return PlaneCamera(name, size_px, homography, lens=lens, calibration=np.reshape(calibration, (-1, 15)))

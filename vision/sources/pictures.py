@@ -15,6 +15,7 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mpeg"})
+"""Endings of films."""
 
 
 def grey_pictures(paths: Sequence[Path], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
@@ -49,7 +50,10 @@ def grey_picture(path: Path) -> Image:
 
 
 def sharp_frames(film: Path, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
-    """The sharpest frame of each of n equal parts of a film, named `frame 000123`; SourceError as films have it."""
+    """The sharpest frame of each of n equal parts of a film, (height, width, 3), named "frame 000123".
+
+    Raises SourceError as films have it.
+    """
     n_frames = count_frames(film)
     best: tuple[float, str, Image] | None = None
     part = 0

@@ -47,7 +47,7 @@ class Playback:
         return True
 
     def retrieve(self) -> tuple[bool, Image | None]:
-        """The frame that is due."""
+        """Whether there is a frame that is due, and its pixels, (height, width, 3) BGR."""
         return self._shown is not None, None if self._shown is None else self._shown.image
 
     def get(self, prop: int) -> float:

@@ -14,6 +14,8 @@ from vision.sources.frames import Frame, SourceError, VideoFileFrames, count_fra
 from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
+"""Ending of a piece by its codec."""
+
 NOMINAL_FPS = 30.0
 """Rate in a piece's header [frames/s]; exposure times are kept elsewhere."""
 

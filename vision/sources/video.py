@@ -14,6 +14,7 @@ from vision.arrays import Image
 from vision.sources.frames import SourceError, quiet_opencv
 
 Codec = Literal["MJPG", "FFV1"]
+"""How a film is compressed: JPEG by JPEG, small; or without any loss."""
 
 
 class VideoWriter:
@@ -83,7 +84,10 @@ class VideoWriter:
 
 
 def compress(image: Image, quality: int) -> Image:
-    """The image after a round trip through JPEG of this quality, 1 to 100, much as each frame of an MJPG film makes."""
+    """The image, (height, width, 3), after a round trip through JPEG of this quality, 1 to 100.
+
+    Much as each frame of an MJPG film makes.
+    """
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise ValueError(f"image: expected one that JPEG can hold, found {image.dtype} {image.shape}")

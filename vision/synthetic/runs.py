@@ -34,6 +34,8 @@ from vision.synthetic.plain_frames import distractors
 from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 Level = Literal["good light", "whole range"]
+"""How hard a synthetic run is: even light and a sharp picture, or all that a real room has."""
+
 Triple = tuple[float, float, float]
 
 FASTEST_PX = 20.0

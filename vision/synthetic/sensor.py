@@ -53,7 +53,7 @@ class Sensor:
 
 
 def srgb_of(light: ArrayLike) -> Floats:
-    """The sRGB value, 0 to 1, of linear light (IEC 61966-2-1).
+    """The sRGB value, 0 to 1, (...), of linear light, (...) (IEC 61966-2-1).
 
     >>> round(float(srgb_of(0.18)), 3)
     0.461
@@ -63,7 +63,7 @@ def srgb_of(light: ArrayLike) -> Floats:
 
 
 def light_of(srgb: ArrayLike) -> Floats:
-    """Linear light, 0 to 1, of an sRGB value, 0 to 1; the inverse of srgb_of."""
+    """Linear light, 0 to 1, (...), of an sRGB value, 0 to 1, (...); the inverse of `srgb_of`."""
     y = np.clip(np.asarray(srgb, dtype=np.float64), 0.0, 1.0)
     return np.where(y <= 0.04045, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
 

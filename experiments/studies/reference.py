@@ -1,0 +1,311 @@
+"""The API reference, made of the docstrings of all public names: `make reference`, in reference/.
+
+    python -m experiments.studies.reference [--out FOLDER]
+
+What is public is what `softaim`, `dynamics`, `estimators` and `vision` name in `__all__`. Nothing is written, and each
+fault has a line, where one of these has no docstring, where a docstring does not state shapes and units of arrays,
+where a name in backticks is not there, or where pdoc warns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import builtins
+import importlib
+import inspect
+import re
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
+
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    import pdoc.doc
+
+PACKAGES = ("softaim", "dynamics", "estimators", "vision")
+ROOT = Path(__file__).parents[2]
+
+ARRAYS = re.compile(r"Floats|ArrayLike|NDArray|Image\b|ndarray")
+SHAPE = re.compile(r"\((?:n|k|m|d|r|dim|\.\.\.|(?:\.\.\.|[\w ]+),[\w .,]*|columns \* rows, 3)\)")
+UNIT = re.compile(r"\[[^\]]+\]")
+OF_ANY_UNIT = ("estimators.filters", "estimators.consistency", "vision")
+"""Rooms whose arrays have whatever unit they are given, or the one that their names end in: _px, _m."""
+
+FILES = (".toml", ".csv", ".md", ".json", ".yaml")
+
+NAMED = re.compile(r"(?<!`)`([A-Za-z_][\w.]*)(?:\(\))?`(?!`)")
+MODULE = re.compile(r"\b(?:typing|collections\.abc|numpy(?:\.\w+)*)\.(?=\w)")
+SPELT_ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
+SCRIPT = re.compile(r"<script.*?</script>", flags=re.DOTALL)
+FIELD = re.compile(r"^([a-z_]\w*(?:, [a-z_]\w*)*|State|Raises \w+): ", flags=re.MULTILINE)
+LISTED = re.compile(r"^    (\w+(?:, \w+)*)  +(\S.*)$")
+
+
+class Public(NamedTuple):
+    """A public name: its place, such as `estimators.TissueFilter.predict`, its docstring, where it is defined."""
+
+    place: str
+    thing: Any
+    text: str
+    module: str
+    owner: type | None = None
+
+
+def public_names() -> Iterator[Public]:
+    """All public names and the public members of public classes, each once."""
+    seen: set[int] = set()
+    for package in PACKAGES:
+        module = importlib.import_module(package)
+        for name in module.__all__:
+            thing = getattr(module, name)
+            if not (inspect.isclass(thing) or inspect.isfunction(thing)):
+                yield Public(f"{package}.{name}", thing, *constant_text(package, name))
+                continue
+            if id(thing) in seen:
+                continue
+            seen.add(id(thing))
+            yield Public(f"{package}.{name}", thing, thing.__doc__ or "", thing.__module__, _class(thing))
+            yield from _members(f"{package}.{name}", thing)
+
+
+def _class(thing: Any) -> type | None:
+    return thing if inspect.isclass(thing) else None
+
+
+def _members(place: str, owner: Any) -> Iterator[Public]:
+    for name, member in vars(owner).items() if inspect.isclass(owner) else ():
+        function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+        if not name.startswith("_") and inspect.isfunction(function):
+            inherited = inspect.getdoc(member) or ""
+            yield Public(f"{place}.{name}", function, function.__doc__ or inherited, owner.__module__, owner)
+
+
+@cache
+def _constants(source: Path) -> dict[str, str]:
+    """Docstrings of a module's constants: the texts that follow them."""
+    body = ast.parse(source.read_text(encoding="utf-8")).body
+    found: dict[str, str] = {}
+    for before, after in pairwise(body):
+        targets = before.targets if isinstance(before, ast.Assign) else [getattr(before, "target", None)]
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+            found |= {target.id: after.value.value for target in targets if isinstance(target, ast.Name)}
+    return found
+
+
+def constant_text(package: str, name: str) -> tuple[str, str]:
+    """The docstring of a constant and the module of its package that defines it; empty where there is no docstring."""
+    if name == "__version__":
+        return "Version of the program that is installed.", package
+    for file in sorted((ROOT / package).rglob("*.py")):
+        if name in _constants(file):
+            return _constants(file)[name], ".".join(file.relative_to(ROOT).with_suffix("").parts)
+    return "", package
+
+
+def faults() -> list[str]:
+    """A line for each fault of a docstring."""
+    found = []
+    for one in public_names():
+        if not one.text.strip():
+            found.append(f"{one.place}: expected a docstring, found none")
+            continue
+        found += [f"{one.place}: {what}" for what in _unstated(one)]
+        found += [f"{one.place}: `{name}`: no such name" for name in NAMED.findall(one.text) if not _known(name, one)]
+    return found
+
+
+def _unstated(one: Public) -> list[str]:
+    """What a docstring does not state of the arrays that go in and out."""
+    annotations = dict(getattr(one.thing, "__annotations__", {}))
+    if inspect.isclass(one.thing):
+        annotations |= getattr(vars(one.thing).get("__init__"), "__annotations__", {})
+    arrays = [name for name, kind in annotations.items() if ARRAYS.search(str(kind)) and not name.startswith("_")]
+    if not arrays:
+        return []
+    named = ", ".join(arrays)
+    context = one.text + (one.owner.__doc__ or "" if one.owner is not None else "")
+    unstated = [] if SHAPE.search(one.text) else [f"expected shapes of {named}, as (n, dim), found none"]
+    physical = any("bool" not in str(annotations[name]) and "int" not in str(annotations[name]) for name in arrays)
+    if physical and not UNIT.search(context) and not one.module.startswith(OF_ANY_UNIT):
+        unstated.append(f"expected units of {named}, as [m], found none")
+    return unstated
+
+
+def _known(name: str, one: Public) -> bool:
+    """Whether a name in backticks is one that a reader can look up from where it is named."""
+    first, *rest = name.split(".")
+    if Path(name).suffix in FILES:
+        return True
+    if rest and (ROOT / first).exists():
+        return _resolves(name)
+    return _beside(first, one) or _imported(name, one.module) or (not rest and _written(first, one.module))
+
+
+def _beside(name: str, one: Public) -> bool:
+    """Whether it is a member of the class, a parameter of the function, or Python's own."""
+    if one.owner is not None and (name in dir(one.owner) or f"self.{name}" in inspect.getsource(one.owner)):
+        return True
+    return hasattr(builtins, name) or (callable(one.thing) and name in inspect.signature(one.thing).parameters)
+
+
+def _imported(name: str, module: str) -> bool:
+    """Whether it is public, or a name of the module in which it is named."""
+    first, *rest = name.split(".")
+    for place in map(importlib.import_module, (module, *PACKAGES)):
+        if hasattr(place, first):
+            thing = getattr(place, first)
+            return not rest or hasattr(thing, rest[0]) or rest[0] in getattr(thing, "__annotations__", {})
+    return False
+
+
+def _resolves(dotted: str) -> bool:
+    parts = dotted.split(".")
+    for k in range(len(parts), 0, -1):
+        try:
+            thing: Any = importlib.import_module(".".join(parts[:k]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[k:]:
+            if not hasattr(thing, part):
+                return False
+            thing = getattr(thing, part)
+        return True
+    return False
+
+
+@cache
+def _source(package: str) -> str:
+    return "".join(path.read_text(encoding="utf-8") for path in (ROOT / package).rglob("*.py"))
+
+
+def _written(word: str, module: str) -> bool:
+    """Whether it is a word that the program writes: a key of a count, a column, a subcommand."""
+    return any(f'"{word}"' in _source(package) for package in (module.partition(".")[0], "experiments"))
+
+
+def as_markdown(text: str) -> str:
+    """A docstring as Markdown: fields and the names to start with as lists, all else as it is."""
+    lines, field = [], False
+    for line in inspect.cleandoc(text).splitlines():
+        if listed := LISTED.match(line):
+            names = ", ".join(f"`{name}`" for name in listed[1].split(", "))
+            lines.append(f"- {names}: {listed[2]}")
+        elif fields := FIELD.match(line):
+            lines += (
+                ["", f"- **{fields[1]}**: {line[fields.end() :]}"]
+                if not field
+                else [f"- **{fields[1]}**: {line[fields.end() :]}"]
+            )
+            field = True
+            continue
+        elif field and line.startswith("    "):
+            lines.append(f"  {line.strip()}")
+            continue
+        else:
+            lines += ["", line] if field and line.strip() else [line]
+        field = False
+    return "\n".join(lines)
+
+
+def modules() -> dict[str, pdoc.doc.Module]:
+    """The documented modules by name, with their docstrings as Markdown."""
+    import pdoc.doc
+
+    found = {}
+    for package in PACKAGES:
+        own = importlib.import_module(package)
+        for name in own.__all__:
+            getattr(own, name)  # softaim loads names when they are asked for
+        module = pdoc.doc.Module(own)
+        texts = {name: constant_text(package, name)[0] for name in own.__all__ if name not in dir(module)}
+        module.__dict__["_var_docstrings"] = texts
+        _convert(module)
+        found[package] = module
+    return found
+
+
+def _convert(doc: Any) -> None:
+    doc.docstring = as_markdown(doc.docstring)
+    if hasattr(doc, "default_value_str"):
+        doc.default_value_str = short_types(doc.default_value_str)
+    for member in getattr(doc, "own_members", []):
+        _convert(member)
+
+
+def short_types(text: str) -> str:
+    """Annotations of arrays by the names that the code has for them; spelt out they take five lines."""
+    members = [MODULE.sub("", repr(one)) if get_args(one) else one.__name__ for one in get_args(ArrayLike)]
+    plain = MODULE.sub("", text)
+    for spelt in (", ".join(members), " | ".join(members)):
+        plain = plain.replace(spelt, "ArrayLike")
+    plain = plain.replace("Union[ArrayLike]", "ArrayLike")
+    return SPELT_ARRAY.sub(r"NDArray[\1]", plain).replace("NDArray[float64]", "Floats")
+
+
+@contextmanager
+def shortened_types() -> Iterator[None]:
+    """While this lasts, pdoc writes annotations by `short_types`: it has no setting for that."""
+    import pdoc.doc
+
+    before = pdoc.doc._remove_collections_abc
+    pdoc.doc._remove_collections_abc = lambda x: short_types(before(x))
+    try:
+        yield
+    finally:
+        pdoc.doc._remove_collections_abc = before
+
+
+def build(out: Path) -> None:
+    """Write the reference as HTML to a folder; warnings of pdoc are raised."""
+    import pdoc.render
+
+    with warnings.catch_warnings(), shortened_types():
+        warnings.simplefilter("error")
+        documented = modules()
+        pdoc.render.configure(docformat="markdown", show_source=False, search=True)
+        pages = {f"{name}.html": pdoc.render.html_module(one, documented) for name, one in documented.items()}
+        pages["index.html"] = pdoc.render.html_index(documented)
+        pages["search.js"] = pdoc.render.search_index(documented)
+    out.mkdir(parents=True, exist_ok=True)
+    for name, page in pages.items():
+        (out / name).write_text(page, encoding="utf-8")
+
+
+def broken_links(folder: Path) -> list[str]:
+    """Links of the pages in a folder that lead to no page or to no place on it."""
+    pages = {path.name: SCRIPT.sub("", path.read_text(encoding="utf-8")) for path in folder.glob("*.html")}
+    places = {name: set(re.findall(r'\bid="([^"]+)"', page)) for name, page in pages.items()}
+    broken = []
+    for name, page in pages.items():
+        for link in re.findall(r'\bhref="([^"]*)"', page):
+            target, _, place = link.partition("#")
+            if re.match(r"[a-z]+:", target):
+                continue
+            target = (target or name).removeprefix("./")
+            if target not in pages or (place and place not in places[target]):
+                broken.append(f"{name}: {link}")
+    return broken
+
+
+def main() -> int:
+    """Write the reference, or the faults that it would have; exit code."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path("reference"))
+    out = parser.parse_args().out
+    found = faults()
+    if not found:
+        build(out)
+        found = broken_links(out)
+    print(*found, sep="\n") if found else print(f"{out / 'index.html'}")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
