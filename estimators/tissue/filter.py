@@ -215,7 +215,7 @@ class TissueFilter:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest, without marks; inflated, as it may be turned or moved."""
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest, without marks; inflated: it may be displaced."""
         place = self._places[node]
         mean = self._rest[self.model.network.index(node)].copy()
         return mean, self.settings.inflation * self._start_cov[place, place]
