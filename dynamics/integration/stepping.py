@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import DOP853, RK45
+from scipy.integrate import DOP853, RK45, Radau
 
 from dynamics.arrays import Floats
 from dynamics.forces.kernels import packed, runge_kutta, state_rate
@@ -19,7 +19,7 @@ LONGEST_STEP = 1.0 / 240.0
 """Longest Runge-Kutta step [s]: numerical, its error is under 0.01 mm in half a second at 0.5 m/s, which
 `tests/dynamics/integration/test_stepping.py` checks."""
 
-SOLVERS = {"RK45": RK45, "DOP853": DOP853}
+SOLVERS = {"RK45": RK45, "DOP853": DOP853, "Radau": Radau}
 
 SAME_STEP = 1e-6
 """Relative excess of an interval that takes no further step: times are often rounded to the nanosecond."""
@@ -110,13 +110,15 @@ def integrate_adaptive(
     times: ArrayLike,
     *,
     force: Callable[[float], ArrayLike] = lambda _t: 0.0,
-    method: Literal["RK45", "DOP853"] = "DOP853",
+    method: Literal["RK45", "DOP853", "Radau"] = "DOP853",
     rtol: float = 1e-9,
     atol: float = 1e-12,
     max_step_s: float = np.inf,
     bends_s: ArrayLike = (),
 ) -> Floats:
     """States at the times [s], (n_times, n_state), by SciPy's adaptive Runge-Kutta from `state` at the first time.
+
+    method: explicit, or Radau's implicit one for networks that are stiff; its results agree to the tolerances
 
     force(t): outside force on the free nodes [N], (n_free, dim). Where it jumps or is short, max_step_s must let
     the integrator see it. bends_s: times at which only its slope jumps [s]; a step across one would be rejected, so

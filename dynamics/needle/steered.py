@@ -8,18 +8,23 @@ compare the two.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dynamics.arrays import Floats
 from dynamics.forces.kernels import PackedNeedle, packed, steered_steps
+from dynamics.forces.tangent import stable_step
 from dynamics.needle.loads import SHAFT, NeedleMechanics, node_weights
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FINEST_STEP = 1.0 / 1920.0
 """Longest step [s]: numerical, the target is within 2 µm of the adaptive integrator's after 0.5 s of insertion, which
 `tests/dynamics/needle/test_steered.py` checks."""
+
+OF_STABLE = 0.25
+"""Longest step by the longest stable one: numerical, the fastest vibration is damped by 0.1 % a step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +67,7 @@ def advance_steered(
     start, end = between_s
     if not end >= start:
         raise ValueError(f"between_s: expected times that rise, found {between_s}")
-    n_steps = max(1, int(np.ceil((end - start) / FINEST_STEP * (1.0 - 1e-6))))
+    n_steps = max(1, int(np.ceil((end - start) / longest_step(network) * (1.0 - 1e-6))))
     dt = (end - start) / n_steps
     inverse_mass = np.zeros(network.n_nodes)
     inverse_mass[network.free] = 1.0 / network.masses[network.free]
@@ -89,6 +94,12 @@ def advance_steered(
         np.ascontiguousarray(SHAFT),
     )
     return moved, bool(gave_way)
+
+
+@lru_cache(maxsize=16)
+def longest_step(network: MassSpringNetwork) -> float:
+    """Longest step taken [s]: FINEST_STEP, less where springs or dashpots are so stiff that it would not be stable."""
+    return min(FINEST_STEP, OF_STABLE * stable_step(network))
 
 
 def sliding_friction(

@@ -41,6 +41,12 @@ class Lesion:
         return len(self.axes)
 
     @property
+    def radius_m(self) -> float:
+        """Of a ball, its radius [m]; of an ellipsoid, that of the ball of its size."""
+        sizes = np.linalg.svd(self.axes, compute_uv=False)
+        return float(sizes[0] if sizes[0] == sizes[-1] else np.exp(np.log(sizes).mean()))
+
+    @property
     def to_ball(self) -> Floats:
         """The linear map that makes the lesion the unit ball [1/m], (dim, dim)."""
         return np.ascontiguousarray(np.linalg.inv(self.axes))

@@ -114,20 +114,39 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
     table = Table(
         title=f"{report['runs']} runs, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
     )
-    for head in ("policy", "hits", "95 % interval", "miss [mm]", "s to a hit", "insertions", "never there"):
+    for head in ("policy", "hits", "95 % interval", "told", "miss [mm]", "s to a hit", "insertions", "never there"):
         table.add_column(head, justify="left" if head == "policy" else "right")
     for policy, row in report.items():
-        if isinstance(row, Mapping):
+        if isinstance(row, Mapping) and "hit_rate" in row:
             table.add_row(
                 policy,
                 f"{row['hit_rate']:.1%}",
                 f"{row['hit_rate_low']:.1%} to {row['hit_rate_high']:.1%}",
+                _number(row["told"], ".1%"),
                 _number(row["miss_mm"], ".2f"),
                 _number(row["seconds_to_hit"], ".2f"),
                 f"{row['insertions']:.2f}",
                 str(row["never"]),
             )
     return table
+
+
+def insertion_lines(report: Mapping[str, Any]) -> list[str]:
+    """What `softaim advise` states of hits in the same worlds and what came true, from summary.json."""
+    of = report["advise"]
+    lines = []
+    for words, key in (("at any time", ""), ("on GO", "go_")):
+        told, true = of[f"{key}told"], of[f"{key}came_true"]
+        if told is None:
+            lines.append(f"Advice {words}: no insertions")
+            continue
+        off, sd = 100.0 * of[f"{key}difference"], of[f"{key}difference_sd"]
+        spread = "" if sd is None else f" ± {196.0 * sd:.1f}"
+        lines.append(
+            f"Advice {words}: {of[f'{key}insertions']} insertions, told {told:.1%}, true {true:.1%} "
+            f"({of[f'{key}came_true_low']:.1%} to {of[f'{key}came_true_high']:.1%}), {off:+.1f}{spread} points"
+        )
+    return lines
 
 
 def demo_table(figures: Figures) -> Table:

@@ -17,6 +17,33 @@ Part = Annotated[float, Field(ge=0, le=1)]
 USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
+@dataclass(frozen=True, slots=True)
+class NeedleForces:
+    """Forces of a simulated needle, by default as in soft PVC (`docs/needle.md`).
+
+    Constants as of `dynamics.NeedleMechanics`, nominal: each true one lies between so much less and so much more,
+    `error`. A puncture_N of 0: the skin offers no resistance.
+    """
+
+    puncture_N: float = 0.8  # noqa: N815
+    contact_N_m: float = 400.0  # noqa: N815
+    cutting_N: float = 0.4  # noqa: N815
+    friction_N_m: float = 5.0  # noqa: N815
+    error: float = 0.3
+
+    def constants(self) -> dict[str, float]:
+        """The nominal constants by name."""
+        return {
+            "puncture_N": self.puncture_N,
+            "contact_N_m": self.contact_N_m,
+            "cutting_N": self.cutting_N,
+            "friction_N_m": self.friction_N_m,
+        }
+
+
+FORCES = NeedleForces()
+
+
 class LesionTable(Strict):
     """`[lesion]`: a ball by its radius, or an ellipsoid by its semi-axes, each a vector."""
 
@@ -43,6 +70,16 @@ class AdviceTable(Strict):
     overshot_mm: NotNegative = 1e3 * SETTINGS.overshot_m
 
 
+class ForcesTable(Strict):
+    """`[forces]`: what the simulated needle does to the tissue, as the filter assumes it; see `NeedleForces`."""
+
+    puncture_N: NotNegative = FORCES.puncture_N  # noqa: N815 (the format's own word)
+    contact_N_m: Positive = FORCES.contact_N_m  # noqa: N815
+    cutting_N: NotNegative = FORCES.cutting_N  # noqa: N815
+    friction_N_m: NotNegative = FORCES.friction_N_m  # noqa: N815
+    error: Annotated[float, Field(ge=0, lt=1)] = FORCES.error
+
+
 class NeedleFile(Strict):
     """The whole of `needle.toml`, version 1."""
 
@@ -58,6 +95,7 @@ class NeedleFile(Strict):
     tip_sd_mm: NotNegative = 1e3 * USUAL.tip_sd_m
     bending_sd_mm_per_mm: NotNegative = USUAL.bending_sd
     lesion: LesionTable | None = None
+    forces: ForcesTable = ForcesTable()
     advice: AdviceTable = AdviceTable()
 
     @model_validator(mode="after")
@@ -73,12 +111,13 @@ class NeedleFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedlePlan:
-    """A needle file in metres: the needle, its insertion, the lesion and the settings of advice."""
+    """A needle file in metres: the needle, its insertion, the lesion, the settings of advice, and simulated forces."""
 
     needle: Needle
     insertion: Insertion
     lesion: Lesion
     settings: AdviceSettings
+    forces: NeedleForces = FORCES
 
 
 def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
@@ -106,7 +145,8 @@ def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     settings = AdviceSettings(
         table.go, table.worth, table.horizon_s, table.step_s, table.stale_s, table.coasting_s, 1e-3 * table.overshot_mm
     )
-    return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings)
+    forces = NeedleForces(**file.forces.model_dump())
+    return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings, forces)
 
 
 def _lesion(path: Path, table: LesionTable | None, radius_m: float, dim: int) -> Lesion:

@@ -7,9 +7,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from dynamics import OUTER, MassSpringNetwork, four_mass_phantom
+from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
 from experiments.errors import InputError, shown
 from experiments.formats.scene.scene import read_scene
 from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, read_toml
@@ -91,6 +91,13 @@ class Breathing(Strict):
         return self
 
 
+Constants = create_model(  # type: ignore[call-overload]
+    "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Annotated[float, Field(ge=0, lt=1)], 0.0))
+)
+"""How far the true constants are from the scene's: relative standard deviations by kind, each constant by itself, drawn
+with the seed. Who tracks the recording has the scene's."""
+
+
 class SeenMarks(Strict):
     """How marks are seen where there is no film.
 
@@ -150,6 +157,7 @@ class Scenario(Strict):
     release: Release | None = None
     pokes: Pokes | None = None
     breathing: Breathing | None = None
+    constants: Constants | None = None  # type: ignore[valid-type]
     marks: Marks = Marks()
     camera: Camera | None = None
     video: Video = Video()

@@ -53,7 +53,7 @@ def rest_line(scene: Scene) -> str | None:
     )
 
 
-Command = Literal["simulate", "identify", "tune", "track"]
+Command = Literal["simulate", "identify", "tune", "track", "insert"]
 """What the steps come before: simulation, identification, tuning, and all that estimates."""
 
 

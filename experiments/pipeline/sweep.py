@@ -35,7 +35,7 @@ from experiments.formats.toml_file import VERSION, validated
 from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
 from experiments.simulation.seen_marks import seen_marks
-from experiments.simulation.simulate import exposures, scene_of, start_and_forces, true_motion
+from experiments.simulation.simulate import exposures, scene_of, start_and_forces, true_motion, true_network
 from experiments.simulation.truth import Truth
 
 SCENE = "scene.toml"
@@ -144,7 +144,7 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
     """The truth of a scenario and a seed; made once and kept in the folder `truths`, if there is one."""
     network = true_scene(text, scenario).network
     if truths is None:
-        return true_motion(network, scenario, np.random.default_rng([seed, 1]))
+        return true_motion(true_network(network, scenario, seed), scenario, np.random.default_rng([seed, 1]))
     name = json.dumps([scenario.model_dump(), text, seed], sort_keys=True)
     path = truths / f"{hashlib.sha256(name.encode('utf-8')).hexdigest()[:KEY_DIGITS]}.npy"
     if path.exists():

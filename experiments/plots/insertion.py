@@ -34,7 +34,7 @@ def _axes(title: str, size: tuple[float, float] = (7.0, 4.2)) -> tuple[Figure, A
 
 def hits_figure(done: Trials) -> Figure:
     """The hit rate of each policy with its 95 % interval."""
-    figure, ax = _axes(f"hits in a lesion of {1e3 * done.radius_m:g} mm radius, {len(done.runs)} runs")
+    figure, ax = _axes(f"hits in a lesion of {1e3 * done.case.plan.lesion.radius_m:g} mm radius, {len(done.runs)} runs")
     for k, policy in enumerate(POLICIES):
         of = figures(done.of(policy))
         rate, low, high = (100.0 * float(of[key] or 0.0) for key in ("hit_rate", "hit_rate_low", "hit_rate_high"))
@@ -55,7 +55,7 @@ def misses_figure(done: Trials) -> Figure:
         missed = np.sort([1e3 * one.miss_m for one in of if one.miss_m is not None])
         share = 100.0 * np.arange(1, len(missed) + 1) / len(of)
         ax.step(np.r_[0.0, missed], np.r_[0.0, share], where="post", color=COLOURS[policy], lw=1.6, label=policy)
-    ax.axvline(1e3 * done.radius_m, color="black", lw=0.8, ls="--")
+    ax.axvline(1e3 * done.case.plan.lesion.radius_m, color="black", lw=0.8, ls="--")
     ax.set(xlim=(0.0, 20.0), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs that came as near [%]")
     ax.legend(loc="lower right", frameon=False)
     return figure

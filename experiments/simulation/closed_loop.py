@@ -15,7 +15,6 @@ from estimators import (
     Advice,
     AdviceSettings,
     GaussianMixture,
-    Hit,
     Insertion,
     Lesion,
     Needle,
@@ -24,26 +23,18 @@ from estimators import (
     hit_probability,
 )
 from experiments.arrays import Floats
-from experiments.simulation.policies import Policy, predicted_parts, predicted_push
+from experiments.simulation.policies import Policy, across, predicted_parts, predicted_push
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
 """The line of the needle is fixed so long before arrival [s]: two frames, delays of the study's camera and robot."""
 
-DEEPEST_M = 0.06
-"""A needle that is so deep and has not met its target is drawn back or has missed [m]; a parameter of the study."""
-
 SMALLEST_M, LARGEST_M = 2e-4, 10e-3
 """Between these, evenly by its logarithm, the lesion is drawn by which probabilities are judged [m]; of the study."""
 
-BOUND = 0.9
-"""A policy that may retract does so where a hit is less probable than this at the commitment; of the study."""
-
-TIP = Needle(hit=Hit.TIP)
-"""What hits, and how uncertain it is; `docs/guidance.md`."""
-
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""When to start: poked tissue cannot be predicted better half a second ahead; the commitment asks for BOUND."""
+"""When to start: poked tissue cannot be predicted better half a second ahead; the commitment asks for the needle's
+own `go`, and a policy that may retract does so where a hit is less probable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +42,9 @@ class Tried:
     """What came of one policy in one world.
 
     probability: of a hit in the lesion, given at the commitment; None where the policy gives none or never committed
-    drawn_probability: the same for a lesion of drawn_radius_m, which is drawn
-    miss_m: from the tip to the true target at arrival [m], None where the needle never arrived
+    drawn_probability, drawn_hit: the same for a lesion of drawn_radius_m, which is drawn, and whether it was hit
+    miss_m: from what is to hit, the tip or the notch's middle, to the true target at arrival [m], None where the
+        needle never arrived
     seconds: from leave to start until arrival [s]; insertions: begun
     """
 
@@ -64,64 +56,93 @@ class Tried:
     probability: float | None
     drawn_probability: float | None
     drawn_radius_m: float
+    drawn_hit: bool | None = None
 
 
 @dataclass(slots=True)
 class _Robot:
-    """Where the needle is: depth along its axis [m], beside its first line [m], and what it is doing."""
+    """Where the needle is: depth along its axis [m], beside its first line along each of `across` [m], what it does."""
 
     axis: Floats
+    beside: Floats
     depth: float = 0.0
-    beside: float = 0.0
     doing: str = "waiting"
     insertions: int = 0
     punctured: bool = False
 
-    @property
-    def across(self) -> Floats:
-        return np.array([-self.axis[1], self.axis[0]])
+    def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
+        """Where the tip is, or would be so much deeper and aside [m], (dim,)."""
+        place = entry + (self.depth + deeper) * self.axis
+        ways = self.beside if aside is None else self.beside + aside
+        for way, direction in zip(ways, across(self.axis), strict=True):
+            place = place + way * direction
+        return place
 
 
-def attempt(world: World, policy: Policy, state: Floats, radius_m: float) -> Tried:
+def within(ways: Floats, most: float) -> Floats:
+    """The vector, shortened to this length where it is longer."""
+    length = float(np.linalg.norm(ways))
+    return ways if length <= most else ways / length * most
+
+
+def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
+    """Whether the lesion is hit; offset: from the target to the tip or the notch's middle [m], (dim,)."""
+    length, core = needle.sampled
+    if core:
+        return bool(lesion.core_lengths(offset[None], axis, length)[0] >= core)
+    return bool(lesion.contains(offset[None])[0])
+
+
+def attempt(world: World, policy: Policy, state: Floats) -> Tried:
     """Drive the needle from the first frame after the warm-up on; `state`: the tissue's then, the policy warmed up."""
-    case, lesion = world.case, Lesion.ball(radius_m, world.network.dim)
+    case, plan = world.case, world.case.plan
+    speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
-    drawn_radius = SMALLEST_M * (LARGEST_M / SMALLEST_M) ** world.share
-    robot = _Robot(np.array([0.0, -1.0]))
+    drawn = Lesion.ball(SMALLEST_M * (LARGEST_M / SMALLEST_M) ** world.share, lesion.dim)
+    drawn_radius = float(drawn.axes[0, 0])
+    robot = _Robot(plan.insertion.axis, np.zeros(lesion.dim - 1), punctured=world.pierced)
     begun_s, push = world.frame_s(first), None
     for k in range(first, case.n_frames - 1):
         now = world.frame_s(k)
         policy.see(now, world.marks(k, state), push)
-        speed, sideways = 0.0, 0.0
+        speed, sideways = 0.0, np.zeros(lesion.dim - 1)
         if robot.doing == "waiting":
-            path = policy.path(_way(world, robot, case.speed_m_s))
-            goal = _reached(path, world.entry, None, 0.0, case.speed_m_s)[1]
-            if not policy.waits or _advises_go(policy, path, world, goal, lesion):
+            path = policy.path(_way(world, robot, speed_m_s))
+            goal = _reached(path, world, None, 0.0)[1]
+            if not policy.waits or _advises_go(policy, path, world, goal):
                 way = goal - world.entry
-                robot.axis, robot.beside = way / np.linalg.norm(way), 0.0
+                robot.axis, robot.beside = way / np.linalg.norm(way), np.zeros(lesion.dim - 1)
                 robot.doing, robot.insertions = "going", robot.insertions + 1
         if robot.doing == "going":
-            path = policy.path(_way(world, robot, case.speed_m_s))
-            arrival, goal = _reached(path, world.entry, robot.axis, robot.depth, case.speed_m_s)
+            path = policy.path(_way(world, robot, speed_m_s))
+            arrival, goal = _reached(path, world, robot.axis, robot.depth)
             left = arrival - now
             reach = case.steer_m_s * left
-            aside = float((goal - world.entry) @ robot.across) - robot.beside
-            if left <= COMMIT_S + 1e-9 or robot.depth > DEEPEST_M:
-                shot = _aimed(world, policy, robot, (now, min(left, COMMIT_S)), float(np.clip(aside, -reach, reach)))
+            aside = np.array([(goal - world.entry) @ direction for direction in across(robot.axis)]) - robot.beside
+            if left <= COMMIT_S + 1e-9 or robot.depth > case.deepest_m:
+                shot = _aimed(world, policy, robot, (now, min(left, COMMIT_S)), within(aside, reach))
                 p = shot.probability(lesion)
-                if not policy.waits or (p is not None and p >= BOUND):
-                    miss, seconds = shot.miss(world, robot, state), now + shot.left_s - begun_s
-                    drawn = shot.probability(Lesion.ball(drawn_radius, lesion.dim))
-                    hit = miss <= radius_m
-                    return Tried(policy.name, hit, miss, seconds, robot.insertions, p, drawn, drawn_radius)
+                if not policy.waits or (p is not None and p >= plan.settings.go):
+                    offset, seconds = shot.offset(world, robot, state), now + shot.left_s - begun_s
+                    return Tried(
+                        policy.name,
+                        hits(needle, lesion, offset, robot.axis),
+                        float(np.linalg.norm(offset)),
+                        seconds,
+                        robot.insertions,
+                        p,
+                        shot.probability(drawn),
+                        drawn_radius,
+                        hits(needle, drawn, offset, robot.axis),
+                    )
                 robot.doing = "back"
             else:
-                speed, sideways = case.speed_m_s, float(np.clip(aside / dt, -case.steer_m_s, case.steer_m_s))
+                speed, sideways = speed_m_s, within(aside / dt, case.steer_m_s)
         if robot.doing == "back":
             if robot.depth <= 0.0:
                 robot.doing = "waiting"
             else:
-                speed = -min(case.speed_m_s, robot.depth / dt)
+                speed = -min(speed_m_s, robot.depth / dt)
         push = _way(world, robot, speed, steps=1)[0] if speed else None
         state, robot.punctured = world.moved(
             state, _drive(world, robot, speed, sideways), (now, world.frame_s(k + 1)), robot.punctured
@@ -137,39 +158,50 @@ class _Shot:
 
     now_s: float
     left_s: float
-    aside_m: float
+    aside_m: Floats
+    needle: Needle
     tip: GaussianMixture
     target: GaussianMixture | None
     axis: Floats
 
     def probability(self, lesion: Lesion) -> float | None:
         """Of a hit, None where there is no density of the target."""
-        return None if self.target is None else hit_probability(self.target, self.tip, self.axis, lesion, needle=TIP)
+        if self.target is None:
+            return None
+        return hit_probability(self.target, self.tip, self.axis, lesion, needle=self.needle)
 
-    def miss(self, world: World, robot: _Robot, state: Floats) -> float:
-        """From the tip to the true target at arrival [m]."""
+    def offset(self, world: World, robot: _Robot, state: Floats) -> Floats:
+        """From the true target to the tip, or the notch's middle, at arrival [m], (dim,)."""
         arrived = state
         if self.left_s > 0.0:
-            drive = _drive(world, robot, world.case.speed_m_s, self.aside_m / self.left_s)
+            drive = _drive(world, robot, world.case.plan.insertion.speed_m_s, self.aside_m / self.left_s)
             arrived, _ = world.moved(state, drive, (self.now_s, self.now_s + self.left_s), robot.punctured)
-        tip = self.tip.means[0] + np.linalg.cholesky(self.tip.covs[0]) @ world.tip_noise
-        return float(np.linalg.norm(tip - world.target(arrived)))
+        tip = self.tip.means[0] + tip_error(self.tip.covs[0], world.tip_noise)
+        return np.asarray(tip - self.needle.reach_m * self.axis - world.target(arrived))
 
 
-def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float], aside: float) -> _Shot:
+def tip_error(cov: Floats, noise: Floats) -> Floats:
+    """An error of the tip [m], (dim,), of this covariance, from standard normal numbers; no error of no covariance."""
+    return np.linalg.cholesky(cov) @ noise if cov.any() else np.zeros(len(noise))
+
+
+def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float], aside: Floats) -> _Shot:
     now, left = when
-    speed = world.case.speed_m_s
-    deep = robot.depth + speed * left
-    tip = world.entry + deep * robot.axis + (robot.beside + aside) * robot.across
+    plan = world.case.plan
+    speed = plan.insertion.speed_m_s
+    tip = robot.tip(world.entry, speed * left, aside)
     parts = predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, steps=1)[:, 0]
     target = policy.density_at(now + left, parts)
-    return _Shot(now, left, aside, GaussianMixture.gaussian(tip, TIP.tip_cov(robot.axis, deep)), target, robot.axis)
+    cov = plan.needle.tip_cov(robot.axis, robot.depth + speed * left)
+    return _Shot(now, left, aside, plan.needle, GaussianMixture.gaussian(tip, cov), target, robot.axis)
 
 
-def _drive(world: World, robot: _Robot, speed: float, sideways: float) -> NeedleMotion:
-    tip = world.entry + robot.depth * robot.axis + robot.beside * robot.across
+def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> NeedleMotion:
+    velocity = speed * robot.axis
+    for aside, direction in zip(sideways, across(robot.axis), strict=True):
+        velocity = velocity + aside * direction
     inserted = robot.depth if robot.doing != "waiting" else -1.0
-    return NeedleMotion(tip, speed * robot.axis + sideways * robot.across, robot.axis, inserted)
+    return NeedleMotion(robot.tip(world.entry), velocity, robot.axis, inserted)
 
 
 def _way(world: World, robot: _Robot, speed: float, steps: int = 0) -> Floats:
@@ -177,17 +209,22 @@ def _way(world: World, robot: _Robot, speed: float, steps: int = 0) -> Floats:
     return predicted_push(world, robot.axis, robot.depth, robot.beside, speed, steps)
 
 
-def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats, lesion: Lesion) -> bool:
+def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) -> bool:
     if policy.fault(float(path.times_s[0])) is not None:
         return False
-    insertion = Insertion(world.entry, goal - world.entry, world.case.speed_m_s)
-    return advise(path, insertion, lesion, needle=TIP, settings=GOING).advice is Advice.GO
+    plan = world.case.plan
+    insertion = Insertion(world.entry, goal - world.entry, plan.insertion.speed_m_s)
+    return advise(path, insertion, plan.lesion, needle=plan.needle, settings=GOING).advice is Advice.GO
 
 
-def _reached(path: TargetPath, entry: Floats, axis: Floats | None, depth: float, speed: float) -> tuple[float, Floats]:
-    """When the tip is as deep as the target will be [s], and where that is; the path's end where it never is."""
-    away = path.means - entry
-    wanted = np.linalg.norm(away, axis=1) if axis is None else away @ axis
+def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
+    """When the needle is as deep as it has to be [s], and where the target is then; the path's end where it never is.
+
+    axis: None for a needle that is turned to the target
+    """
+    plan = world.case.plan
+    speed, away = plan.insertion.speed_m_s, path.means - world.entry
+    wanted = (np.linalg.norm(away, axis=1) if axis is None else away @ axis) + plan.needle.reach_m
     ahead = depth + speed * (path.times_s - path.times_s[0]) - wanted
     if ahead[0] >= 0.0:
         return float(path.times_s[0]), path.means[0]

@@ -17,57 +17,42 @@ import pandas as pd
 from estimators import ReliabilityBin, clopper_pearson, reliability_bins
 from experiments.engine.executor import results
 from experiments.engine.workers import OWN_PROCESS, Workers
-from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.formats.scenario import Scenario
+from experiments.simulation.advised import Advised, advised, reliability
+from experiments.simulation.cases import Case
 from experiments.simulation.closed_loop import Tried, attempt
 from experiments.simulation.policies import POLICIES, Ahead, Filtered, Rest, Waiting, warmed
-from experiments.simulation.world import Case, world_of
-
-FIRST_SEED = 30_000
-"""Seeds below were used to choose figures by, or seen before settings changed; results are from this one on."""
-
-BREATHING_WARM_S = 12.0
-"""Marks are seen for so long before the needle may start where the tissue breathes [s]: two breaths; chosen."""
+from experiments.simulation.world import world_of
 
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """What was tried: every policy in every run, n_runs lists of one `Tried` each."""
+    """What was tried: every policy in every run, n_runs lists of one `Tried` each; and of the advice in each."""
 
     case: Case
-    radius_m: float
     runs: tuple[tuple[Tried, ...], ...]
+    advised: tuple[tuple[Advised, ...], ...]
 
     def of(self, policy: str) -> list[Tried]:
         """All runs of one policy."""
         return [one for run in self.runs for one in run if one.policy == policy]
 
 
-def case_of(scenario: Scenario, *, speed_m_s: float, strength: float) -> Case:
-    """The case of a scenario, its seed still to be set."""
-    warm_s = Case(scenario, 0).warm_s if scenario.breathing is None else BREATHING_WARM_S
-    return Case(scenario, FIRST_SEED, speed_m_s=speed_m_s, strength=strength, warm_s=warm_s)
-
-
 def insert(
     case: Case,
     n_runs: int,
-    radius_m: float,
     advance: Callable[[float], None] = lambda _share: None,
     *,
     workers: Workers = OWN_PROCESS,
 ) -> Trials:
     """Try every policy in n_runs worlds. Raises InputError for a scenario that cannot be."""
-    if not 0.0 < radius_m < 1.0:
-        raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
-    jobs = [(replace(case, seed=case.seed + k), radius_m) for k in range(n_runs)]
-    return Trials(case, radius_m, tuple(results(one_run, jobs, workers, advance)))
+    jobs = [replace(case, seed=case.seed + k) for k in range(n_runs)]
+    done = results(one_run, jobs, workers, advance)
+    return Trials(case, tuple(tried for tried, _ in done), tuple(of_run for _, of_run in done))
 
 
-def one_run(job: tuple[Case, float]) -> tuple[Tried, ...]:
-    """Every policy in the world of one case, against a lesion of a radius [m]."""
-    case, radius_m = job
+def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[Advised, ...]]:
+    """Every policy in the world of one case, and what comes of advice in it."""
     world = world_of(case)
     state, paper, warm = warmed(world)
     makers: tuple[Callable[[], Rest | Filtered], ...] = (
@@ -77,14 +62,15 @@ def one_run(job: tuple[Case, float]) -> tuple[Tried, ...]:
         lambda: Ahead(world, warm),
         lambda: Waiting(world, warm),
     )
-    return tuple(attempt(world, make(), state, radius_m) for make in makers)
+    tried = tuple(attempt(world, make(), state) for make in makers)
+    return tried, advised(world, warm, state)
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
     """Reliability of `filter-ahead`'s probabilities at its commitments, for a lesion drawn in each run."""
-    committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None and one.miss_m is not None]
-    hits = [one.miss_m <= one.drawn_radius_m for one in committed if one.miss_m is not None]
-    return reliability_bins([one.drawn_probability for one in committed if one.drawn_probability is not None], hits)
+    committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None]
+    predicted = [one.drawn_probability for one in committed if one.drawn_probability is not None]
+    return reliability_bins(predicted, [bool(one.drawn_hit) for one in committed])
 
 
 def summary(done: Trials) -> dict[str, object]:
@@ -93,13 +79,14 @@ def summary(done: Trials) -> dict[str, object]:
     figures_by_policy: dict[str, object] = {
         "scenario": case.scenario.title,
         "runs": len(done.runs),
-        "radius_mm": 1e3 * done.radius_m,
-        "speed_mm_s": 1e3 * case.speed_m_s,
+        "radius_mm": 1e3 * case.plan.lesion.radius_m,
+        "speed_mm_s": 1e3 * case.plan.insertion.speed_m_s,
         "steer_mm_s": 1e3 * case.steer_m_s,
         "strength": case.strength,
     }
     for policy in POLICIES:
         figures_by_policy[policy] = figures(done.of(policy))
+    figures_by_policy["advise"] = reliability(done.advised)
     figures_by_policy["calibration"] = [asdict(row) for row in calibrated(done)]
     return figures_by_policy
 
@@ -108,10 +95,13 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
     """Hit rate with its 95 % interval [clopper1934], misses of those that arrived, means over runs.
 
     seconds_to_hit: of those that hit; insertions: begun a run; retractions: of them, drawn back; never: not arrived
+    told, came_true: mean probability at the commitments, None where the policy states none, and share of hits of them
     """
     n, hits = len(tried), sum(one.hit for one in tried)
     low, high = clopper_pearson(hits, n, 0.95)
     missed = np.array([1e3 * one.miss_m for one in tried if one.miss_m is not None])
+    stated = [one.probability for one in tried if one.probability is not None]
+    came = [one.hit for one in tried if one.probability is not None]
     took = [one.seconds for one in tried if one.hit]
     return {
         "hit_rate": hits / n,
@@ -124,6 +114,8 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
         "insertions": float(np.mean([one.insertions for one in tried])),
         "retractions": float(np.mean([one.insertions - (one.miss_m is not None) for one in tried])),
         "never": sum(one.miss_m is None for one in tried),
+        "told": float(np.mean(stated)) if stated else None,
+        "came_true": float(np.mean(came)) if came else None,
     }
 
 

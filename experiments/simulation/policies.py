@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Protocol
 
 import numpy as np
 
-from dynamics import HIDDEN, OUTER, NeedleMotion, four_mass_phantom, sliding_friction
+from dynamics import NeedleMotion, sliding_friction
 from estimators import (
     AdviceSettings,
     Breathing,
     FastPredictionTables,
-    FilterSettings,
     GaussianMixture,
     MarkMeasurement,
     OpenLoop,
@@ -27,10 +27,12 @@ from estimators import (
     health_fault,
     predict_fast,
 )
+from estimators.guidance.advice import PATH_STEP_S
+from estimators.process.target import target_map
 from estimators.tissue.filter import Snapshot
 from experiments.arrays import Floats
-from experiments.formats.scenario import Scenario
-from experiments.simulation.world import ENTRY_M, FORCE_ERROR, STATED, World, needle_with
+from experiments.simulation.cases import way_m
+from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
@@ -39,17 +41,6 @@ SETTLED_S = 0.5
 WAYS, MARGIN_S = 1.5, 0.75
 """So many ways of the needle, and so long, ahead reach predictions: later starts, a target that moves away; size of the
 study's tables."""
-
-ONE_AT_A_TIME = FilterSettings(
-    quiet=replace(FilterSettings().quiet, lasting_s=0.01),
-    poked=replace(FilterSettings().poked, poke=3.4),
-    one_of=len(OUTER),
-)
-"""One outer mass at a time is poked, and when a poke ends its force is gone. 3.4 m/s² is the root mean square on a
-coordinate of a half sine in any direction whose peak is 3 to 10 m/s², as `poked` has them."""
-
-TOGETHER = FilterSettings()
-"""All outer masses may be pushed at once."""
 
 
 class Policy(Protocol):
@@ -83,39 +74,53 @@ def covariance(estimate: TargetEstimate) -> Floats:
 
 def horizon_s(world: World) -> float:
     """How far ahead the target is predicted [s], whole frames."""
-    way_s = float(np.linalg.norm(ENTRY_M)) / world.case.speed_m_s
-    return float(np.ceil((WAYS * way_s + MARGIN_S) * world.case.frames_per_s) / world.case.frames_per_s)
+    case = world.case
+    ahead_s = WAYS * way_m(case.truth, case.plan) / case.plan.insertion.speed_m_s + MARGIN_S
+    return float(np.ceil(ahead_s * case.frames_per_s * (1.0 - 1e-9)) / case.frames_per_s)
 
 
-def predicted_push(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+def across(axis: Floats) -> Floats:
+    """Unit vectors across a unit vector (dim,) and each other, (dim - 1, dim)."""
+    if len(axis) == 2:
+        return np.array([[-axis[1], axis[0]]])
+    least = np.eye(3)[int(np.abs(axis).argmin())]
+    first = np.cross(axis, least)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first)])
+
+
+def predicted_push(world: World, axis: Floats, depth: float, beside: Floats, speed: float, steps: int = 0) -> Floats:
     """Forces on the free nodes [N] that the needle makes in coming frames by its stated constants, (n, n_free, dim).
 
+    beside: of its first line along each of `across` [m], (dim - 1,)
     steps: how many frames; 0: as many as a path covers. Full cutting and friction forward, friction back.
     """
     return predicted_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
 
 
-def predicted_parts(world: World, axis: Floats, depth: float, beside: float, speed: float, steps: int = 0) -> Floats:
+def predicted_parts(world: World, axis: Floats, depth: float, beside: Floats, speed: float, steps: int = 0) -> Floats:
     """As `predicted_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
     n = steps or round(horizon_s(world) * world.case.frames_per_s)
-    ahead = (np.arange(n) + 0.5) / world.case.frames_per_s
+    ahead = (np.arange(n, dtype=np.float64) + 0.5) / world.case.frames_per_s
     depths = depth + speed * ahead
-    across = np.array([-axis[1], axis[0]])
-    tips = world.entry + depths[:, None] * axis + beside * across
+    tips: Floats = world.entry + depths[:, None] * axis
+    for aside, direction in zip(beside, across(axis), strict=True):
+        tips = tips + aside * direction
+    network, stated = world.believed, world.case.plan.forces.constants()
     cutting, friction = (
-        sliding_friction(world.network, needle_with(world.entry, STATED | {without: 0.0}), tips, axis, depths)
+        sliding_friction(network, needle_with(network, world.entry, stated | {without: 0.0}), tips, axis, depths)
         for without in ("friction_N_m", "cutting_N")
     )
     return np.array([cutting, friction] if speed >= 0.0 else [np.zeros_like(cutting), -friction])
 
 
-def force_error_cov(gives: Floats, parts: Floats) -> Floats:
-    """Covariance of a node [m²] by parts of the needle's force, errors independent and uniform in FORCE_ERROR.
+def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
+    """Covariance of a target [m²] by parts of the needle's force, relative errors uniform up to `error`, independent.
 
-    gives: the node's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim)
+    gives: the target's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim)
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
-    return FORCE_ERROR**2 / 3.0 * shifts.T @ shifts
+    return error**2 / 3.0 * shifts.T @ shifts
 
 
 def _standing(time_s: float, place: Floats) -> TargetPath:
@@ -130,7 +135,10 @@ class Rest:
 
     def __init__(self, world: World) -> None:
         self.time_s = 0.0
-        self._place = world.network.positions[world.network.index(HIDDEN)]
+        network = world.believed
+        self._place = target_map(network, world.case.given.target.point).position(
+            network.positions[network.free].ravel()
+        )
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
         """Nothing is taken in."""
@@ -156,7 +164,7 @@ class Paper(Rest):
 
     def __init__(self, world: World) -> None:
         super().__init__(world)
-        self._loop = OpenLoop(world.network, HIDDEN)
+        self._loop = OpenLoop(world.case.given.network, world.case.given.target.point)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
         """The simulation goes on to the frame."""
@@ -166,12 +174,15 @@ class Paper(Rest):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: its state, its last estimate, its tables, and the breath."""
+    """A filter after the warm-up: its state, its last estimate, its tables, and the breath.
+
+    tables: None for a filter that considers unknown constants, which predicts by itself, far slower
+    """
 
     tissue: TissueFilter
     then: Snapshot
     estimate: TargetEstimate
-    tables: FastPredictionTables
+    tables: FastPredictionTables | None
     breathing: Breathing
 
 
@@ -183,7 +194,9 @@ class Filtered:
     def __init__(self, world: World, warm: Warm) -> None:
         self.tissue, self.estimate, self._tables = warm.tissue, warm.estimate, warm.tables
         self.tissue.restore(warm.then)
-        self._compliance = compliance(world.network, HIDDEN)
+        self._compliance = compliance(world.believed, world.case.given.target.point)
+        self._error = world.case.plan.forces.error
+        self._horizon_s = horizon_s(world)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
         """Predict under the predicted push, take in the marks."""
@@ -197,7 +210,8 @@ class Filtered:
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
-        return GaussianMixture(ahead.weights, ahead.means, ahead.covs + force_error_cov(self._compliance, parts))
+        unknown = force_error_cov(self._compliance, parts, self._error)
+        return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
 
     def fault(self, now_s: float) -> str | None:
         """Of the filter's health."""
@@ -223,12 +237,14 @@ class Ahead(Filtered):
         self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """By the breath, or by the filter's tables."""
-        if self._breathing.breath() is None:
+        """By the breath, by the filter's tables, or by the filter itself, which does not know the coming pushes."""
+        breathes = self._breathing.breath() is not None
+        if self._tables is not None and not breathes:
             return TargetPath(*predict_fast(self._tables, self.tissue, pushes))
-        n = self._tables.n_times
-        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n, dtype=np.float64)
-        means, covs = self._breathing.predict(times)
+        cycle_s = PATH_STEP_S if self._tables is None else self._tables.cycle_s
+        n = int(np.ceil(self._horizon_s / cycle_s)) + 1 if self._tables is None else self._tables.n_times
+        times = self.estimate.time_s + cycle_s * np.arange(n, dtype=np.float64)
+        means, covs = (self._breathing.predict if breathes else self.tissue.predict_path)(times)
         return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
@@ -237,7 +253,7 @@ class Ahead(Filtered):
             return super().density_at(time_s, parts)
         mean, cov = self._breathing.predict(np.array([time_s]))
         return GaussianMixture.gaussian(
-            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + force_error_cov(self._compliance, parts)
+            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + force_error_cov(self._compliance, parts, self._error)
         )
 
     def _shifts(self, pushes: Floats) -> Floats:
@@ -251,16 +267,10 @@ class Waiting(Ahead):
     name, waits = "wait-for-go", True
 
 
-def settings_for(scenario: Scenario) -> FilterSettings:
-    """Filter settings of the scenario: whether outer masses are pushed one at a time or together."""
-    together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
-    return TOGETHER if together else ONE_AT_A_TIME
-
-
 @cache
-def _tables(settings: FilterSettings, ahead_s: float) -> FastPredictionTables:
-    """Of the filter of every world with these settings: network and marks are the same in all."""
-    return fast_prediction_tables(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, settings), ahead_s)
+def _tables(model: bytes, ahead_s: float) -> FastPredictionTables:
+    """Of the filter of every world with this network, target, marks and settings, pickled: arrays do not compare."""
+    return fast_prediction_tables(TissueFilter(*pickle.loads(model)), ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
@@ -268,11 +278,12 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
 
     That frame itself has not been seen yet.
     """
-    case = world.case
-    settings = settings_for(case.scenario)
-    tissue, paper = TissueFilter(world.network, HIDDEN, OUTER, settings), Paper(world)
-    tables = _tables(settings, horizon_s(world))
-    state, outside = world.start, NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+    case, given = world.case, world.case.given
+    model = (given.network, given.target.point, given.measured_nodes, given.settings)
+    tissue, paper = TissueFilter(*model, uncertainty=given.uncertainty), Paper(world)
+    tables = None if tissue.model.n_constants else _tables(pickle.dumps(model), horizon_s(world))
+    still = np.zeros(world.network.dim)
+    state, outside = world.start, NeedleMotion(world.entry, still, case.plan.insertion.axis, -1.0)
     estimate, breathing = None, Breathing(world.network.dim)
     for k in range(round(case.warm_s * case.frames_per_s)):
         marks = world.marks(k, state)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from experiments.formats.recording import MarkRow, Recording
 from experiments.formats.recording import Truth as TruthTable
 from experiments.formats.scenario import SeenMarks
@@ -14,6 +16,15 @@ from experiments.simulation.truth import Truth
 
 MISPLACED_M = (0.03, 0.15)
 """How far from its place an outlier is [m]."""
+
+
+def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator) -> tuple[NDArray[np.bool_], Floats]:
+    """Which marks are not seen, (n_frames, n_marks), and how far outliers are from their places [m], of this shape."""
+    lost = rng.random(shape[:2]) < marks.lost
+    ways = rng.normal(size=shape)
+    ways *= rng.uniform(*MISPLACED_M, (*shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)
+    wild = rng.random(shape[:2]) < marks.outliers
+    return lost, np.where(wild[..., None], ways, 0.0)
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
@@ -26,11 +37,8 @@ def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Gen
     places = motion.positions[:, [column[node] for node in scene.measured_nodes]]
     sd_m = 1e-3 * marks.sd_mm
     noisy = places + sd_m * rng.normal(size=places.shape)
-    lost = rng.random(places.shape[:2]) < marks.lost
-    ways = rng.normal(size=places.shape)
-    ways *= rng.uniform(*MISPLACED_M, (*places.shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)
-    wild = rng.random(places.shape[:2]) < marks.outliers
-    noisy[wild] += ways[wild]
+    lost, aside = misplaced(places.shape, marks, rng)
+    noisy = noisy + aside
     rows = tuple(
         tuple(MarkRow(node, noisy[k, m], sd_m) for m, node in enumerate(scene.measured_nodes) if not lost[k, m])
         for k in range(len(places))

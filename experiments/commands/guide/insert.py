@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,31 +17,55 @@ def insert(
     scenario: ScenarioName,
     out: Out,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Worlds in which every policy is tried.")] = 2000,
-    speed_mm_s: Annotated[float, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Of the needle.")] = 50.0,
-    radius_mm: Annotated[float, typer.Option("--radius-mm", help="Of the lesion.")] = 5.0,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="Scene that the filter has; default: the scenario's own.")
+    ] = None,
+    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: from above.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Of the first run.")] = None,
+    speed_mm_s: Annotated[
+        float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Of the needle; default: 50.")
+    ] = None,
+    radius_mm: Annotated[
+        float | None, typer.Option("--radius-mm", help="Of the lesion; default: the needle's, the scene's, or 5.")
+    ] = None,
     strength: Annotated[float, typer.Option("--strength", min=0.01, help="Factor on pokes and breathing.")] = 1.0,
     processes: Processes = None,
     scheduler: Scheduler = None,
     force: Force = False,
 ) -> Answer:
     """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
-    from experiments.commands.console import insertion_table
-    from experiments.engine.workers import Workers, workers_for
-    from experiments.formats.scenario import read_scenario, scenario_file
-    from experiments.plots.insertion import write_insertion_plots
-    from experiments.simulation.insert import case_of, summary, write_insertions
-    from experiments.simulation.insert import insert as inserted
+    from dataclasses import replace
 
-    case = case_of(read_scenario(scenario), speed_m_s=1e-3 * speed_mm_s, strength=strength)
-    with run.folder(out, force=force, inputs=[scenario_file(scenario)]) as folder:
+    from experiments.commands.console import insertion_lines, insertion_table
+    from experiments.engine.workers import Workers, workers_for
+    from experiments.formats.scenario import read_scenario, scenario_file, scene_file
+    from experiments.plots.insertion import write_insertion_plots
+    from experiments.simulation.cases import case_of
+    from experiments.simulation.insert import insert as inserted
+    from experiments.simulation.insert import summary, write_insertions
+
+    read = read_scenario(scenario)
+    case = case_of(
+        read,
+        scene_path=scene,
+        needle_path=needle,
+        speed_m_s=None if speed_mm_s is None else 1e-3 * speed_mm_s,
+        radius_m=None if radius_mm is None else 1e-3 * radius_mm,
+        strength=strength,
+    )
+    case = case if seed is None else replace(case, seed=seed)
+    with run.folder(out, force=force, inputs=[scenario_file(scenario), scene_file(read), scene, needle]) as folder:
+        run.use(case.given, before="insert")
         workers = workers_for(runs, Workers(processes, scheduler))
-        done = inserted(case, runs, 1e-3 * radius_mm, run.stage("insert"), workers=workers)
+        done = inserted(case, runs, run.stage("insert"), workers=workers)
         write_insertions(done, folder)
         write_insertion_plots(done, folder)
     report = summary(done)
 
     def show() -> None:
         print_table(insertion_table(report))
+        for line in insertion_lines(report):
+            print(line)
         print(f"Tables and pictures in {out}")
 
     return Answer({"out": out, "summary": report}, show)

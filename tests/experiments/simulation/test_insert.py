@@ -1,6 +1,7 @@
 """Insertions with the loop closed: figures, their repetition, and what the command writes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,20 +11,24 @@ from dynamics import HIDDEN, OUTER, NeedleMotion, sliding_friction
 from estimators import Breathing, TissueFilter, compliance
 from experiments.commands.app import app
 from experiments.errors import InputError
+from experiments.formats.needle_file import NeedleForces
 from experiments.formats.scenario import read_scenario
+from experiments.simulation.cases import case_of, settings_for
 from experiments.simulation.closed_loop import Tried
-from experiments.simulation.insert import case_of, figures, insert, one_run
-from experiments.simulation.policies import force_error_cov, predicted_parts, predicted_push, settings_for
-from experiments.simulation.world import FORCE_ERROR, STATED, Case, needle_with, world_of
+from experiments.simulation.insert import figures, insert, one_run
+from experiments.simulation.policies import force_error_cov, predicted_parts, predicted_push
+from experiments.simulation.world import needle_with, world_of
+
+STATED, FORCE_ERROR = NeedleForces().constants(), NeedleForces().error
 
 
 def case(name):
-    return case_of(read_scenario(name), speed_m_s=0.05, strength=1.0)
+    return case_of(read_scenario(name))
 
 
 @pytest.fixture(scope="module")
 def poked():
-    return insert(case("poked"), 12, 0.005)
+    return insert(case("poked"), 12)
 
 
 @pytest.mark.slow
@@ -45,7 +50,7 @@ def test_a_miss_is_judged_by_the_truth(poked):
 
 
 def test_a_world_is_its_seed(poked):
-    assert one_run((case("poked"), 0.005)) == poked.runs[0]
+    assert one_run(case("poked")) == (poked.runs[0], poked.advised[0])
 
 
 def test_figures_of_those_that_hit_missed_and_never_came():
@@ -67,7 +72,7 @@ def test_a_breathing_target_is_foretold_half_a_second_ahead():
     """Two runs of unknown period, marks of 4.14 mm: at most 1.5 times the filter's own error now, from 12 s on."""
     now, ahead = [], []
     for seed in (1, 2):
-        world = world_of(Case(read_scenario("breathing"), seed, warm_s=18.0, patience_s=0.5))
+        world = world_of(replace(case("breathing"), seed=seed, warm_s=18.0, patience_s=0.5))
         tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
         away, state = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
         truth, said = [], {}
@@ -106,7 +111,7 @@ def test_the_command_writes_summary_runs_and_pictures(tmp_path):
 
 def test_a_lesion_has_a_size():
     with pytest.raises(InputError, match="--radius-mm: expected more than 0"):
-        insert(case("quiet"), 1, 0.0)
+        case_of(read_scenario("quiet"), radius_m=0.0)
 
 
 @pytest.mark.parametrize(("name", "n_poked"), [("poked", 3), ("quiet", 3), ("shoved", 1), ("breathing", 1)])
@@ -137,14 +142,20 @@ def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
     """
     world, rng = world_of(case("poked")), np.random.default_rng(3)
     axis, gives = np.array([-0.6, -0.8]), compliance(world.network, HIDDEN)
-    where = (world, axis, 0.02, 0.001)
+    where = (world, axis, 0.02, np.array([0.001]))
     depth = np.array([0.02 + 0.05 * 0.5 / 30.0])
     tip = world.entry + depth[:, None] * axis + 0.001 * np.array([0.8, -0.6])
     shifts = []
     for _ in range(4000):
         true = {key: STATED[key] * rng.uniform(1.0 - FORCE_ERROR, 1.0 + FORCE_ERROR) for key in STATED}
-        shifts.append(gives @ sliding_friction(world.network, needle_with(world.entry, true), tip, axis, depth).ravel())
-    drawn, told = np.cov(np.array(shifts).T), force_error_cov(gives, predicted_parts(*where, 0.05, 1)[:, 0])
+        shifts.append(
+            gives
+            @ sliding_friction(world.network, needle_with(world.network, world.entry, true), tip, axis, depth).ravel()
+        )
+    drawn, told = (
+        np.cov(np.array(shifts).T),
+        force_error_cov(gives, predicted_parts(*where, 0.05, 1)[:, 0], FORCE_ERROR),
+    )
     assert np.abs(told - drawn).max() < 0.06 * np.abs(drawn).max()
 
 
@@ -153,8 +164,8 @@ def test_a_needle_drawn_back_cuts_nothing():
     world, axis = world_of(case("poked")), np.array([0.0, -1.0])
     depths = 0.02 + 0.05 * np.array([0.5, 1.5, 2.5]) / 30.0
     tips = world.entry + depths[:, None] * axis
-    whole = sliding_friction(world.network, needle_with(world.entry, STATED), tips, axis, depths)
-    assert predicted_push(world, axis, 0.02, 0.0, 0.05, 3) == pytest.approx(whole)
-    cutting, friction = predicted_parts(world, axis, 0.02, 0.0, -0.05, 3)
+    whole = sliding_friction(world.network, needle_with(world.network, world.entry, STATED), tips, axis, depths)
+    assert predicted_push(world, axis, 0.02, np.zeros(1), 0.05, 3) == pytest.approx(whole)
+    cutting, friction = predicted_parts(world, axis, 0.02, np.zeros(1), -0.05, 3)
     assert not cutting.any()
     assert np.all(friction @ axis < 0.0)

@@ -1,0 +1,122 @@
+"""Whether the probabilities of `softaim advise` come true: its needle, driven from its entry at times of its advice.
+
+At every second the advice is asked for as `softaim advise` asks for it, by the filter of the given scene. Then the
+needle goes in at once, straight along its direction, so deep as was advised, in the true tissue, which gives way; the
+needle neither steers nor waits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from dynamics import NeedleMotion
+from estimators import Advice, Guidance, clopper_pearson, guide, reliability_bins
+from experiments.arrays import Floats
+from experiments.simulation.closed_loop import hits, tip_error
+from experiments.simulation.policies import Warm
+from experiments.simulation.world import World
+
+EVERY_S = 1.0
+"""Advice is asked for so often [s]: insertions of one run are then next to independent; size of the study."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advised:
+    """What was advised at a time [s], and what came of it.
+
+    probability: of a hit, None where none was stated; hit, miss_m: None where no needle went in
+    """
+
+    time_s: float
+    advice: Advice
+    probability: float | None = None
+    hit: bool | None = None
+    miss_m: float | None = None
+
+
+def advised(world: World, warm: Warm, state: Floats) -> tuple[Advised, ...]:
+    """Advice every second from the first frame after the warm-up on; `state`: the tissue's then."""
+    case, tissue = world.case, warm.tissue
+    plan = case.plan
+    tissue.restore(warm.then)
+    rng = np.random.default_rng([case.seed, 9])
+    first, every = round(case.warm_s * case.frames_per_s), max(1, round(EVERY_S * case.frames_per_s))
+    until_s = world.knots.interval_s * (len(world.knots.forces) - 1)
+    away = NeedleMotion(world.entry, np.zeros(world.network.dim), case.straight.axis, -1.0)
+    found = []
+    for k in range(first, case.n_frames - 1):
+        now = world.frame_s(k)
+        tissue.predict(now)
+        estimate = tissue.update(world.marks(k, state))
+        if (k - first) % every == 0:
+            guidance = guide(tissue, estimate, case.straight, plan.lesion, needle=plan.needle, settings=plan.settings)
+            found.append(inserted(world, guidance, (now, until_s), state, rng.normal(size=world.network.dim)))
+        state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), punctured=False)
+    return tuple(found)
+
+
+def inserted(
+    world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
+) -> Advised:
+    """What comes of a needle that goes in now; no forces are known beyond the later time."""
+    (now, until_s), plan = between_s, world.case.plan
+    arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
+    if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
+        return Advised(now, guidance.advice)
+    insertion, axis = world.case.straight, world.case.straight.axis
+    arrived, started = state, insertion.depth_m
+    if arrival_s > now:
+        tip = world.entry + started * axis
+        drive = NeedleMotion(tip, insertion.speed_m_s * axis, axis, started)
+        arrived, _ = world.moved(state, drive, (now, arrival_s), punctured=started > 0.0 or world.pierced)
+    depth = started + deeper
+    error = tip_error(plan.needle.tip_cov(axis, depth), tip_noise)
+    offset = world.entry + (depth - plan.needle.reach_m) * axis + error - world.target(arrived)
+    hit = hits(plan.needle, plan.lesion, offset, axis)
+    return Advised(now, guidance.advice, p, hit, float(np.linalg.norm(offset)))
+
+
+def reliability(runs: Sequence[Sequence[Advised]]) -> dict[str, object]:
+    """What was stated of hits and what came true, in all and after GO, and bins of it; see `_compared`."""
+    known = [[one for one in run if one.probability is not None] for run in runs]
+    go = [[one for one in run if one.advice is Advice.GO] for run in known]
+    every = [one for run in known for one in run]
+    bins = reliability_bins([one.probability or 0.0 for one in every], [bool(one.hit) for one in every])
+    advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
+    return {
+        "advice": advice,
+        **_compared(known, ""),
+        **_compared(go, "go_"),
+        "bins": [asdict(row) for row in bins],
+    }
+
+
+def _compared(runs: Sequence[Sequence[Advised]], key: str) -> dict[str, float | int | None]:
+    """Insertions, mean probability stated, share of hits with its 95 % interval, and their difference with its own.
+
+    The difference's is of the runs, each with all its insertions, which are not independent: a jackknife over runs.
+    """
+    stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
+    came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
+    n = sum(len(run) for run in stated)
+    names = ("told", "came_true", "came_true_low", "came_true_high", "difference", "difference_sd")
+    if not n:
+        return {f"{key}insertions": 0, **{f"{key}{name}": None for name in names}}
+    told, hit = float(np.concatenate(stated).mean()), float(np.concatenate(came).mean())
+    low, high = clopper_pearson(int(sum(run.sum() for run in came)), n, 0.95)
+    values = (told, hit, low, high, hit - told, _spread_over_runs(stated, came))
+    return {f"{key}insertions": n, **{f"{key}{name}": value for name, value in zip(names, values, strict=True)}}
+
+
+def _spread_over_runs(stated: Sequence[Floats], came: Sequence[Floats]) -> float | None:
+    """Standard deviation of the mean of hits less what was stated, by leaving each run out; None of a single run."""
+    sums = np.array([float((c - s).sum()) for s, c in zip(stated, came, strict=True)])
+    sizes = np.array([len(run) for run in stated])
+    n = len(sums)
+    if n < 2:
+        return None
+    without = (sums.sum() - sums) / (sizes.sum() - sizes)
+    return float(np.sqrt((n - 1) / n * np.square(without - without.mean()).sum()))
