@@ -12,6 +12,7 @@ Names to start with:
     MarkFinder            marks tracked and named, frame after frame
     Expected              where a mark is expected
     Detection             a centre with its covariance
+    LostMark, Reason      why a mark was not found
     PlaneCamera           between pixels and the plane
     Board, find_board, calibrate    camera calibration
     synthetic_run         frames of known truth
@@ -37,7 +38,17 @@ from vision.cameras import (
     posed_camera,
     rms,
 )
-from vision.detection import Detection, Expected, HueError, MarkHue, Outline, detect_marks, hue_distance, learn_hue
+from vision.detection import (
+    Detection,
+    Expected,
+    HueError,
+    MarkHue,
+    Outline,
+    Reason,
+    detect_marks,
+    hue_distance,
+    learn_hue,
+)
 from vision.sources import (
     FILMS,
     NOMINAL_FPS,
@@ -108,7 +119,7 @@ from vision.synthetic import (
     synthetic_run,
     tilted_view,
 )
-from vision.tracking import AdaptiveHue, AssociatedMark, MarkFinder, associate_marks
+from vision.tracking import AdaptiveHue, AssociatedMark, LostMark, MarkFinder, associate_marks
 
 __all__ = [
     "DICTIONARIES",
@@ -143,6 +154,7 @@ __all__ = [
     "Level",
     "Lighting",
     "LiveFrames",
+    "LostMark",
     "MarkFinder",
     "MarkHue",
     "OccludingHand",
@@ -152,6 +164,7 @@ __all__ = [
     "PlaneCamera",
     "Playback",
     "Pose",
+    "Reason",
     "RunFrame",
     "SegmentFrames",
     "SegmentWriter",

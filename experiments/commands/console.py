@@ -75,6 +75,18 @@ def sentence(words: str) -> str:
     return f"{words[0].upper()}{words[1:]}."
 
 
+def marks_table(ours: Row) -> Table:
+    """One row a mark, from the filter's object in summary.json: share of frames found, refused, lost, and why."""
+    table = Table(title="Marks")
+    for head in ("mark", "found", "refused", "lost", "most frequent reason", "in frames"):
+        table.add_column(head, justify="left" if head in ("mark", "most frequent reason") else "right")
+    for node, row in ours["marks"].items():
+        shares = [f"{row[key]:.1%}" for key in ("found", "refused", "lost")]
+        reason = [row["reason"], f"{row['reason_share']:.1%}"] if row["reason"] else ["", ""]
+        table.add_row(node if row["measured"] else f"{node} (scoring only)", *shares, *reason)
+    return table
+
+
 def advice_line(counts: Mapping[str, int]) -> str:
     """How many frames had which advice."""
     frames = sum(counts.values())

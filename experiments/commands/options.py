@@ -27,6 +27,7 @@ Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if mi
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
 Fps = Annotated[float | None, typer.Option("--fps", min=0.001, help="Of a folder of pictures: how many a second.")]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
+WithFilm = Annotated[bool, typer.Option("--film", help="Write what the camera saw, too: film.avi, worst.png.")]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in place of text; messages are on standard error.")

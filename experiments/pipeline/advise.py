@@ -15,8 +15,8 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
-from experiments.pipeline.line import FILTER, Line
-from experiments.pipeline.track import each_step
+from experiments.pipeline.line import FILTER, Line, Watcher
+from experiments.pipeline.track import each_frame
 
 SURE_M = 1e-9
 """Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
@@ -37,20 +37,28 @@ class Advised:
         return {str(advice): names.count(str(advice)) for advice in Advice}
 
 
-def advise(recording: Recording, plan: NeedlePlan, advance: Callable[[float], None] = lambda _share: None) -> Advised:
+def advise(
+    recording: Recording,
+    plan: NeedlePlan,
+    advance: Callable[[float], None] = lambda _share: None,
+    *,
+    watch: Watcher | None = None,
+) -> Advised:
     """Run the filter through every frame and ask for advice at each, the needle where the plan has it.
 
-    Raises InputError, SourceError.
+    watch: is shown each frame, what it gave and the advice. Raises InputError, SourceError.
     """
-    line = Line(recording.scene, baseline=False, fixes=recording.fixes)
+    line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
     times, guidance = [], []
-    for k, step in enumerate(each_step(line, recording)):
+    for k, (frame, step) in enumerate(each_frame(line, recording)):
         estimate = step.estimates[FILTER]
         times.append(estimate.time_s)
         guidance.append(
             guide(line.filter, estimate, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)
         )
+        if watch is not None:
+            watch.take(frame, line, step, guidance[-1])
         advance((k + 1) / n_frames)
     return Advised(recording, plan, tuple(times), tuple(guidance))
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ import vision
 from estimators import (
     AssociationFilter,
     FixBias,
+    Guidance,
     IdentitySwap,
     LeaveOneOut,
     MarkMeasurement,
@@ -35,12 +37,26 @@ USUAL_BIAS = FixBias(sd_m=1e-3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What marks were looked for in a frame, and why some were not found.
+
+    expected: by node, where its mark was expected [m], (dim,), and the covariance of that [m²], (dim, dim)
+    lost: by node, why its mark was not found; None where another tracker looked for it
+    """
+
+    expected: Mapping[str, tuple[Floats, Floats]]
+    lost: Mapping[str, vision.LostMark | None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Step:
     """What one frame gave.
 
     estimates: by method
     marks: all marks identified in the frame, those for scoring only included, by the present association
     swap: marks that were found to have been taken for each other, None in all but a few frames
+    refused: nodes whose marks the gate rejected
+    sight: what was looked for, None where the line does not explain
     detect_s, method_s: seconds spent on finding marks, and by method
     """
 
@@ -49,6 +65,15 @@ class Step:
     detect_s: float
     method_s: dict[str, float]
     swap: IdentitySwap | None = None
+    refused: tuple[str, ...] = ()
+    sight: Sight | None = None
+
+
+class Watcher(Protocol):
+    """Somebody who is shown each frame, None where another tracker found the marks, and what it gave."""
+
+    def take(self, frame: vision.Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+        """The frame and its step; the advice, where one is given. The line stands as it was after them."""
 
 
 class Line:
@@ -56,11 +81,20 @@ class Line:
 
     check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
     fixes: direct sightings of the target, fused at their times; their common error is estimated, too
+    explain: keep what is looked for and why it is not found, in each step; estimates are the same
     State: the filter, the names of its marks (identity), the filters that check it, the paper's open
     loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come.
     """
 
-    def __init__(self, scene: Scene, *, baseline: bool = True, fixes: Sequence[Fix] = (), check: bool = False) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        baseline: bool = True,
+        fixes: Sequence[Fix] = (),
+        check: bool = False,
+        explain: bool = False,
+    ) -> None:
         self.scene = scene
         measured = scene.measured_nodes
         settings = scene.settings
@@ -76,7 +110,8 @@ class Line:
         self.open_loop = OpenLoop(scene.network, scene.target.point) if baseline else None
         self._measured = frozenset(measured)
         self._marks = {mark.node: mark for mark in scene.marks}
-        self.finder = vision.MarkFinder([mark.hue for mark in scene.marks])
+        self.finder = vision.MarkFinder([mark.hue for mark in scene.marks], explain=explain)
+        self._explain = explain
 
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
@@ -84,13 +119,24 @@ class Line:
         self._predict(exposure_s)
         predicted = time.perf_counter()
         marks = self._found(image)
-        return self._estimated(exposure_s, marks, time.perf_counter() - predicted, predicted - began)
+        found = time.perf_counter()
+        sight = self._sight({one.name: one for one in self.finder.lost})
+        return self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from marks that another tracker found."""
         began = time.perf_counter()
         self._predict(exposure_s)
-        return self._estimated(exposure_s, self.identity.named(marks), 0.0, time.perf_counter() - began)
+        named = self.identity.named(marks)
+        predicted = time.perf_counter()
+        sight = self._sight(dict.fromkeys(self._measured - {mark.node for mark in named}))
+        return self._estimated(exposure_s, named, 0.0, predicted - began, sight)
+
+    def _sight(self, lost: Mapping[str, vision.LostMark | None]) -> Sight | None:
+        """What is looked for at the filter's time, where that is to be explained."""
+        if not self._explain:
+            return None
+        return Sight({node: self._belief(node, self.filter.expected) for node in self._marks}, lost)
 
     def _predict(self, exposure_s: float) -> None:
         """Move the filter to this time [s], by way of the fixes that came until then."""
@@ -124,17 +170,28 @@ class Line:
 
     def _looked_for(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> vision.Expected:
         camera, mark = self.scene.cameras[0], self._marks[node]
-        mean, cov = belief(node)
-        if len(camera.calibration):
-            mean, cov = belief(node, camera.calibration_error(mean[None])[0])
+        mean, cov = self._belief(node, belief)
         center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
         outline = vision.Outline(camera.disc_shape(mean, mark.diameter_m / 2.0), SIZE_SD, mark.even)
         return vision.Expected(node, center_px, cov_px2, mark.hue_deg, outline)
 
+    def _belief(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+        """Where a node's mark may be [m], and the covariance of that [m²], errors of the camera's calibration in it."""
+        mean, cov = belief(node)
+        if not self.scene.n_calibration:
+            return mean, cov
+        return belief(node, self.scene.cameras[0].calibration_error(mean[None])[0])
+
     def _estimated(
-        self, exposure_s: float, marks: tuple[MarkMeasurement, ...], detect_s: float, predict_s: float
+        self,
+        exposure_s: float,
+        marks: tuple[MarkMeasurement, ...],
+        detect_s: float,
+        predict_s: float,
+        sight: Sight | None,
     ) -> Step:
         measured = [mark for mark in marks if mark.node in self._measured]
+        refused_before = self.filter.rejected.copy()
         began = time.perf_counter()
         named = self.identity.update(measured)
         estimate = named.estimate if self.checks is None else self.checks.checked(named.estimate, named.marks)
@@ -145,4 +202,14 @@ class Line:
             estimates[OPEN_LOOP] = self.open_loop.update(exposure_s, named.marks)
             method_s[OPEN_LOOP] = time.perf_counter() - filtered
         unmeasured = [mark for mark in marks if mark.node not in self._measured]
-        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap)
+        refused = _refused(named.estimate, named.marks, self.filter.rejected - refused_before)
+        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap, refused, sight)
+
+
+def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
+    """Nodes of the marks that the gate rejected; counted: by how much the filter's counts of them grew.
+
+    The estimate says which marks it took, but at a start; where names were exchanged the counts are another filter's.
+    """
+    taken = estimate.information_share
+    return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))

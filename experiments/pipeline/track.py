@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+import vision
 from estimators import LeaveOneOutCheck, MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -18,8 +19,9 @@ from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.recording import MarkRow, Recording
 from experiments.pipeline.events import rest_offsets
-from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step
+from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
 from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
+from experiments.pipeline.scores.marks import MarkShares, MarkTally, marks_verdict
 from experiments.pipeline.scores.withheld import Withheld, withheld_of
 
 Advance = Callable[[float], None]
@@ -33,6 +35,7 @@ class Track:
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
     withheld: of the check, by node: marks predicted as if they were hidden
+    marks: by node, in how many frames each was found, refused and lost, and why
     """
 
     recording: Recording
@@ -40,6 +43,7 @@ class Track:
     truth: Floats
     counts: Mapping[str, float | int | None] = field(default_factory=dict)
     withheld: Mapping[str, Withheld] = field(default_factory=dict)
+    marks: Mapping[str, MarkShares] = field(default_factory=dict)
 
     @property
     def has_truth(self) -> bool:
@@ -56,19 +60,30 @@ class Track:
         return [step.estimates[method] for step in self.steps]
 
 
-def track(recording: Recording, advance: Advance = lambda _share: None, *, check: bool = False) -> Track:
+def track(
+    recording: Recording,
+    advance: Advance = lambda _share: None,
+    *,
+    check: bool = False,
+    watch: Watcher | None = None,
+) -> Track:
     """Run both methods through every frame; `advance` gets the share done. Raises InputError, SourceError.
 
-    check: predict each mark as if it were hidden, too.
+    check: predict each mark as if it were hidden, too; watch: is shown each frame and what it gave
     """
     if check and len(recording.scene.measured_nodes) < 2:
         raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
-    line = Line(recording.scene, fixes=recording.fixes, check=check)
+    explain = watch is not None or recording.marks is None
+    line = Line(recording.scene, fixes=recording.fixes, check=check, explain=explain)
     n_frames = len(recording.exposures_s)
     steps = []
     checked: dict[str, list[LeaveOneOutCheck]] = {}
-    for k, step in enumerate(each_step(line, recording)):
-        steps.append(step)
+    tally = MarkTally(recording.scene)
+    for k, (frame, step) in enumerate(each_frame(line, recording)):
+        tally.take(step)
+        if watch is not None:
+            watch.take(frame, line, step)
+        steps.append(replace(step, sight=None))
         if line.checks is not None:
             for node, one in line.checks.checks.items():
                 checked.setdefault(node, []).append(one)
@@ -84,18 +99,23 @@ def track(recording: Recording, advance: Advance = lambda _share: None, *, check
         counts["check_nees"] = float(np.mean(nees)) if nees else None
         counts["check_scale"] = line.checks.scale
     withheld = {node: withheld_of(checked[node]) for node in recording.scene.measured_nodes if node in checked}
-    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld)
+    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares())
 
 
 def each_step(line: Line, recording: Recording) -> Iterator[Step]:
     """Estimates of each frame of a recording, from its frames or from the marks that stand in their place."""
+    return (step for _, step in each_frame(line, recording))
+
+
+def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
+    """As `each_step`, with the frames; None where marks stand in their place."""
     if recording.marks is not None:
         for exposure_s, marks in zip(recording.exposures_s, recording.marks, strict=True):
-            yield line.take(float(exposure_s), [measurement(mark) for mark in marks])
+            yield None, line.take(float(exposure_s), [measurement(mark) for mark in marks])
         return
     with recording.open_frames() as frames:
         for frame in frames:
-            yield line.see(frame.exposure_s, frame.image)
+            yield frame, line.see(frame.exposure_s, frame.image)
 
 
 def measurement(mark: MarkRow) -> MarkMeasurement:
@@ -198,6 +218,9 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
     ours: dict[str, Any] = figures(done, FILTER) | dict(done.counts)
     ours["frames_by_status"] = frames_by_status(done.estimates(FILTER))
     ours["verdict"] = verdict_of(done)
+    if done.marks:
+        ours["marks"] = {node: asdict(one) for node, one in done.marks.items()}
+        ours["marks_verdict"] = marks_verdict(done.recording.scene, done.marks)
     if done.withheld:
         ours["check_marks"] = {node: asdict(one) for node, one in done.withheld.items()}
     return {OPEN_LOOP: dict(figures(done, OPEN_LOOP)), FILTER: ours}

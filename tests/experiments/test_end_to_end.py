@@ -40,7 +40,18 @@ COLUMNS = [
 ]
 ERRORS = {"mae_mm", "sd_mm", "rmse_mm"}
 WITHOUT_TRUTH = {"frames", "frames_lost", "ms_per_frame"}
-OWN = {"sigma_mm", "sigma_most_mm", "mean_nis", "nis_low", "nis_high", "marks_refused", "repairs", "swaps_undone"}
+OWN = {
+    "marks",
+    "marks_verdict",
+    "sigma_mm",
+    "sigma_most_mm",
+    "mean_nis",
+    "nis_low",
+    "nis_high",
+    "marks_refused",
+    "repairs",
+    "swaps_undone",
+}
 OWN |= {"rest_offset_mm", "frames_by_status", "verdict"}
 
 

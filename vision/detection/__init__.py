@@ -8,7 +8,7 @@ from vision.detection.expected import Expected
 from vision.detection.hue import MarkHue, hue_distance
 from vision.detection.hue_learning import learn_hue
 from vision.detection.outline import Outline
-from vision.detection.records import Detection, HueError
+from vision.detection.records import Detection, HueError, Reason
 
 __all__ = [
     "Detection",
@@ -16,6 +16,7 @@ __all__ = [
     "HueError",
     "MarkHue",
     "Outline",
+    "Reason",
     "detect_marks",
     "hue_distance",
     "learn_hue",

@@ -8,7 +8,7 @@ both is known, alpha is a linear function of the pixel; its centre of gravity ha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -21,7 +21,7 @@ from vision.detection.coverage import measure_coverage
 from vision.detection.hue import MarkHue
 from vision.detection.outline import Outline
 from vision.detection.palette import Palette, classes_of, equal, palette_of
-from vision.detection.records import Detection, HueError
+from vision.detection.records import Detection, HueError, Reason, Rejected
 from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
@@ -42,6 +42,7 @@ def detect_marks(
     expected_px: ArrayLike = (),
     expected_hues: Sequence[float] = (),
     settings: DetectionSettings = DETECTION,
+    rejected: list[Rejected] | None = None,
 ) -> list[Detection]:
     """Marks of these hues, largest first.
 
@@ -52,6 +53,7 @@ def detect_marks(
         it, marks that are partly covered are found at their centre
     expected_px, expected_hues: where marks are expected, (n, 2), and of which hue; they help to separate marks that
         touch, and which outline a mark has
+    rejected: takes what is no mark, and why; None where nobody asks
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
     """
@@ -80,6 +82,7 @@ def detect_marks(
         corner,
         tuple(expected_hues),
         settings,
+        rejected,
     )
     found: list[Detection] = []
     for number, hue in enumerate(hues, start=1):
@@ -119,6 +122,7 @@ class _Search:
 
     outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
     corner_px: of this picture in the frame, (2,); hues_deg: of those that are expected, none where all are alike
+    rejected: takes what is no mark, where that is asked for
     """
 
     part: Picture
@@ -132,29 +136,30 @@ class _Search:
     corner_px: Floats
     hues_deg: tuple[float, ...]
     settings: DetectionSettings
+    rejected: list[Rejected] | None
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
         """The marks inside this contour of the classes."""
-        piece = self._piece(contour, number)
-        seen = (
-            None
-            if piece is None
-            else measure_coverage(
-                piece.patch, piece.component, piece.others, self.settings.coverage, thorough=not self.outlines
-            )
+        piece = self._piece(contour, number, hue_deg)
+        if piece is None:
+            return []
+        seen = measure_coverage(
+            piece.patch, piece.component, piece.others, self.settings.coverage, thorough=not self.outlines
         )
-        if piece is None or seen is None:
-            return []
+        if seen is None:
+            return self._none(Reason.CONTRAST, piece, hue_deg)
         if not self.min_area_px <= seen.area_px <= self.max_area_px:
-            return []
+            return self._none(Reason.SIZE, piece, hue_deg)
         if seen.noise_sd > self.settings.components.max_noise and all(one.even for one in self.outlines):
-            return []
+            return self._none(Reason.STAIN, piece, hue_deg)
 
         outline = self._outline(piece.corner_px + seen.center_px, hue_deg)
         whole = Center(seen.center_px, seen.cov_px2)
         centers = [whole]
         if outline is not None:
             centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
+            if not centers:
+                return self._none(Reason.SHAPE, piece, hue_deg)
         # Of a mark that the border cuts, as much again as is seen may lie outside.
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
@@ -187,11 +192,13 @@ class _Search:
         in_patch = [p for p in places if 0 <= p[0] < width and 0 <= p[1] < height]
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
-    def _piece(self, contour: Picture, number: int) -> Component | None:
+    def _piece(self, contour: Picture, number: int, hue_deg: float) -> Component | None:
         """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
         least = self.settings.centers.min_area * self.min_area_px
         if width * height < least:
+            if self.rejected is not None:
+                self.rejected.append(self._speck(contour, hue_deg))
             return None
         frame_height, frame_width = self.part.shape[:2]
         pad = self.settings.coverage.pad_px + max(width, height) // 8
@@ -208,11 +215,62 @@ class _Search:
             pieces, _ = cv2.findContours(near, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
             component[:] = 0
             cv2.drawContours(component, pieces, -1, 1, cv2.FILLED)
-        if cv2.countNonZero(component) < least or _elongation(component) > self.settings.components.max_elongation:
+        few = cv2.countNonZero(component) < least
+        if few or _elongation(component) > self.settings.components.max_elongation:
+            corner, reason = np.array([u0, v0], dtype=float), Reason.FEW_PIXELS if few else Reason.SHAPE
+            self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
         clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
+
+    def _none(self, reason: Reason, piece: Component, hue_deg: float) -> list[Detection]:
+        """No marks; a piece that is none is noted where that is asked for."""
+        if self.rejected is not None:
+            self.rejected.append(self._rejected(reason, piece, hue_deg))
+        return []
+
+    def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
+        """What a contour that is too small for any mark holds; Pick's theorem counts its pixels."""
+        pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
+        middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
+        return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
+
+    def _of_least(self, pixels: float) -> str:
+        return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
+
+    def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
+        """A piece that is no mark: of another size than stated where it is whole or too large, by the numbers."""
+        m = cv2.moments(piece.component, binaryImage=True)
+        pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
+        outline = self._outline(center_px, hue_deg)
+        share = np.nan if outline is None else pixels / outline.area_px
+        limits, detail = self.settings.centers, ""
+        few = pixels < self.min_area_px
+        if share > limits.max_area or ((few or share < limits.min_area) and _is_whole(m, outline, self.settings)):
+            reason, detail = Reason.SIZE, f"{share**0.5:.2g} of its diameter"
+        elif few:
+            reason, detail = Reason.FEW_PIXELS, self._of_least(pixels)
+        elif reason is Reason.SIZE:
+            detail = f"{pixels:.0f} px"
+        elif reason is Reason.SHAPE:
+            long = _elongation(piece.component)
+            is_long = long > self.settings.components.max_elongation
+            detail = f"{long:.1f} times as long as wide" if is_long else "no edge on its outline"
+        return Rejected(reason, detail, center_px + self.corner_px, pixels, hue_deg)
+
+
+def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
+    """Whether pixels are all of a disc, of any size, seen in the shape of an outline; specks are of no shape.
+
+    Of a disc of area A the second moments about its middle add up to A² / 2 pi, of all else to more.
+    """
+    if outline is None or moments["m00"] < BLOCK_AREA_PX:
+        return False
+    spread = np.array([[moments["mu20"], moments["mu11"]], [moments["mu11"], moments["mu02"]]]) / moments["m00"]
+    inverse = np.linalg.inv(outline.shape_px)
+    round_like = moments["m00"] / outline.area_px / (2.0 * float(np.trace(inverse @ spread @ inverse.T)))
+    return bool(round_like >= settings.outline.whole_share)
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:

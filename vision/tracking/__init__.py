@@ -6,10 +6,12 @@ What may enter: what remembers earlier frames.
 from vision.tracking.association import AssociatedMark, associate_marks
 from vision.tracking.finder import MarkFinder
 from vision.tracking.hue_tracking import AdaptiveHue
+from vision.tracking.reasons import LostMark
 
 __all__ = [
     "AdaptiveHue",
     "AssociatedMark",
+    "LostMark",
     "MarkFinder",
     "associate_marks",
 ]

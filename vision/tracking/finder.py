@@ -11,6 +11,7 @@ from vision.detection.hue import MarkHue
 from vision.detection.records import HueError
 from vision.tracking.association import AssociatedMark
 from vision.tracking.hue_tracking import AdaptiveHue
+from vision.tracking.reasons import LostMark, Rejections, lost_marks
 from vision.tracking.settings import FINDER, FinderSettings
 from vision.tracking.stages import Search, stages_named
 from vision.tracking.templates import AppearanceTemplates
@@ -21,17 +22,23 @@ class MarkFinder:
 
     hues: of the marks, by the nominal hue that `Expected` gives
     settings: of all stages; `settings.stages` names those that run, in their order
+    explain: keep why marks were not found, for `lost`; the marks are the same
     Frames are searched around the expected places only, and wholly at the start and when a mark is missing.
-    State: colours as followed; appearance models; the names of marks missed in the last frame, None before the first.
+    State: colours as followed; appearance models; the names of marks missed in the last frame, None before the first;
+    with explain, that frame's search.
     Raises HueError where marks of one hue differ in their range of colours, ValueError for an unknown stage.
     """
 
-    def __init__(self, hues: Iterable[MarkHue], settings: FinderSettings | None = None) -> None:
+    def __init__(
+        self, hues: Iterable[MarkHue], settings: FinderSettings | None = None, *, explain: bool = False
+    ) -> None:
         self.settings = settings = FINDER if settings is None else settings
         self.hues = {hue.hue_deg: AdaptiveHue(hue, settings.hue) for hue in _of_one_range(hues)}
         self.templates = AppearanceTemplates(settings)
         self.missed: set[str] | None = None
         self._stages = stages_named(settings.stages)
+        self._explain = explain
+        self._last: Search | None = None
 
     def find(
         self,
@@ -46,7 +53,14 @@ class MarkFinder:
         expected_after_impulse: the same for one mark by its name, after an impulse since it was last seen
         """
         search = Search(
-            frame_bgr, expected, expected_after_impulse, self.hues, self.templates, self.missed, self.settings
+            frame_bgr,
+            expected,
+            expected_after_impulse,
+            self.hues,
+            self.templates,
+            self.missed,
+            self.settings,
+            Rejections() if self._explain else None,
         )
         for stage in self._stages:
             stage.run(search)
@@ -54,7 +68,24 @@ class MarkFinder:
         self.missed = {one.name for one in search.missing}
         for nominal, followed in self.hues.items():
             followed.follow([seen for seen in search.found.values() if seen.hue_deg == nominal])
+        self._last = search if self._explain else None
         return [AssociatedMark(name, seen) for name, seen in search.found.items()]
+
+    @property
+    def lost(self) -> tuple[LostMark, ...]:
+        """Why each mark that was not found in the last frame was not; none where that was not to be explained."""
+        search = self._last
+        if search is None or search.rejections is None:
+            return ()
+        height, width = search.frame_bgr.shape[:2]
+        return lost_marks(
+            search.missing,
+            search.found,
+            search.unassigned,
+            search.rejections,
+            size_px=(width, height),
+            settings=search.settings,
+        )
 
 
 def _of_one_range(hues: Iterable[MarkHue]) -> list[MarkHue]:

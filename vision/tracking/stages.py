@@ -17,12 +17,13 @@ from vision.detection.components import detect_marks
 from vision.detection.expected import Expected
 from vision.detection.fast_path import detect_isolated
 from vision.detection.outline import Outline
-from vision.detection.records import Detection, HueError
+from vision.detection.records import Detection, HueError, Reason
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceMatch
 from vision.tracking.association import associate_marks, squared_distance
 from vision.tracking.candidates import detection_at, is_mark
 from vision.tracking.hue_tracking import AdaptiveHue
+from vision.tracking.reasons import Rejections
 from vision.tracking.regions import Box, inside, search_regions
 from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
@@ -40,6 +41,7 @@ class Search:
     in the last frame, None before the first
     where: what is expected, by name; found: detections by name
     unassigned: detections of the last stage that are no expected mark's
+    rejections: takes what is rejected, and why; None where nobody asks
     """
 
     frame_bgr: Image
@@ -49,6 +51,7 @@ class Search:
     templates: AppearanceTemplates
     missed: set[str] | None
     settings: FinderSettings
+    rejections: Rejections | None = None
     found: dict[str, Detection] = field(default_factory=dict)
     unassigned: list[Detection] = field(default_factory=list)
     regions: list[Box] = field(default_factory=list)
@@ -90,11 +93,15 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """One stage of the finder: what it proposes, and its acceptance test; a named candidate replaces what was found."""
+    """One stage of the finder: what it proposes, and its acceptance test; a named candidate replaces what was found.
+
+    reason: why a mark is lost that it rejects; None where later stages decide that, or earlier ones have
+    """
 
     name: str
     propose: Callable[[Search], Iterable[Candidate]]
     accept: Callable[[Search, Candidate, Detection], bool]
+    reason: Reason | None = None
 
     def run(self, search: Search) -> None:
         """Take the accepted candidates into `search.found`, drop marks whose candidate is rejected."""
@@ -102,6 +109,8 @@ class Stage:
         for candidate in self.propose(search):
             seen, name = candidate.detection, candidate.name
             if seen is None or not self.accept(search, candidate, seen):
+                if search.rejections is not None:
+                    search.rejections.note(self.reason, name, seen)
                 if name is not None:
                     search.found.pop(name, None)
             elif name is None:
@@ -160,12 +169,16 @@ def _in_picture(search: Search) -> Iterator[Candidate]:
         return
     search.found.clear()
     search.unassigned = []
+    if search.rejections is not None:
+        search.rejections.begin_again()
     try:
         yield from _components(search, search.expected, None)
-    except HueError:
+    except HueError as error:
         # later, it is a hand before the camera
         if search.missed is None:
             raise
+        if search.rejections is not None:
+            search.rejections.flooded = error
 
 
 def _components(search: Search, own: Sequence[Expected], region: Box | None) -> list[Candidate]:
@@ -180,6 +193,7 @@ def _components(search: Search, own: Sequence[Expected], region: Box | None) -> 
         expected_px=[one.center_px for one in own],
         expected_hues=[one.hue_deg for one in own],
         settings=search.settings.detection,
+        rejected=None if search.rejections is None else search.rejections.pieces,
     )
     return [Candidate(seen) for seen in detections]
 
@@ -299,14 +313,14 @@ def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> b
 
 STAGES = (
     Stage("isolated", _isolated, _is_expected),
-    Stage("regions", _in_regions, _has_color),
-    Stage("picture", _in_picture, _has_color),
+    Stage("regions", _in_regions, _has_color, Reason.COLOUR),
+    Stage("picture", _in_picture, _has_color, Reason.COLOUR),
     Stage("impulse", _after_impulse, _has_color),
-    Stage("check", _checked, _is_like_it),
+    Stage("check", _checked, _is_like_it, Reason.UNLIKE),
     Stage("appearance", _by_appearance, _is_match),
     Stage("other light", _in_other_light, _is_apart),
     Stage("rim", _by_rim, _has_color_apart),
-    Stage("ambiguity", _touching, _is_unambiguous),
+    Stage("ambiguity", _touching, _is_unambiguous, Reason.AMBIGUOUS),
 )
 """All stages, in their order."""
 

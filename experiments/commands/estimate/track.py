@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.options import Force, Out, SceneFile, WithFilm
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -18,9 +18,13 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
+    film: WithFilm = False,
     force: Force = False,
 ) -> Answer:
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
+    from contextlib import nullcontext
+
+    from experiments.film.film import Film
     from experiments.formats.recording import read_recording
     from experiments.pipeline.events import report_swap
     from experiments.pipeline.line import FILTER
@@ -31,13 +35,14 @@ def track(
     opened = read_recording(recording, scene)
     with run.folder(out, force=force, inputs=[recording, scene]) as folder:
         run.use(opened.scene, before="track")
-        done = tracked(opened, run.stage("track"), check=check)
+        with Film(folder, opened) if film else nullcontext() as watch:
+            done = tracked(opened, run.stage("track"), check=check, watch=watch)
         write_tables(done, folder)
         write_track_plots(done, folder)
         for step in done.steps:
             if step.swap is not None:
                 report_swap(step.swap)
-    from experiments.commands.console import fit_lines, sentence, track_table, withheld_table
+    from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table
     from experiments.pipeline.scores.withheld import withheld_words
 
     told = summary(done)
@@ -45,6 +50,10 @@ def track(
     def show() -> None:
         print_table(track_table(told))
         print(*fit_lines(told[FILTER]), sep="\n")
+        if any(one.found < 1.0 for one in done.marks.values()):
+            print_table(marks_table(told[FILTER]))
+        if told[FILTER].get("marks_verdict"):
+            print(sentence(told[FILTER]["marks_verdict"]))
         if check:
             if done.withheld:
                 print_table(withheld_table(told[FILTER]))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.options import Force, Out, SceneFile, WithFilm
 from experiments.commands.run import Answer, Run
 
 
@@ -17,10 +17,14 @@ def advise(
     needle: Annotated[Path, typer.Option("--needle", help="The needle's file.", show_default=False)],
     out: Out,
     scene: SceneFile = None,
+    film: WithFilm = False,
     force: Force = False,
 ) -> Answer:
     """Say for each frame whether a needle should go in, wait or turn: a table and a picture."""
+    from contextlib import nullcontext
+
     from experiments.commands.console import advice_line, reliability_line
+    from experiments.film.film import Film
     from experiments.formats.needle_file import read_needle
     from experiments.formats.recording import read_recording
     from experiments.pipeline.advise import advise as advised
@@ -31,7 +35,8 @@ def advise(
     plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
     with run.folder(out, force=force, inputs=[recording, scene, needle]) as folder:
         run.use(opened.scene, before="track")
-        done = advised(opened, plan, run.stage("advise"))
+        with Film(folder, opened, plan) if film else nullcontext() as watch:
+            done = advised(opened, plan, run.stage("advise"), watch=watch)
         write_advice(done, folder)
         write_advice_plot(done, folder)
     counts, reliable = done.counts(), reliability(done)

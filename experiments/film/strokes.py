@@ -1,0 +1,147 @@
+"""Lines, ellipses and text that can be read on any picture: light on a dark edge.
+
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Colours are BGR.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from experiments.arrays import Floats
+from vision.arrays import Image, Picture
+
+Colour = tuple[int, int, int]
+
+DARK: Colour = (0, 0, 0)
+SHIFT = 4
+"""Places are drawn to a sixteenth of a pixel."""
+TEXT_PX = 16.0
+"""Height of a line of text in a picture of 480 px [px]."""
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+FONT_PX = 30.0
+"""Height of a line of that font at scale 1 [px]."""
+
+
+def segments_of(points_px: Floats) -> Floats:
+    """The pieces of a line through points, (n, 2): (n - 1, 2, 2)."""
+    return np.stack([points_px[:-1], points_px[1:]], axis=1)
+
+
+def draw_segments(image: Image, segments: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
+    """Draw pieces of lines, (n, 2, 2) [px], those parts that lie in the picture; edge: width of the dark edge [px]."""
+    inside = clipped(segments, image.shape[1::-1])
+    pieces = list(np.round(inside * 2**SHIFT).astype(np.int32))
+    if edge and pieces:
+        cv2.polylines(image, pieces, False, DARK, width + 2 * edge, cv2.LINE_AA, SHIFT)
+    if pieces:
+        cv2.polylines(image, pieces, False, colour, width, cv2.LINE_AA, SHIFT)
+
+
+def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour, width: int) -> None:
+    """Draw a dashed line through points, (n, 2) [px]; its gaps are dark, so that it is seen on any ground."""
+    draw_segments(image, segments_of(points_px), DARK, width, edge=0)
+    draw_segments(image, dashed(points_px, dash_px), colour, width, edge=0)
+
+
+def clipped(segments: Floats, size_px: Sequence[int], margin_px: float = 8.0) -> Floats:
+    """The parts of segments (n, 2, 2) within a picture and a margin around it; those elsewhere, or not finite, go.
+
+    By Liang and Barsky: each of four half planes cuts the interval of t in a + t (b - a).
+    """
+    finite = segments[np.isfinite(segments).all(axis=(1, 2))]
+    start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
+    low, high = np.zeros(len(finite)), np.ones(len(finite))
+    for axis in (0, 1):
+        for edge, sign in ((-margin_px, -1.0), (size_px[axis] - 1.0 + margin_px, 1.0)):
+            room, speed = sign * (edge - start[:, axis]), sign * along[:, axis]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = np.where(speed == 0.0, np.inf, room / speed)
+            high = np.where(speed > 0.0, np.minimum(high, t), high)
+            low = np.where(speed < 0.0, np.maximum(low, t), low)
+            high = np.where((speed == 0.0) & (room < 0.0), -1.0, high)
+    seen = low <= high
+    ends = [start[seen] + t[seen, None] * along[seen] for t in (low, high)]
+    return np.stack(ends, axis=1)
+
+
+def ellipse_points(center_px: Floats, shape_px: Floats) -> Floats:
+    """Points around center + shape @ unit circle, closed, (n, 2): close enough that no corner is seen."""
+    reach = float(np.abs(shape_px).max())
+    n = int(np.clip(8.0 * np.sqrt(reach), 24, 1440)) if np.isfinite(reach) else 24
+    angles = np.linspace(0.0, 2.0 * np.pi, n + 1)
+    return np.asarray(center_px + np.column_stack([np.cos(angles), np.sin(angles)]) @ shape_px.T, dtype=np.float64)
+
+
+def dashed(points_px: Floats, dash_px: float) -> Floats:
+    """Every second dash of a line through points, (n, 2): pieces (k, 2, 2)."""
+    lengths = np.linalg.norm(np.diff(points_px, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    if not np.isfinite(along[-1]) or along[-1] == 0.0:
+        return np.zeros((0, 2, 2))
+    # of a line that leaves the picture by far, dashes are longer: no more of them than a picture can show
+    starts = np.arange(0.0, along[-1], max(2.0 * dash_px, along[-1] / 500.0))
+    half = 0.5 * (starts[1] - starts[0]) if len(starts) > 1 else dash_px
+    ends = np.minimum(starts + half, along[-1])
+    place = [np.stack([np.interp(t, along, points_px[:, a]) for a in (0, 1)], axis=1) for t in (starts, ends)]
+    return np.stack(place, axis=1)
+
+
+def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
+    """Draw a line of text with a dark edge, its upper left corner there, moved into the picture; its width [px]."""
+    ink, edge = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
+    part = _room(image, at_px, ink)
+    ink, edge = ink[: part.shape[0], : part.shape[1]], edge[: part.shape[0], : part.shape[1]]
+    _mix(part, part * (1.0 - edge) + ink * np.array(colour, dtype=np.float32))
+    return int(ink.shape[1])
+
+
+def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
+    """Draw a word dark on a plate of this colour, placed as `draw_text` does; its width [px]."""
+    ink, _ = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
+    part = _room(image, at_px, ink)
+    part[:] = colour
+    _mix(part, part * (1.0 - ink[: part.shape[0], : part.shape[1]]))
+    return int(ink.shape[1])
+
+
+def _room(image: Image, at_px: tuple[float, float], ink: Picture) -> Image:
+    """The part of a picture that letters take, moved into it."""
+    (height, width), (rows, columns) = ink.shape[:2], image.shape[:2]
+    left = int(np.clip(round(at_px[0]), 0, max(columns - width, 0)))
+    top = int(np.clip(round(at_px[1]), 0, max(rows - height, 0)))
+    return image[top : top + height, left : left + width]
+
+
+def _mix(part: Image, mixed: Picture) -> None:
+    part[:] = np.clip(mixed, 0.0, 255.0).astype(np.uint8)
+
+
+def darken(image: Image, top: float, bottom: float) -> None:
+    """Halve the light of a strip of the picture, from one row to another: the ground of text."""
+    strip = image[max(round(top), 0) : max(round(bottom), 0)]
+    strip >>= 1
+
+
+def text_height(scale: float) -> int:
+    """Height of a line of text [px]."""
+    return round(1.25 * scale * TEXT_PX)
+
+
+def text_width(text: str, scale: float) -> int:
+    """Width of a line of text [px]."""
+    return int(_letters(text, round(scale * TEXT_PX / FONT_PX, 3))[0].shape[1])
+
+
+@lru_cache(maxsize=512)
+def _letters(text: str, font_scale: float) -> tuple[Picture, Picture]:
+    """How much of each pixel letters cover, and letters with their dark edge, (height, width, 1) float32 each."""
+    (width, height), below = cv2.getTextSize(text, FONT, font_scale, 1)
+    pad = 2
+    canvas = np.zeros((height + below + 2 * pad, width + 2 * pad), dtype=np.uint8)
+    cv2.putText(canvas, text, (pad, pad + height), FONT, font_scale, 255, 1, cv2.LINE_AA)
+    edge = cv2.dilate(canvas, np.ones((3, 3), np.uint8))
+    return (canvas / np.float32(255.0))[:, :, None], (edge / np.float32(255.0))[:, :, None]

@@ -1,0 +1,217 @@
+"""From a step of the pipeline to what is drawn into its frame: everything projected into the picture.
+
+Image axes: u right, v down, pixels; the plane in metres.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics import unpack
+from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
+from experiments.film.strokes import Colour
+from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.line import FILTER, Line, Step
+from experiments.pipeline.scores.marks import NO_ROW, reason_words
+from vision import LostMark, PlaneCamera, fronto_parallel_camera
+
+# Colours of Okabe and Ito, which people tell apart who see fewer colours, BGR
+GREEN: Colour = (115, 158, 0)
+BLUE: Colour = (233, 180, 86)
+ORANGE: Colour = (0, 159, 230)
+VERMILLION: Colour = (0, 94, 213)
+PURPLE: Colour = (167, 121, 204)
+GREY: Colour = (190, 190, 190)
+
+STATUSES = {
+    Status.INITIALISING: BLUE,
+    Status.TRACKING: GREEN,
+    Status.COASTING: ORANGE,
+    Status.LOST: VERMILLION,
+    Status.DIVERGED: PURPLE,
+}
+ADVICE = {Advice.GO: GREEN, Advice.WAIT: ORANGE, Advice.REALIGN: PURPLE, Advice.NO_GUIDANCE: GREY}
+TRUSTED = (Status.TRACKING, Status.COASTING)
+
+GROUND_PX = (640, 480)
+"""Size of the plain ground on which marks are drawn that come without pictures."""
+GROUND_SHARE = 0.6
+"""Share of the ground that the network takes, as drawn: the rest is for its motion and for words."""
+MOST_NAMED = 40
+"""Nodes of a network up to which all are named: names of more would hide the picture."""
+
+
+def ground_camera(scene: Scene) -> PlaneCamera:
+    """A camera square to the plane that sees the network in the middle; InputError for one in space."""
+    if scene.network.dim != 2:
+        raise InputError.at("--film", "a flat scene, or a recording with pictures", "marks.csv in space")
+    low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
+    size_m = np.maximum(high - low, 1e-3)
+    mm_per_px = float((1e3 * size_m / (GROUND_SHARE * np.array(GROUND_PX))).max())
+    middle = 0.5 * (low + high)
+    return fronto_parallel_camera("ground", GROUND_PX, (mm_per_px, mm_per_px), (float(middle[0]), float(middle[1])))
+
+
+def overlay_of(
+    line: Line,
+    step: Step,
+    camera: PlaneCamera,
+    guidance: Guidance | None = None,
+    plan: NeedlePlan | None = None,
+) -> Overlay:
+    """What is to be drawn of a step, the line as it stands after it.
+
+    guidance, plan: the advice of that moment on a needle, and the needle
+    """
+    scene, estimate = line.scene, step.estimates[FILTER]
+    network = scene.network
+    positions = network.positions.copy()
+    x = line.filter.mixture.x[: network.n_state]
+    positions[network.free] = unpack(x, network.dim)[0]
+    named = network.n_nodes <= MOST_NAMED
+    names = tuple(name if named or name == scene.target.node else "" for name in network.names)
+    target_px, target_cov_px2 = _seen(camera, estimate.mean, estimate.cov)
+    return Overlay(
+        status=str(estimate.status),
+        status_colour=STATUSES[estimate.status],
+        facts=facts(estimate, len([mark for mark in scene.marks if mark.measured])),
+        nodes_px=_places(camera, positions),
+        names=names,
+        fixed=network.fixed,
+        springs=network.springs,
+        marks=_marks(scene, step, camera),
+        target_px=target_px,
+        target_cov_px2=target_cov_px2,
+        target_shape_px=_shape(camera, estimate.mean, scene.target.radius_m),
+        trusted=estimate.status in TRUSTED,
+        needle=None if guidance is None or plan is None else _needle(camera, guidance, plan),
+        advice="" if guidance is None else advice_words(guidance),
+        advice_colour=GREY if guidance is None else ADVICE[guidance.advice],
+        notes=_notes(target_cov_px2, camera),
+    )
+
+
+def facts(estimate: TargetEstimate, n_measured: int) -> str:
+    """Time, marks used and the spread of the target, as they stand beside the status."""
+    sigma = ""
+    if estimate.cov is not None and np.isfinite(estimate.cov).all():
+        sigma = f", sigma {1e3 * float(np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1].clip(0.0))):.1f} mm"
+    return f"{estimate.time_s:.2f} s, {estimate.marks_used} of {n_measured} marks{sigma}"
+
+
+def advice_words(guidance: Guidance) -> str:
+    """The advice in short: what, how probable a hit is, why."""
+    what = str(guidance.advice).replace("_", " ")
+    hit = "" if guidance.probability is None else f" {int(100.0 * guidance.probability)} %"
+    return f"{what}{hit}: {guidance.reason}"
+
+
+def _notes(target_cov_px2: Floats | None, camera: PlaneCamera) -> tuple[str, ...]:
+    if target_cov_px2 is None or not np.isfinite(target_cov_px2).all():
+        return ()
+    wide = float(np.sqrt(np.linalg.eigvalsh(target_cov_px2)[0].clip(0.0))) > max(camera.size_px)
+    return ("the target may be anywhere in the picture and beyond",) if wide else ()
+
+
+def _marks(scene: Scene, step: Step, camera: PlaneCamera) -> tuple[MarkDrawn, ...]:
+    seen = {mark.node: mark for mark in step.marks}
+    return tuple(_mark(scene, mark, seen.get(mark.node), step, camera) for mark in scene.marks)
+
+
+def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, camera: PlaneCamera) -> MarkDrawn:
+    expected = None if step.sight is None else step.sight.expected.get(mark.node)
+    expected_px, expected_cov_px2 = (None, None) if expected is None else _seen(camera, *expected)
+    radius_m = mark.diameter_m / 2.0
+    if seen is None:
+        one = None if step.sight is None else step.sight.lost.get(mark.node)
+        return MarkDrawn(
+            mark.node,
+            mark.hue_deg,
+            Fate.LOST,
+            np.zeros((2, 2)) if expected is None else _shape(camera, expected[0], radius_m),
+            expected_px=expected_px,
+            expected_cov_px2=expected_cov_px2,
+            candidate_px=None if one is None else one.candidate_px,
+            why=lost_words(scene, mark.node, one),
+            measured=mark.measured,
+        )
+    center_px, cov_px2 = _seen(camera, seen.position, seen.total_cov)
+    refused = mark.node in step.refused
+    return MarkDrawn(
+        mark.node,
+        mark.hue_deg,
+        Fate.REFUSED if refused else Fate.FOUND,
+        _shape(camera, seen.position, radius_m),
+        center_px,
+        cov_px2,
+        expected_px,
+        expected_cov_px2,
+        why=refused_words(seen, *expected) if refused and expected is not None else "",
+        measured=mark.measured,
+    )
+
+
+def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
+    """How far a mark that the gate rejects lies from where it was expected."""
+    away = seen.position - mean
+    sigmas = float(np.sqrt(away @ np.linalg.solve(cov + seen.total_cov, away)))
+    return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"
+
+
+def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
+    """Why a mark was not found, with the numbers that decided; None: another tracker did not give it."""
+    if lost is None:
+        return NO_ROW
+    words = reason_words(scene, node, str(lost.reason))
+    return f"{words} ({lost.detail})" if lost.detail else words
+
+
+def _needle(camera: PlaneCamera, guidance: Guidance, plan: NeedlePlan) -> NeedleDrawn:
+    insertion = plan.insertion
+    tip = insertion.entry + insertion.depth_m * insertion.axis
+    left_m = guidance.depth_m if guidance.depth_m is not None else plan.needle.reach_m
+    ahead = tip + max(left_m, 0.0) * insertion.axis
+    behind = insertion.entry - max(left_m, plan.needle.reach_m) * insertion.axis
+    shaft_px = _places(camera, np.array([behind, tip]))
+    ahead_px = _places(camera, np.array([tip, ahead]))
+    if guidance.aim is None:
+        return NeedleDrawn(shaft_px, ahead_px)
+    return NeedleDrawn(shaft_px, ahead_px, *_seen(camera, guidance.aim, guidance.cov))
+
+
+def _places(camera: PlaneCamera, points_m: Floats) -> Floats:
+    """Where points of the plane are seen, (n, 2); NaN where they are not before the camera, or not finite."""
+    finite = np.isfinite(points_m).all(axis=1)
+    try:
+        if finite.all():
+            return camera.project(points_m)
+    except ValueError:
+        pass
+    return np.array([_place(camera, point) for point in points_m]).reshape(-1, 2)
+
+
+def _place(camera: PlaneCamera, point_m: Floats) -> Floats:
+    try:
+        return camera.project(point_m[None])[0] if np.isfinite(point_m).all() else np.full(2, np.nan)
+    except ValueError:
+        return np.full(2, np.nan)
+
+
+def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
+    """Where a place is seen and the covariance of that; NaN and None where it is not before the camera."""
+    place_px = _place(camera, mean_m)
+    if cov_m2 is None or not np.isfinite(place_px).all():
+        return place_px, None
+    return place_px, np.asarray(camera.cov_to_px(mean_m[None], cov_m2[None])[0], dtype=np.float64)
+
+
+def _shape(camera: PlaneCamera, place_m: Floats, radius_m: float) -> Floats:
+    """The picture of a disc, (2, 2) [px]; nothing where it is not before the camera."""
+    if not np.isfinite(_place(camera, place_m)).all():
+        return np.zeros((2, 2))
+    return camera.disc_shape(place_m, radius_m)

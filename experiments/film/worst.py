@@ -1,0 +1,97 @@
+"""The worst frames of a film on one sheet: of each kind of fault the worst one, and how many there were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from estimators import Status
+from experiments.film.overlay import LIGHT, Fate, MarkDrawn, Overlay, wrapped
+from experiments.film.strokes import draw_text, text_height
+from experiments.pipeline.scores.marks import REFUSED
+from vision.arrays import Image
+
+TILE_PX = 640
+"""Width of a still on the sheet, at most [px]."""
+MOST_TILES = 6
+"""Stills on the sheet: more cannot be read on a screen."""
+CAPTION_LINES = 2
+"""Lines of text above a still."""
+SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status.INITIALISING)
+"""Statuses, the worst first; a start is none of the filter's faults."""
+
+
+@dataclass(slots=True, eq=False)
+class Still:
+    """The worst frame of a kind until now: how bad it is, the picture, and how many frames of the kind there were."""
+
+    badness: tuple[float, ...]
+    picture: Image
+    count: int
+
+
+class WorstFrames:
+    """Keeps the worst frame of each kind: a status, and the first fault of a mark with its reason.
+
+    State: a still by kind; there are no more kinds than statuses times reasons.
+    """
+
+    def __init__(self) -> None:
+        self._stills: dict[tuple[str, str], Still] = {}
+
+    def take(self, overlay: Overlay, picture: Image) -> None:
+        """Count a frame, drawn, and keep it if it is the worst of its kind."""
+        missed = [mark for mark in overlay.marks if mark.fate is not Fate.FOUND and mark.measured]
+        kind = overlay.status, _fault(missed[0]) if missed else ""
+        badness = float(len(missed)), _spread(overlay)
+        known = self._stills.get(kind)
+        if known is None:
+            self._stills[kind] = Still(badness, _tile(picture), 1)
+            return
+        known.count += 1
+        if badness > known.badness:
+            known.badness, known.picture = badness, _tile(picture)
+
+    def sheet(self) -> Image | None:
+        """Stills side by side, two a row, the worst kinds first; where nothing was amiss the least certain frame."""
+        faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
+        kinds = faults or list(self._stills)
+        if not kinds:
+            return None
+        kinds.sort(key=lambda kind: (SEVERE.index(Status(kind[0])), -self._stills[kind].count))
+        tiles = [self._captioned(kind) for kind in kinds[:MOST_TILES]]
+        across = min(2, len(tiles))
+        tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % across)
+        rows = [np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)]
+        return np.vstack(rows)
+
+    def _captioned(self, kind: tuple[str, str]) -> Image:
+        still, line = self._stills[kind], text_height(1.0)
+        width = still.picture.shape[1]
+        what = f"{kind[0]}, {kind[1]}" if kind[1] else kind[0]
+        frames = "frame" if still.count == 1 else "frames"
+        caption = np.zeros((CAPTION_LINES * line + 6, width, 3), dtype=np.uint8)
+        for k, text in enumerate(wrapped(f"{still.count} {frames}: {what}", width - 8.0, 1.0)[:CAPTION_LINES]):
+            draw_text(caption, text, (4.0, 2.0 + k * line), LIGHT, 1.0)
+        return np.vstack([caption, still.picture])
+
+
+def _fault(mark: MarkDrawn) -> str:
+    """What became of a mark, and why, without numbers."""
+    return REFUSED if mark.fate is Fate.REFUSED else mark.why.split(" (")[0]
+
+
+def _spread(overlay: Overlay) -> float:
+    """Standard deviation of the target in the picture [px], infinite where it is not known."""
+    cov = overlay.target_cov_px2
+    return float("inf") if cov is None or not np.isfinite(cov).all() else float(np.sqrt(np.trace(cov)))
+
+
+def _tile(picture: Image) -> Image:
+    height, width = picture.shape[:2]
+    if width <= TILE_PX:
+        return picture
+    size = TILE_PX, round(height * TILE_PX / width)
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

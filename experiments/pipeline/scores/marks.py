@@ -1,0 +1,105 @@
+"""What became of each mark over a run: found, refused, lost and why; and what is to blame, in a sentence."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.line import Step
+from vision import Reason
+
+MANY = 0.05
+"""Share of frames from which on a mark that is not used is told of: as many as 95 % regions leave out; chosen."""
+
+REFUSED = "refused by the gate"
+NO_ROW = "no row in marks.csv"
+
+LOOK_AT: Mapping[str, str] = {
+    Reason.FEW_PIXELS: "softaim hue",
+    Reason.SIZE: "diameter_mm and the scale of the camera",
+    Reason.SHAPE: "motion blur, and even = false for a ball",
+    Reason.CONTRAST: "the ground behind it",
+    Reason.STAIN: "light and noise, and even = false for a ball",
+    Reason.COLOUR: "softaim hue, and lamps that change",
+    Reason.UNLIKE: "what covers it",
+    Reason.AMBIGUOUS: "marks of one hue that touch",
+    Reason.TAKEN: "marks of one hue that cover each other",
+    Reason.FAR: "the model, and the scale of the camera",
+    Reason.OUTSIDE: "where the camera looks, and its scale",
+    Reason.FLOODED: "softaim hue",
+    REFUSED: "the model: softaim identify, softaim tune",
+    NO_ROW: "the other tracker",
+}
+"""What a user should look at, by reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class MarkShares:
+    """Shares of frames in which a mark was found and taken in, found and refused by the gate, and not found.
+
+    reason: the most frequent one of those in which it was not taken in, and the share of frames that had it
+    """
+
+    measured: bool
+    found: float
+    refused: float
+    lost: float
+    reason: str | None
+    reason_share: float
+
+
+class MarkTally:
+    """Counts what became of each mark of a scene, frame by frame. State: the frames, and counts of (node, reason)."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.n_frames = 0
+        self._counts: Counter[tuple[str, str]] = Counter()
+
+    def take(self, step: Step) -> None:
+        """Count one frame."""
+        self.n_frames += 1
+        seen = {mark.node for mark in step.marks}
+        lost = {} if step.sight is None else step.sight.lost
+        for mark in self.scene.marks:
+            if mark.node in step.refused:
+                self._counts[mark.node, REFUSED] += 1
+            elif mark.node not in seen:
+                why = lost.get(mark.node)
+                self._counts[mark.node, NO_ROW if why is None else why.reason] += 1
+
+    def shares(self) -> dict[str, MarkShares]:
+        """By node; of no frames nothing is known, and nothing is there."""
+        return {mark.node: self._shares(mark) for mark in self.scene.marks} if self.n_frames else {}
+
+    def _shares(self, mark: Mark) -> MarkShares:
+        own = {reason: n / self.n_frames for (node, reason), n in self._counts.items() if node == mark.node}
+        refused = own.get(REFUSED, 0.0)
+        lost = sum(own.values()) - refused
+        worst = max(own, key=lambda reason: own[reason], default=None)
+        share = 0.0 if worst is None else own[worst]
+        return MarkShares(mark.measured, 1.0 - refused - lost, refused, lost, worst and str(worst), share)
+
+
+def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
+    """Which measured mark was not taken in most often, why, and what to look at; None where none was so often."""
+    missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
+    worst = max(missed, key=lambda node: missed[node], default=None)
+    if worst is None or missed[worst] <= MANY:
+        return None
+    one = shares[worst]
+    what = "refused" if one.reason == REFUSED else "not found"
+    reason = one.reason or ""
+    others = [node for node, share in missed.items() if share > MANY and node != worst]
+    more = f" ({', '.join(others)} missed, too)" if others else ""
+    where = f"{what} in {100.0 * one.reason_share:.0f} % of frames"
+    return f"mark {worst}{more}: {where}: {reason_words(scene, worst, reason)}: look at {LOOK_AT[reason]}"
+
+
+def reason_words(scene: Scene, node: str, reason: str) -> str:
+    """A reason with the keys of the mark's hue in it, where it speaks of them."""
+    mark = next(mark for mark in scene.marks if mark.node == node)
+    return reason.replace("its hue", f"hue {mark.hue_deg:g} ± {mark.half_width_deg:g}")

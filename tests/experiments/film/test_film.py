@@ -1,0 +1,144 @@
+"""Films of runs: one frame for each of the recording's, what they show where the projection says, the worst frames."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.film.overlay import Fate
+from experiments.film.views import ground_camera, overlay_of
+from experiments.formats.recording import read_recording
+from experiments.formats.scene.scene import write_scene
+from experiments.pipeline.line import FILTER, Line
+from experiments.pipeline.track import each_frame
+from tests.experiments.command import softaim
+from tests.experiments.plots.tracks import block
+from vision import Reason
+
+SCENARIO = """
+version = 1
+title = "short"
+phantom = "four-mass"
+seed = 4
+duration_s = 1.0
+frame_interval_s = 0.03333333333333333
+[tremor]
+acceleration_m_s2_sqrt_hz = 0.05
+[camera]
+size_px = [640, 480]
+mm_per_px = [1.25, 1.25]
+"""
+NEEDLE = "version = 1\nentry_mm = [0.0, 300.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 100.0\n"
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings")
+    (folder / "short.toml").write_text(SCENARIO)
+    assert softaim("simulate", folder / "short.toml", "--out", folder / "rec") == 0
+    return folder / "rec"
+
+
+def frames_of(film: Path) -> list[np.ndarray]:
+    capture, frames = cv2.VideoCapture(str(film)), []
+    while True:
+        read, image = capture.read()
+        if not read:
+            return frames
+        frames.append(image)
+
+
+def test_what_is_drawn_is_what_was_estimated_seen_and_expected(recording) -> None:
+    opened = read_recording(recording)
+    camera = opened.scene.cameras[0]
+    line = Line(opened.scene, explain=True)
+    for _, step in each_frame(line, opened):
+        overlay = overlay_of(line, step, camera)
+    estimate = step.estimates[FILTER]
+    assert overlay.target_px == pytest.approx(camera.project(estimate.mean[None])[0])
+    scale = 1e3 / 1.25  # px a metre, square to the plane
+    assert overlay.target_cov_px2 == pytest.approx(scale**2 * np.diag([1, -1]) @ estimate.cov @ np.diag([1, -1]))
+    for drawn in overlay.marks:
+        (seen,) = [mark for mark in step.marks if mark.node == drawn.name]
+        assert drawn.fate is Fate.FOUND
+        assert drawn.center_px == pytest.approx(camera.project(seen.position[None])[0])
+        assert np.abs(drawn.shape_px) == pytest.approx(12.0 * np.eye(2))  # 30 mm across at 1.25 mm a pixel
+        assert np.abs(drawn.expected_px - drawn.center_px).max() < 5.0
+    truth = pd.read_csv(recording / "truth.csv").query("node == 'M1'").iloc[-1]
+    own = overlay.nodes_px[opened.scene.network.index("M1")]
+    assert np.abs(own - camera.project([[1e-3 * truth.x_mm, 1e-3 * truth.y_mm]])[0]).max() < 1.0
+    assert overlay.facts.startswith(f"{estimate.time_s:.2f} s, 3 of 3 marks, sigma ")
+
+
+def test_track_writes_a_film_of_every_frame_and_the_worst(recording, tmp_path, capsys) -> None:
+    assert softaim("track", recording, "--out", tmp_path / "out", "--film") == 0
+    frames = frames_of(tmp_path / "out" / "film.avi")
+    assert len(frames) == 30
+    assert frames[0].shape == (480, 640, 3)
+    plain = frames_of(next(recording.glob("video.*")))
+    assert np.abs(frames[10].astype(int) - plain[10]).max() > 100
+    assert cv2.imread(str(tmp_path / "out" / "worst.png")) is not None
+    assert cv2.VideoCapture(str(tmp_path / "out" / "film.avi")).get(cv2.CAP_PROP_FPS) == pytest.approx(30.0, rel=1e-3)
+
+
+def test_without_a_film_the_estimates_are_the_same(recording, tmp_path) -> None:
+    assert softaim("track", recording, "--out", tmp_path / "plain") == 0
+    assert softaim("track", recording, "--out", tmp_path / "filmed", "--film") == 0
+    assert not (tmp_path / "plain" / "film.avi").exists()
+    for name in ("estimates.csv", "estimates.open-loop.csv"):
+        assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "filmed" / name).read_bytes()
+
+
+def test_a_mark_of_another_diameter_than_stated_is_blamed_on_that(recording, tmp_path, capsys) -> None:
+    scene = read_recording(recording).scene
+    marks = tuple(replace(mark, diameter_m=0.09) if mark.node == "M3" else mark for mark in scene.marks)
+    write_scene(replace(scene, marks=marks), tmp_path / "large.toml")
+    assert softaim("track", recording, "--scene", tmp_path / "large.toml", "--out", tmp_path / "out", "--film") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Mark M3: not found in 100 % of frames: wrong size: look at diameter_mm and the scale" in said
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())["filter"]["marks"]["M3"]
+    assert told == {
+        "measured": True,
+        "found": 0.0,
+        "refused": 0.0,
+        "lost": 1.0,
+        "reason": Reason.SIZE,
+        "reason_share": 1.0,
+    }
+
+
+def test_marks_of_another_tracker_are_drawn_on_a_plain_ground(recording, tmp_path) -> None:
+    folder = tmp_path / "marks"
+    folder.mkdir()
+    truth = pd.read_csv(recording / "truth.csv").query("node != 'M2'")
+    truth.assign(sd_mm=0.5).to_csv(folder / "marks.csv", index=False)
+    (folder / "scene.toml").write_bytes((recording / "scene.toml").read_bytes())
+    (tmp_path / "needle.toml").write_text(NEEDLE)
+    out = tmp_path / "out"
+    assert softaim("advise", folder, "--needle", tmp_path / "needle.toml", "--out", out, "--film") == 0
+    frames = frames_of(out / "film.avi")
+    assert len(frames) == truth["time_s"].nunique()
+    opened = read_recording(folder)
+    camera = ground_camera(opened.scene)
+    corners = camera.project(opened.scene.network.positions)
+    assert corners.min() >= 0.0
+    assert (corners <= [639.0, 479.0]).all()
+    at_m1 = camera.project(opened.scene.network.positions[[opened.scene.network.index("M1")]])[0].round().astype(int)
+    around = frames[-1][at_m1[1] - 30 : at_m1[1] + 30, at_m1[0] - 30 : at_m1[0] + 30].astype(int)
+    assert (around[:, :, 2] - around[:, :, 0] > 100).any()  # its red circle
+    assert abs(int(np.median(frames[-1][:, :, 0])) - 60) < 3
+
+
+def test_there_is_no_film_of_marks_in_space(tmp_path, capsys) -> None:
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    write_scene(block(), folder / "scene.toml")
+    (folder / "marks.csv").write_text("time_s,node,x_mm,y_mm,z_mm,sd_mm\n0.0,N2,0.0,0.0,40.0,1.0\n")
+    assert softaim("track", folder, "--out", tmp_path / "out", "--film") == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said == "softaim: --film: expected a flat scene, or a recording with pictures, found marks.csv in space"
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,110 @@
+"""Why marks were not found, on frames drawn so that one thing alone is wrong."""
+
+import numpy as np
+import pytest
+
+from vision import Disc, Expected, Lighting, LostMark, MarkFinder, MarkHue, Outline, Reason, draw_frame
+
+SIZE = (640, 480)
+HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
+OTHERS = {name: at for name, at in HOMES.items() if name != "M4"}
+BLUE = 240.0
+
+
+def expected(places: dict[str, tuple[float, float]], radius: float = 10.0) -> list[Expected]:
+    outline = Outline(radius * np.eye(2), 0.05)
+    return [Expected(name, np.array(at), 9.0 * np.eye(2), 0.0, outline) for name, at in places.items()]
+
+
+def frame(places: dict[str, tuple[float, float]], *more: Disc, radius: float = 10.0) -> np.ndarray:
+    discs = [Disc(np.array(at), (radius, radius), 0.0) for at in places.values()]
+    return draw_frame(SIZE, [*discs, *more], Lighting(), np.random.default_rng(1))
+
+
+def lost(
+    image: np.ndarray, where: list[Expected] | None = None, *, learned: bool = True, hue: MarkHue | None = None
+) -> dict[str, LostMark]:
+    """What a finder says that saw the marks at home in four frames before, if learned."""
+    finder = MarkFinder([MarkHue(0.0) if hue is None else hue], explain=True)
+    for _ in range(4 if learned else 0):
+        finder.find(frame(HOMES), expected(HOMES))
+        assert finder.lost == ()
+    found = finder.find(image, expected(HOMES) if where is None else where)
+    assert {one.name for one in finder.lost} | {one.name for one in found} == set(HOMES)
+    return {one.name: one for one in finder.lost}
+
+
+def test_a_mark_that_is_covered_shows_too_few_pixels() -> None:
+    sliver = lost(frame(HOMES, Disc(np.array([302.0, 350.0]), (9.2, 11.0), BLUE)))
+    assert list(sliver) == ["M4"]
+    assert sliver["M4"].reason is Reason.FEW_PIXELS
+    assert "of at least 63" in sliver["M4"].detail  # a fifth of 100 pi
+    assert np.abs(sliver["M4"].candidate_px - [291.7, 350.0]).max() < 2.0  # the sliver left of the cover
+    gone = lost(frame(OTHERS))
+    assert gone["M4"].reason is Reason.FEW_PIXELS
+    assert gone["M4"].candidate_px is None
+
+
+@pytest.mark.parametrize("radius", [3.3, 5.0, 21.0, 40.0])
+def test_a_mark_of_another_diameter_is_of_the_wrong_size(radius: float) -> None:
+    one = lost(frame(HOMES, radius=radius), learned=False)
+    assert {each.reason for each in one.values()} == {Reason.SIZE}
+    assert float(one["M4"].detail.split()[0]) == pytest.approx(radius / 10.0, abs=0.06)
+    assert np.abs(one["M4"].candidate_px - HOMES["M4"]).max() < 1.0
+
+
+def test_a_mark_elsewhere_is_too_far_and_by_how_much() -> None:
+    one = lost(frame({**HOMES, "M4": (300.0, 420.0)}))["M4"]
+    assert one.reason is Reason.FAR
+    assert one.detail.startswith("70 px, 23 sigma")  # 70 px by a standard deviation of 3
+    assert np.abs(one.candidate_px - [300.0, 420.0]).max() < 1.0
+
+
+def test_a_streak_has_the_wrong_shape() -> None:
+    one = lost(frame(OTHERS, Disc(np.array([300.0, 350.0]), (40.0, 4.0), 0.0)))["M4"]
+    assert one.reason is Reason.SHAPE
+    assert float(one.detail.split()[0]) == pytest.approx(10.0, abs=0.5)
+
+
+def test_a_mark_expected_beyond_the_border_is_outside() -> None:
+    one = lost(frame(OTHERS), expected({**HOMES, "M4": (300.0, 500.0)}))["M4"]
+    assert one.reason is Reason.OUTSIDE
+
+
+def test_a_mark_of_another_colour_within_its_range_is_told_of() -> None:
+    wide = MarkHue(0.0, half_width_deg=60.0)
+    one = lost(frame(OTHERS, Disc(np.array([300.0, 350.0]), (10.0, 10.0), 45.0)), hue=wide)["M4"]
+    assert one.reason is Reason.COLOUR
+
+
+def test_the_only_mark_where_two_are_expected_is_taken_for_the_other() -> None:
+    near = {**HOMES, "M4": (448.0, 130.0)}
+    one = lost(frame({"M1": HOMES["M1"], "M3": HOMES["M3"]}), expected(near), learned=False)
+    (name,) = one
+    assert name in ("M3", "M4")
+    assert one[name].reason is Reason.TAKEN
+    assert one[name].detail == ({"M3", "M4"} - {name}).pop()
+
+
+def test_a_hand_over_the_picture_floods_it() -> None:
+    one = lost(frame(HOMES, Disc(np.array([320.0, 240.0]), (300.0, 220.0), 0.0)))
+    assert {each.reason for each in one.values()} == {Reason.FLOODED}
+
+
+def test_explaining_changes_no_detection() -> None:
+    """Bit for bit, over frames in which marks come and go."""
+    finders = [MarkFinder([MarkHue(0.0)], explain=explain) for explain in (False, True)]
+    for k in range(12):
+        image = frame(
+            {**OTHERS, "M4": (300.0 + 30.0 * (k % 4 == 3), 350.0)},
+            Disc(np.array([140.0 + 4.0 * k, 120.0]), (9.0, 9.0), BLUE),
+        )
+        seen = [
+            {
+                one.name: (*one.detection.center_px, *one.detection.cov_px2.ravel())
+                for one in finder.find(image, expected(HOMES))
+            }
+            for finder in finders
+        ]
+        assert seen[0] == seen[1]
+    assert finders[0].lost == ()

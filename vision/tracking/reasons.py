@@ -1,0 +1,135 @@
+"""Why marks were not found in a frame: by what the stages of the finder rejected there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vision.arrays import Floats
+from vision.detection.components import BLOCK_AREA_PX
+from vision.detection.expected import Expected
+from vision.detection.records import Detection, HueError, Reason, Rejected
+from vision.tracking.association import squared_distance
+from vision.tracking.settings import FinderSettings
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LostMark:
+    """A mark that was not found in a frame.
+
+    reason: why not; detail: the numbers that decided, empty where there are none
+    candidate_px: the middle of what was seen and rejected [px], (2,); None where nothing was
+    """
+
+    name: str
+    reason: Reason
+    detail: str = ""
+    candidate_px: Floats | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Rejections:
+    """What the finder rejected in one frame, noted where that is asked for.
+
+    pieces: pixels of a hue that are no mark; detections: those that are no mark, and why
+    dropped: by name, why a mark that was seen was given up, and what was seen; flooded: the hue that is everywhere
+    """
+
+    pieces: list[Rejected] = field(default_factory=list)
+    detections: list[tuple[Detection, Reason]] = field(default_factory=list)
+    dropped: dict[str, tuple[Reason, Detection | None]] = field(default_factory=dict)
+    flooded: HueError | None = None
+
+    def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
+        """Note a candidate that a stage rejects for this reason; None: later stages look there again."""
+        if reason is None:
+            return
+        if name is not None:
+            self.dropped[name] = reason, seen
+        elif seen is not None:
+            self.detections.append((seen, reason))
+
+    def begin_again(self) -> None:
+        """Forget what was noted: all marks are searched for again."""
+        self.pieces.clear()
+        self.detections.clear()
+        self.dropped.clear()
+
+
+def lost_marks(
+    missing: Sequence[Expected],
+    found: Mapping[str, Detection],
+    unassigned: Sequence[Detection],
+    rejections: Rejections,
+    *,
+    size_px: tuple[int, int],
+    settings: FinderSettings,
+) -> tuple[LostMark, ...]:
+    """Why each missing mark was not found.
+
+    found: detections of the others, by name; unassigned: detections that are no expected mark's
+    size_px: of the picture, width and height
+
+    What was given up by name comes first; then what lies within the gate of the mark's place: a piece that is no mark,
+    or the mark of another name; then marks of its hue beyond the gate, the nearest; then specks within it.
+    """
+    return tuple(next(_causes(one, found, unassigned, rejections, size_px, settings)) for one in missing)
+
+
+def _causes(
+    one: Expected,
+    found: Mapping[str, Detection],
+    unassigned: Sequence[Detection],
+    rejections: Rejections,
+    size_px: tuple[int, int],
+    settings: FinderSettings,
+) -> Iterator[LostMark]:
+    """Why a mark was not found: what decided first comes first."""
+    gate = settings.association.gate
+    if rejections.flooded is not None:
+        yield LostMark(one.name, Reason.FLOODED, str(rejections.flooded))
+    if one.name in rejections.dropped:
+        reason, seen = rejections.dropped[one.name]
+        yield LostMark(one.name, reason, "", None if seen is None else seen.center_px)
+    near = [
+        piece for piece in rejections.pieces if piece.hue_deg == one.hue_deg and _piece_distance(one, piece) <= gate
+    ]
+    largest = max(near, key=lambda piece: piece.area_px, default=None)
+    if largest is not None and largest.area_px >= _speck_px(one, settings):
+        yield LostMark(one.name, largest.reason, largest.detail, largest.center_px)
+    for seen, reason in rejections.detections:
+        if seen.hue_deg == one.hue_deg and squared_distance(one, seen) <= gate:
+            yield LostMark(one.name, reason, "", seen.center_px)
+    for name, seen in found.items():
+        if seen.hue_deg == one.hue_deg and squared_distance(one, seen) <= gate:
+            yield LostMark(one.name, Reason.TAKEN, name, seen.center_px)
+    of_its_hue = [seen for seen in unassigned if seen.hue_deg == one.hue_deg]
+    if of_its_hue:
+        nearest = min(of_its_hue, key=lambda seen: squared_distance(one, seen))
+        away_px = float(np.hypot(*(nearest.center_px - one.center_px)))
+        sds = squared_distance(one, nearest) ** 0.5
+        yield LostMark(
+            one.name, Reason.FAR, f"{away_px:.0f} px, {sds:.0f} sigma of at most {gate**0.5:.1f}", nearest.center_px
+        )
+    u, v = one.center_px.tolist()
+    if not (-0.5 <= u < size_px[0] - 0.5 and -0.5 <= v < size_px[1] - 0.5):
+        yield LostMark(one.name, Reason.OUTSIDE)
+    if largest is not None:
+        yield LostMark(one.name, largest.reason, largest.detail, largest.center_px)
+    yield LostMark(one.name, Reason.FEW_PIXELS, "none where it was expected")
+
+
+def _piece_distance(one: Expected, piece: Rejected) -> float:
+    """Squared Mahalanobis distance of pixels from a mark's place: they may be any part of the mark."""
+    anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
+    # of a point anywhere in a disc: a quarter of its radius squared
+    cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
+    return squared_distance(one, Detection(piece.center_px, cov_px2, piece.area_px, piece.hue_deg, False))
+
+
+def _speck_px(one: Expected, settings: FinderSettings) -> float:
+    """Pixels below which a piece says less of a mark than another further away does [px]."""
+    least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
+    return min(BLOCK_AREA_PX, least)
