@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from experiments.commands.app import COMMANDS
+from experiments.studies import commands_page
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -145,6 +146,11 @@ def has(module: object, dotted: str) -> bool:
         return False
     kind = getattr(module, first)
     return not rest or rest in dir(kind) or f"self.{rest}" in inspect.getsource(kind)
+
+
+def test_the_page_of_commands_is_what_their_help_says() -> None:
+    text = commands_page.PAGE.read_text(encoding="utf-8")
+    assert commands_page.page(text) == text, "python -m experiments.studies.commands_page"
 
 
 def test_studies_that_moved_can_be_run() -> None:

@@ -16,6 +16,7 @@ from experiments.commands.assess.sweep import sweep
 from experiments.commands.estimate.compare import compare
 from experiments.commands.estimate.identify import identify
 from experiments.commands.estimate.live import live
+from experiments.commands.estimate.smooth import smooth
 from experiments.commands.estimate.track import track
 from experiments.commands.estimate.tune import tune
 from experiments.commands.faults import told
@@ -32,6 +33,7 @@ from experiments.threads import one_thread_each
 COMMANDS = (
     simulate,
     track,
+    smooth,
     compare,
     calibrate,
     advise,
@@ -47,6 +49,9 @@ COMMANDS = (
     bench,
 )
 """In the order in which help lists them."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells have it."""
 
 app = typer.Typer(
     name="softaim",
@@ -83,11 +88,13 @@ def main() -> None:
     except typer.TyperException as fault:
         _end(told(fault, _words(), sys.argv[1:]), 2)
     except (typer.Abort, KeyboardInterrupt):
-        _end("interrupted", 130)
+        _end("interrupted", INTERRUPTED)
     except Exception as fault:
         if not is_bad_input(fault):
             raise
         _end(" ".join(str(fault).splitlines()), 2)
+    if code == INTERRUPTED:
+        _end("interrupted", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
 
 

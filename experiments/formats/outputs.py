@@ -88,8 +88,12 @@ def check_new(path: Path, force: bool) -> None:
         raise InputError.at(path, "a new file", "one that is there; --force replaces it")
     if not final.parent.is_dir():
         raise InputError.at(path, "a file in a folder that is there", "none" if not final.parent.exists() else "a file")
-    if not os.access(final.parent, os.W_OK):
-        raise InputError.at(path, "a file that can be written", "permission denied")
+    part = _part_of(final, final.parent)
+    try:
+        part.touch(exist_ok=False)
+        part.unlink()
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be written", error) from error
 
 
 def _final(path: Path) -> Path:

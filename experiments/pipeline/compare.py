@@ -21,6 +21,9 @@ from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Step
 from experiments.pipeline.track import Advance, Track, figures, table, track
 
+SMOOTHER = "smoother"
+"""The registered method that `softaim smooth` runs."""
+
 
 def method_names() -> tuple[str, ...]:
     """All methods that can be compared: those of a track, then the registered ones."""
@@ -96,6 +99,13 @@ def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
     """What summary.json holds: figures by method, as `softaim track` has them."""
     rows = {method: figures(done, method) for method in methods_of(done)}
     return rows | {FILTER: rows[FILTER] | dict(done.counts)}
+
+
+def write_smoothed(done: Track, folder: Path) -> None:
+    """Write the smoother's estimates.csv, the filter's beside it and summary.json to a folder that exists."""
+    for method, name in ((SMOOTHER, "estimates.csv"), (FILTER, f"estimates.{FILTER}.csv")):
+        table(done, method).to_csv(folder / name, index=False, float_format="%.9g")
+    (folder / "summary.json").write_text(json.dumps(summary(done), indent=2) + "\n", encoding="utf-8")
 
 
 def write_comparison(done: Track, folder: Path) -> None:

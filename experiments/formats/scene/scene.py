@@ -160,12 +160,12 @@ def scene_text(scene: Scene) -> str:
 
 def scene_digest(scene: Scene) -> str:
     """SHA-256 of all that a scene says, however its file is laid out; the steps done on it are left out."""
-    return digest("\n".join(_content(scene)))
+    return digest(_content(scene))
 
 
 def network_digest(scene: Scene) -> str:
     """SHA-256 of the network alone."""
-    return digest("\n".join(network_lines(scene.network, scene.spring_groups)))
+    return digest(network_lines(scene.network, scene.spring_groups))
 
 
 def with_step(scene: Scene, step: StepName, program: str, recording: str | None = None) -> Scene:

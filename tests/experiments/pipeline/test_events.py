@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.events import rest_line, rest_offsets
+from experiments.formats.scene.scene import with_step
+from experiments.pipeline.events import rest_line, rest_offsets, steps_left_out
 from experiments.simulation.simulate import scene_of
 
 
@@ -40,3 +41,51 @@ def test_one_that_does_not_is_said_by_how_much(scene):
     assert "up to 5.0 mm from where it is drawn (node M1; the target's 0.0 mm)" in said
     assert "softaim identify RECORDING --at-rest" in said
     assert said.isprintable()
+
+
+def tuned(scene):
+    """The scene with a noise level of its own, and the step that gave it."""
+    settings = replace(scene.settings, quiet=replace(scene.settings.quiet, white=0.123))
+    return with_step(replace(scene, settings=settings), "tune", "1")
+
+
+def damped(scene):
+    """The scene with more drag: it rests where it did."""
+    return replace(scene, network=replace(scene.network, drag=scene.network.drag + 0.1))
+
+
+def test_each_step_that_was_left_out_is_named_with_what_that_means(scene):
+    """Those before the command, and no others."""
+    off = drawn_off(scene, "M1", [3e-3, -4e-3])
+    assert list(steps_left_out(off, "simulate")) == ["at-rest"]
+    assert list(steps_left_out(off, "identify")) == ["at-rest"]
+    assert list(steps_left_out(off, "tune")) == ["at-rest", "identify"]
+    lines = steps_left_out(off, "track")
+    assert list(lines) == ["at-rest", "identify", "tune"]
+    assert lines["identify"] == "constants were not identified (softaim identify): no covariance has their errors"
+    assert lines["tune"] == (
+        "settings were not tuned (softaim tune): covariances may be too large, probabilities too low"
+    )
+
+
+def test_what_was_done_is_not_left_out(scene):
+    found = with_step(scene, "identify", "1")
+    assert list(steps_left_out(found, "track")) == ["tune"]
+    assert steps_left_out(tuned(found), "track") == {}
+    assert list(steps_left_out(with_step(scene, "simulate", "1"), "track")) == ["tune"]
+    assert list(steps_left_out(tuned(scene), "track")) == ["identify"]
+
+
+def test_what_was_changed_by_hand_since_is_left_out_again(scene):
+    changed = steps_left_out(damped(tuned(with_step(scene, "identify", "1"))), "track")
+    assert list(changed) == ["identify"]
+    assert "not identified since the network was changed after softaim tune" in changed["identify"]
+    again = steps_left_out(with_step(tuned(scene), "identify", "1"), "track")
+    assert "tuned before softaim identify, for other constants" in again["tune"]
+
+
+def test_a_target_that_is_measured_is_said(scene):
+    seen = replace(scene, marks=tuple(replace(mark, measured=True) for mark in scene.marks))
+    line = steps_left_out(with_step(seen, "identify", "1"), "identify")["hidden target"]
+    assert "the target M2 has a measured mark" in line
+    assert "hidden target" not in steps_left_out(scene, "track")

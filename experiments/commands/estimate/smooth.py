@@ -1,0 +1,40 @@
+"""`softaim smooth`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
+
+
+def smooth(
+    run: Run,
+    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    out: Out,
+    scene: SceneFile = None,
+    force: Force = False,
+) -> Answer:
+    """Estimate where the target was at each frame from the marks of all frames, later ones included."""
+    from experiments.commands.console import track_table
+    from experiments.formats.recording import read_recording
+    from experiments.pipeline.compare import SMOOTHER, compare, summary, write_smoothed
+    from experiments.plots.compare import write_comparison_plot
+
+    opened = read_recording(recording, scene)
+    with run.folder(out, force=force, inputs=[recording, scene]) as folder:
+        run.use(opened.scene, before="track")
+        done = compare(opened, [SMOOTHER], run.stage)
+        write_smoothed(done, folder)
+        write_comparison_plot(done, folder)
+    figures = summary(done)
+
+    def show() -> None:
+        print_table(track_table(figures))
+        print(f"Tables and a picture in {out}; estimates.csv has the smoother's")
+
+    return Answer({"out": out, "summary": figures}, show)

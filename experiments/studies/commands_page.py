@@ -1,0 +1,55 @@
+"""docs/commands.md: every command with its arguments and options, as its help has them.
+
+`python -m experiments.studies.commands_page` writes it; with --check it says whether it is what the code is.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from experiments.commands.app import app
+
+PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+START, END = "<!-- commands -->", "<!-- end of commands -->"
+
+
+def sections() -> Iterator[str]:
+    """A section for each command: what it does, how it is called, its arguments and options."""
+    group: Any = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        context = command.make_context(name, [], resilient_parsing=True)
+        usage = " ".join(command.collect_usage_pieces(context))
+        yield f"### {name}\n\n{' '.join((command.help or '').split())}\n\n```text\nsoftaim {name} {usage}\n```\n"
+        rows = [row for one in command.get_params(context) if one.name != "help" and (row := _row(one, context))]
+        yield "| argument, option | what it is |\n| --- | --- |\n" + "".join(rows)
+
+
+def _row(one: Any, context: Any) -> str:
+    found = one.get_help_record(context)
+    if found is None or set(one.opts) & {"--json", "--verbose"}:  # of all commands
+        return ""
+    left, right = (text.replace("|", "\\|") for text in found)
+    return f"| `{left}` | {right} |\n"
+
+
+def page(text: str) -> str:
+    """The page with the sections of the commands as they are."""
+    before, _, rest = text.partition(START)
+    return f"{before}{START}\n\n{chr(10).join(sections())}\n{END}{rest.partition(END)[2]}"
+
+
+def main() -> None:
+    """Write the page, or check it."""
+    text = PAGE.read_text(encoding="utf-8")
+    if "--check" in sys.argv:
+        sys.exit(0 if page(text) == text else "docs/commands.md: python -m experiments.studies.commands_page")
+    PAGE.write_text(page(text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,219 @@
+"""What every run of a command leaves: provenance, log, one JSON object, and what was left out before it."""
+
+import hashlib
+import json
+import shutil
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from experiments.commands.app import COMMANDS
+from experiments.commands.run import Answer, plain, public, subcommand
+from experiments.formats.scene.scene import read_scene
+from tests.experiments.command import softaim
+from tests.experiments.commands.good_files import write_good_files
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    write_good_files(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def provenance(path: str) -> dict:
+    return json.loads(Path(path).read_text(encoding="utf-8"))
+
+
+def sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_an_output_folder_says_where_it_comes_from() -> None:
+    """Digests as sha256sum prints them, of a folder those of its files and their names, in the order of names."""
+    began = datetime.now(UTC)
+    words = ["advise", "film", "--needle", "needle.toml", "--out", "out"]
+    assert softaim(*words) == 0
+    found = provenance("out/provenance.json")
+    assert found["program"]["version"] == version("softaim")
+    assert found["command"] == "advise"
+    assert found["arguments"] == words
+    times = [datetime.fromisoformat(found[key]) for key in ("began", "ended")]
+    assert began.replace(microsecond=began.microsecond // 1000 * 1000) <= times[0] <= times[1] <= datetime.now(UTC)
+    files = sorted(path for path in Path("film").iterdir())
+    lines = "".join(f"{sha256(path.read_bytes())}  {path.name}\n" for path in files)
+    assert found["inputs"] == [
+        {"path": "film", "sha256": sha256(lines.encode())},
+        {"path": "needle.toml", "sha256": sha256(Path("needle.toml").read_bytes())},
+    ]
+    assert found["scene"]["steps"] == []
+    assert found["scene"]["left_out"] == ["identify", "tune"]
+    log = Path("out/softaim.log").read_text(encoding="utf-8")
+    assert "read film: 3 frames of video.avi" in log
+    assert "WARNING settings were not tuned (softaim tune)" in log
+    assert "advise: " in log.splitlines()[-1]
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_the_digest_of_a_scene_is_of_what_it_says_not_of_how() -> None:
+    text = Path("marks/scene.toml").read_text(encoding="utf-8")
+    for name, scene in {
+        "same": "# a remark\n" + text.replace(" = ", "=").replace("0.2", "0.20"),
+        "other": text.replace("mass_kg = 0.2", "mass_kg = 0.25", 1),
+        "plain": text,
+    }.items():
+        Path("marks/scene.toml").write_text(scene, encoding="utf-8")
+        assert softaim("track", "marks", "--out", name) == 0
+    digests = {name: provenance(f"{name}/provenance.json")["scene"]["sha256"] for name in ("plain", "same", "other")}
+    assert digests["same"] == digests["plain"] != digests["other"]
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_steps_follow_the_scene_from_file_to_file(capfd: pytest.CaptureFixture[str]) -> None:
+    """At rest, tuned, tracked: the track's provenance has both steps, and only identify is said to be left out."""
+    with Path("marks/marks.csv").open("a", encoding="utf-8") as marks:
+        marks.writelines(f"{t},M2,0.0,188.1,1.0\n" for t in ("0.2",))
+    assert softaim("identify", "marks", "--at-rest", "--out", "rest.toml") == 0
+    assert softaim("tune", "marks", "--scene", "rest.toml", "--out", "tuned.toml") == 0
+    capfd.readouterr()
+    assert softaim("track", "marks", "--scene", "tuned.toml", "--out", "out") == 0
+    assert [line.split(":")[1].split(" (")[0].strip() for line in capfd.readouterr().err.splitlines()] == [
+        "constants were not identified"
+    ]
+    found = provenance("out/provenance.json")["scene"]
+    assert [step["step"] for step in found["steps"]] == ["at-rest", "tune"]
+    assert found["left_out"] == ["identify"]
+    assert found["sha256"] == found["steps"][-1]["scene_sha256"]
+    beside = provenance("tuned.provenance.json")
+    assert beside["command"] == "tune"
+    assert beside["scene"] == {**found, "left_out": ["identify"]}
+    assert [one["path"] for one in beside["inputs"]] == ["marks", "rest.toml"]
+    recording = found["steps"][0]["recording_sha256"]
+    assert recording == beside["inputs"][0]["sha256"] == found["steps"][1]["recording_sha256"]
+
+
+def test_a_simulated_scene_knows_that_its_constants_are_the_truths_and_stays_the_same() -> None:
+    for name in ("a", "b"):
+        assert softaim("simulate", "scenario.toml", "--out", name) == 0
+    assert Path("a/scene.toml").read_bytes() == Path("b/scene.toml").read_bytes()
+    (step,) = read_scene(Path("a/scene.toml")).steps
+    assert (step.name, step.recording) == ("simulate", None)
+    assert provenance("a/provenance.json")["inputs"] == [
+        {"path": "scenario.toml", "sha256": sha256(Path("scenario.toml").read_bytes())}
+    ]
+    # the digest of a recording leaves out when it was made
+    for name in ("a", "b"):
+        assert softaim("smooth", name, "--out", f"{name}-smooth") == 0
+    inputs = [provenance(f"{name}-smooth/provenance.json")["inputs"][0]["sha256"] for name in ("a", "b")]
+    assert inputs[0] == inputs[1]
+
+
+def test_files_are_replaced_with_force_alone(capfd: pytest.CaptureFixture[str]) -> None:
+    Path("tuned.toml").write_text("mine", encoding="utf-8")
+    assert softaim("tune", "marks", "--out", "tuned.toml") == 2
+    assert "expected a new file, found one that is there; --force replaces it" in capfd.readouterr().err
+    assert Path("tuned.toml").read_text(encoding="utf-8") == "mine"
+    assert softaim("tune", "marks", "--out", "tuned.toml", "--force") == 0
+    assert [step.name for step in read_scene(Path("tuned.toml")).steps] == ["tune"]
+
+
+def test_a_recording_is_replaced_with_force_and_what_else_is_there_stays() -> None:
+    shutil.copytree("film", "rec")
+    Path("rec/notes.txt").write_text("mine", encoding="utf-8")
+    assert softaim("record", "film/video.avi", "--out", "rec", "--force") == 0
+    names = {path.name for path in Path("rec").iterdir()}
+    assert names == {"frames.csv", "notes.txt", "provenance.json", "scene.toml", "softaim.log", "video.mkv"}
+    assert Path("rec/notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "advise film --needle needle.toml --out out",
+        "hue spot.png --at 30,20 --fps 30",
+        "plan scene.toml --plan plan.toml --out out",
+        "record film/video.avi --out out",
+        "simulate scenario.toml --out out",
+        "smooth marks --out out",
+        "sweep sweep.toml --out out --processes 1",
+        "tune marks --out found.toml",
+        "live --source film --out out",
+    ],
+)
+def test_json_is_all_that_is_on_standard_output(words: str, capfd: pytest.CaptureFixture[str]) -> None:
+    if words.startswith("hue"):
+        words = words.replace("spot.png", _spots())
+    assert softaim(*words.split(), "--json", "--verbose") == 0
+    shown = capfd.readouterr()
+    answer = json.loads(shown.out)
+    assert isinstance(answer, dict)
+    assert all(path.exists() for path in [Path(answer.get("out", "."))])
+    assert f"softaim: softaim {version('softaim')}: {words.split()[0]}" in shown.err
+
+
+def _spots() -> str:
+    import cv2
+    import numpy as np
+
+    image = np.full((48, 64, 3), 200, dtype=np.uint8)
+    cv2.circle(image, (30, 20), 10, (40, 40, 220), -1)
+    Path("spots").mkdir()
+    cv2.imwrite("spots/0.png", image)
+    return "spots"
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__name__)
+def test_every_command_has_what_all_have(command, capfd: pytest.CaptureFixture[str]) -> None:
+    assert softaim(command.__name__, "--help") == 0
+    options = capfd.readouterr().out
+    for option in ("--json", "--verbose", "-v,", "--help"):
+        assert option in options
+    if "--out" in options and command.__name__ != "bench":
+        assert "--force" in options
+
+
+def test_the_version_is_that_of_the_package(capfd: pytest.CaptureFixture[str]) -> None:
+    assert softaim("--version") == 0
+    assert capfd.readouterr().out == f"softaim {version('softaim')}\n"
+
+
+def test_an_interrupt_is_one_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.formats.scenario.read_scenario", interrupted)
+    assert softaim("simulate", "quiet", "--out", "out") == 130
+    assert capfd.readouterr().err == "softaim: interrupted\n"
+    assert not Path("out").exists()
+
+
+def test_passwords_of_streams_are_not_kept() -> None:
+    assert public(["live", "--source", "rtsp://me:secret@host/x", "a@b"]) == (
+        *("live", "--source", "rtsp://host/x", "a@b"),
+    )
+
+
+def test_what_json_cannot_hold_is_null() -> None:
+    assert plain({"a": [float("nan"), float("-inf"), 1.5, True], "b": {"c": Path("x/y")}, "d": (1, None)}) == {
+        "a": [None, None, 1.5, True],
+        "b": {"c": "x/y"},
+        "d": [1, None],
+    }
+
+
+def test_a_print_of_a_command_does_not_mix_with_its_json(capfd: pytest.CaptureFixture[str]) -> None:
+    def chatty() -> Answer:
+        """Print."""
+        print("busy")
+        return Answer({"x": 1}, lambda: print("done"))
+
+    called = subcommand(chatty)
+    called(verbose=False, as_json=True)
+    shown = capfd.readouterr()
+    assert json.loads(shown.out) == {"x": 1}
+    assert shown.err == "busy\n"
+    called(verbose=False, as_json=False)
+    assert capfd.readouterr().out == "busy\ndone\n"

@@ -1,0 +1,65 @@
+"""`softaim smooth`: the estimates of the smoother of the library, in the files of `softaim track`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from estimators import TissueFilter, fixed_interval
+from experiments.formats.recording import read_recording
+from experiments.pipeline.track import measurement
+from tests.experiments.command import softaim
+
+SCENARIO = """version = 1
+phantom = "four-mass"
+seed = 4
+duration_s = 1.0
+frame_interval_s = 0.05
+[pokes]
+nodes = ["M1", "M3"]
+acceleration_m_s2 = 20.0
+shortest_s = 0.1
+longest_s = 0.3
+pause_s = 0.2
+[camera]
+size_px = [64, 64]
+mm_per_px = [10.0, 10.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def smoothed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("smooth")
+    (folder / "short.toml").write_text(SCENARIO, encoding="utf-8")
+    assert softaim("simulate", folder / "short.toml", "--no-film", "--out", folder / "rec") == 0
+    assert softaim("smooth", folder / "rec", "--out", folder / "out") == 0
+    return folder
+
+
+def test_estimates_are_those_of_the_smoother(smoothed: Path) -> None:
+    recording = read_recording(smoothed / "rec")
+    scene = recording.scene
+    tissue = TissueFilter(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
+    assert recording.marks is not None
+    seen = [
+        (float(t), [measurement(mark) for mark in marks if mark.node in scene.measured_nodes])
+        for t, marks in zip(recording.exposures_s, recording.marks, strict=True)
+    ]
+    expected = fixed_interval(tissue, seen)
+    rows = pd.read_csv(smoothed / "out" / "estimates.csv")
+    np.testing.assert_allclose(rows[["x_mm", "y_mm"]], [1e3 * one.mean for one in expected], rtol=0, atol=1e-6)
+    covs = [1e6 * one.cov[[0, 0, 1], [0, 1, 1]] for one in expected if one.cov is not None]
+    np.testing.assert_allclose(rows[["xx", "xy", "yy"]], covs, rtol=1e-6)
+
+
+def test_the_filter_stands_beside_it_and_is_less_certain(smoothed: Path) -> None:
+    """On the mean of all frames: the smoother has the marks of the past and of the future."""
+    ours, filters = (pd.read_csv(smoothed / "out" / name) for name in ("estimates.csv", "estimates.filter.csv"))
+    assert list(ours.columns) == list(filters.columns)
+    assert (ours["xx"] + ours["yy"]).mean() < 0.8 * (filters["xx"] + filters["yy"]).mean()
+    summary = json.loads((smoothed / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert list(summary) == ["open-loop", "filter", "smoother"]
+    assert summary["smoother"]["mae_mm"] == pytest.approx(ours["err_mm"].mean(), rel=1e-6)
+    assert (smoothed / "out" / "compare.png").read_bytes().startswith(b"\x89PNG")

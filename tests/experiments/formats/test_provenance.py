@@ -1,0 +1,106 @@
+"""Digests of what was read, the file's form, and files that are written together or not at all."""
+
+import hashlib
+import json
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
+
+import pytest
+
+from experiments.errors import InputError
+from experiments.formats.outputs import check_new, write_together
+from experiments.formats.provenance import Input, Provenance, beside, content_digest, provenance_text
+from experiments.formats.scene.scene import read_scene, scene_digest, scene_text, with_step
+
+GOOD = Path(__file__).parents[1] / "good_scene.toml"
+
+
+def test_a_folders_digest_is_of_names_and_contents_and_not_of_when_it_was_written(tmp_path: Path):
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "0.png").write_bytes(b"zero")
+    (tmp_path / "scene.toml").write_bytes(b"scene")
+    zero, scene = (hashlib.sha256(content).hexdigest() for content in (b"zero", b"scene"))
+    expected = hashlib.sha256(f"{zero}  frames/0.png\n{scene}  scene.toml\n".encode()).hexdigest()
+    assert content_digest(tmp_path) == expected
+    (tmp_path / "provenance.json").write_text("{}")
+    (tmp_path / "softaim.log").write_text("a line")
+    assert content_digest(tmp_path) == expected
+    (tmp_path / "frames" / "0.png").rename(tmp_path / "frames" / "1.png")
+    assert content_digest(tmp_path) != expected
+
+
+def test_times_are_utc_and_the_scene_is_there_with_its_steps():
+    noon = datetime(2026, 1, 2, 12, 0, 0, 500, tzinfo=timezone(timedelta(hours=2)))
+    scene = with_step(read_scene(GOOD), "tune", "9.9", "ab")
+    ended = datetime(2026, 1, 2, 10, 0, 3, tzinfo=UTC)
+    of = Provenance("track", ("track", "ü"), "cd", noon, ended, (Input(Path("x"), "ef"),), scene)
+    found = json.loads(provenance_text(of))
+    assert (found["began"], found["ended"]) == ("2026-01-02T10:00:00.000Z", "2026-01-02T10:00:03.000Z")
+    assert found["arguments"] == ["track", "ü"]
+    assert found["inputs"] == [{"path": "x", "sha256": "ef"}]
+    (step,) = found["scene"]["steps"]
+    assert (step["step"], step["program"], step["recording_sha256"]) == ("tune", "9.9", "ab")
+    assert "scene" not in json.loads(provenance_text(replace(of, scene=None)))
+
+
+def test_steps_are_read_as_they_were_written_and_do_not_change_the_digest(tmp_path: Path):
+    scene = read_scene(GOOD)
+    done = with_step(with_step(scene, "at-rest", "1", "ab"), "identify", "2")
+    (tmp_path / "scene.toml").write_text(scene_text(done), encoding="utf-8")
+    again = read_scene(tmp_path / "scene.toml")
+    assert again.steps == done.steps
+    assert scene_digest(again) == scene_digest(scene) == done.steps[-1].scene
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("mass_kg = 0.25", "mass_kg = 0.250001"),
+        ("stiffness_N_m = 80.0", "stiffness_N_m = 80.0001"),
+        ("hue_deg = 120.0", "hue_deg = 121.0"),
+        ("radius_mm = 5.0", "radius_mm = 5.5"),
+        ("[target]", "[filter]\npoke_m_s2 = 4.9\n[target]"),
+        ("[target]", "[uncertainty]\nstiffness = 0.1\n[target]"),
+    ],
+)
+def test_whatever_a_scene_says_is_in_its_digest(tmp_path: Path, old: str, new: str):
+    text = GOOD.read_text(encoding="utf-8")
+    assert old in text
+    (tmp_path / "other.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
+    assert scene_digest(read_scene(tmp_path / "other.toml")) != scene_digest(read_scene(GOOD))
+
+
+def test_a_files_provenance_stands_beside_it():
+    assert beside(Path("a/my.toml")) == Path("a/my.provenance.json")
+
+
+def test_files_are_written_together_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The second of three cannot be put in its place: the first has its old content, and no part is left."""
+    (tmp_path / "one").write_text("old")
+    replaced = Path.replace
+
+    def full(self: Path, target: Path) -> Path:
+        if Path(target).name == "two":
+            raise OSError(28, "No space left on device")
+        return replaced(self, target)
+
+    files = {tmp_path / name: f"new {name}" for name in ("zero", "one", "two")}
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", full)
+        with pytest.raises(InputError, match="two: expected a file that can be written, found no space left"):
+            write_together(files)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"one": "old"}
+    write_together(files)
+    assert {path: path.read_text() for path in tmp_path.iterdir()} == files
+
+
+def test_a_file_that_is_there_is_refused_before_any_work(tmp_path: Path):
+    check_new(tmp_path / "new.toml", force=False)
+    (tmp_path / "old.toml").touch()
+    check_new(tmp_path / "old.toml", force=True)
+    with pytest.raises(InputError, match="expected a new file, found one that is there; --force replaces it"):
+        check_new(tmp_path / "old.toml", force=False)
+    with pytest.raises(InputError, match="expected a file in a folder that is there, found none"):
+        check_new(tmp_path / "none" / "new.toml", force=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["old.toml"]
