@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from experiments.commands import page as commands_page
 from experiments.commands.app import COMMANDS
-from experiments.studies import commands_page
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -150,7 +150,7 @@ def has(module: object, dotted: str) -> bool:
 
 def test_the_page_of_commands_is_what_their_help_says() -> None:
     text = commands_page.PAGE.read_text(encoding="utf-8")
-    assert commands_page.page(text) == text, "python -m experiments.studies.commands_page"
+    assert commands_page.page(text) == text, "python -m experiments.commands.page"
 
 
 def test_studies_that_moved_can_be_run() -> None:

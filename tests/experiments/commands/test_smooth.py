@@ -55,10 +55,10 @@ def test_estimates_are_those_of_the_smoother(smoothed: Path) -> None:
 
 
 def test_the_filter_stands_beside_it_and_is_less_certain(smoothed: Path) -> None:
-    """On the mean of all frames: the smoother has the marks of the past and of the future."""
+    """Most at the start, where the filter has few marks and the smoother those of the whole second."""
     ours, filters = (pd.read_csv(smoothed / "out" / name) for name in ("estimates.csv", "estimates.filter.csv"))
     assert list(ours.columns) == list(filters.columns)
-    assert (ours["xx"] + ours["yy"]).mean() < 0.8 * (filters["xx"] + filters["yy"]).mean()
+    assert (ours["xx"] + ours["yy"])[:4].mean() < 0.6 * (filters["xx"] + filters["yy"])[:4].mean()
     summary = json.loads((smoothed / "out" / "summary.json").read_text(encoding="utf-8"))
     assert list(summary) == ["open-loop", "filter", "smoother"]
     assert summary["smoother"]["mae_mm"] == pytest.approx(ours["err_mm"].mean(), rel=1e-6)

@@ -134,7 +134,8 @@ def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capf
     assert len(rows) == len(times) + 1
     assert softaim("record", "--recover", folder) == 0
     assert f"{len(times)} frames in {folder}" in capfd.readouterr().out
-    assert sorted(path.name for path in folder.iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"frames.csv", "provenance.json", "scene.toml", "softaim.log", "video.mkv"}
     check_frames(folder, len(times))
 
 

@@ -1,6 +1,6 @@
 """docs/commands.md: every command with its arguments and options, as its help has them.
 
-`python -m experiments.studies.commands_page` writes it; with --check it says whether it is what the code is.
+`python -m experiments.commands.page` writes it; with --check it says whether it is what the code is.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def main() -> None:
     """Write the page, or check it."""
     text = PAGE.read_text(encoding="utf-8")
     if "--check" in sys.argv:
-        sys.exit(0 if page(text) == text else "docs/commands.md: python -m experiments.studies.commands_page")
+        sys.exit(0 if page(text) == text else "docs/commands.md: python -m experiments.commands.page")
     PAGE.write_text(page(text), encoding="utf-8")
 
 
