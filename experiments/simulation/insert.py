@@ -140,7 +140,25 @@ def table(done: Trials) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def advised_table(done: Trials) -> pd.DataFrame:
+    """advised.csv: a row for each advice that was asked for; empty where no needle went in."""
+    rows = [
+        {
+            "seed": done.case.seed + k,
+            "time_s": one.time_s,
+            "advice": str(one.advice),
+            "told": one.probability,
+            "hit": None if one.hit is None else float(one.hit),
+            "miss_mm": None if one.miss_m is None else 1e3 * one.miss_m,
+        }
+        for k, run in enumerate(done.advised)
+        for one in run
+    ]
+    return pd.DataFrame(rows, columns=["seed", "time_s", "advice", "told", "hit", "miss_mm"])
+
+
 def write_insertions(done: Trials, folder: Path) -> None:
-    """Write summary.json and runs.csv to a folder that exists."""
+    """Write summary.json, runs.csv and advised.csv to a folder that exists."""
     write_whole(folder / "summary.json", json.dumps(summary(done), indent=2) + "\n")
     table(done).to_csv(folder / "runs.csv", index=False, float_format="%.6g")
+    advised_table(done).to_csv(folder / "advised.csv", index=False, float_format="%.6g")

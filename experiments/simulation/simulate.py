@@ -43,6 +43,9 @@ from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
 
+TRUTH = 0.2
+"""Share of the work before a film that the truth is taken for, of what is shown as done."""
+
 STIFF_S = 1e-4
 """Where explicit steps would have to be shorter [s], implicit ones are taken: numerical, they then cost less."""
 
@@ -191,17 +194,33 @@ def start_and_forces(
     return start, forces
 
 
-def true_motion(network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """Where the scenario's nodes are at its exposure times; a network without anchors is `carried`."""
+def true_motion(
+    network: MassSpringNetwork,
+    scenario: Scenario,
+    rng: np.random.Generator,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> Truth:
+    """Where the scenario's nodes are at its exposure times; a network without anchors is `carried`.
+
+    `advance` gets the share done, in hundredths. Raises InputError.
+    """
     times = exposures(scenario)
     start, forces = start_and_forces(network, scenario, rng)
-    nothing = np.zeros_like(start)
+    nothing, shown = np.zeros_like(start), 0
+
+    def acting(t: float) -> Floats:
+        nonlocal shown
+        if (done := int(100.0 * t / scenario.duration_s)) > shown:
+            shown = done
+            advance(min(0.01 * done, 1.0))
+        return sum((force(t) for force in forces), nothing)
+
     try:
         states = integrate_adaptive(
             carried(network),
             pack(start, nothing),
             times,
-            force=lambda t: sum((force(t) for force in forces), nothing),
+            force=acting,
             # explicit: from knot to knot a step or two, a method of higher order gains nothing
             method="Radau" if stable_step(network) < STIFF_S else "RK45",
             rtol=1e-6,
@@ -261,17 +280,20 @@ def simulate(
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
         raise InputError.at(f"{scenario.scene}: camera", "one at most for a film (--no-film)", str(len(scene.cameras)))
+    films = filmed and bool(scene.cameras)
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
-        truth = true_motion(true_network(scene.network, scenario, scenario.seed), scenario, rng)
+        network, of_truth = true_network(scene.network, scenario, scenario.seed), TRUTH if films else 1.0
+        truth = true_motion(network, scenario, rng, lambda share: advance(of_truth * share))
         _copy_scene(scenario, with_step(scene, "simulate", version()), folder / "scene.toml")
         write_frames_csv(folder / "frames.csv", truth.times_s)
         names = [scene.network.names[i] for i in scene.network.free]
         write_truth_csv(
             folder / "truth.csv", truth.times_s, {name: truth.positions[:, k] for k, name in enumerate(names)}
         )
-        if filmed and scene.cameras:
-            _write_film(scenario, scene, truth, rng, folder / "video.avi", advance)
+        if films:
+            path, of_film = folder / "video.avi", 1.0 - TRUTH
+            _write_film(scenario, scene, truth, rng, path, lambda share: advance(TRUTH + of_film * share))
         else:
             marks = seen_marks(scene, truth, scenario.seen, rng).marks
             write_marks_csv(folder / "marks.csv", truth.times_s, marks or (), dim=scene.network.dim)

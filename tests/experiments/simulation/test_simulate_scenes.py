@@ -10,12 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import vision
-from dynamics import four_mass_phantom, pack, plain_derivative, rest_shape
+from dynamics import MassSpringNetwork, four_mass_phantom, pack, plain_derivative, rest_shape
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
-from experiments.formats.scenario import read_scenario
+from experiments.formats.scenario import Release, read_scenario
 from experiments.formats.scene.scene import read_scene
-from experiments.simulation.simulate import scene_of, simulate, true_motion
+from experiments.simulation.simulate import scene_of, simulate, true_motion, true_network
 from tests.experiments.command import softaim
 
 HANGING = (Path(__file__).parents[1] / "hanging.toml").read_text()
@@ -193,3 +193,78 @@ def test_a_body_without_anchors_does_not_fall(scenario: Path):
     truth = true_motion(loose, read, np.random.default_rng(0))
     middle = truth.positions.mean(axis=1)
     np.testing.assert_allclose(middle, np.broadcast_to(middle[0], middle.shape), rtol=0, atol=1e-6)
+
+
+def chain(stiffness: float, dashpot: float, mass: float) -> MassSpringNetwork:
+    """Three links that hang from an anchor in the plane."""
+    springs = np.array([(0, 1), (1, 2), (2, 3)])
+    return MassSpringNetwork(
+        names=("top", "a", "b", "c"),
+        positions=np.array([[0.0, -0.1 * k] for k in range(4)]),
+        masses=np.full(4, mass),
+        fixed=np.arange(4) == 0,
+        drag=np.full(4, 0.01),
+        friction=np.zeros(4),
+        springs=springs,
+        stiffness=np.full(3, stiffness),
+        rest_lengths=np.full(3, 0.1),
+        damping=np.full(3, dashpot),
+        gravity=np.array([0.0, -9.81]),
+    )
+
+
+@pytest.mark.parametrize(("mass", "dashpot"), [(0.02, 0.5), (0.001, 50.0)])
+def test_stiff_links_are_followed(mass: float, dashpot: float):
+    """Links of 1e5 N/m, by explicit steps and by implicit ones: to 10 µm of SciPy's BDF, of a swing of a centimetre."""
+    network = chain(1e5, dashpot, mass)
+    read = read_scenario("quiet").model_copy(
+        update={"release": Release(node="c", force_n=[0.4 * mass * 9.81, 0.0]), "tremor": None, "duration_s": 0.2}
+    )
+    truth = true_motion(network, read, np.random.default_rng(0))
+    start = truth.positions[0]
+    solved = solve_ivp(
+        lambda _t, s: plain_derivative(network, s),
+        (0.0, truth.times_s[-1]),
+        pack(start, np.zeros_like(start)),
+        method="BDF",
+        t_eval=truth.times_s,
+        rtol=1e-7,
+        atol=1e-10,
+    )
+    assert np.ptp(truth.positions[:, 2, 0]) > 0.01
+    np.testing.assert_allclose(truth.positions.reshape(-1, 6), solved.y.T[:, :6], atol=1e-5)
+
+
+def test_constants_of_the_truth_are_drawn_about_the_scene_s(scenario: Path):
+    """Of 400 seeds, the logs of a spring's stiffness: 0.1 to three standard errors (11 %), mean 0 to three (0.015)."""
+    scenario.write_text(SCENARIO + "[constants]\nstiffness = 0.1\n")
+    read = read_scenario(str(scenario))
+    network = scene_of(read).network
+    logs = np.array([np.log(true_network(network, read, seed).stiffness / 200.0) for seed in range(400)])
+    np.testing.assert_allclose(logs.std(axis=0), 0.1, rtol=0.11)
+    np.testing.assert_allclose(logs.mean(axis=0), 0.0, atol=0.015)
+    assert abs(np.corrcoef(logs.T)[0, 1]) < 0.15
+    other = true_network(network, read, 7)
+    np.testing.assert_array_equal(other.damping, network.damping)
+    np.testing.assert_array_equal(other.stiffness, true_network(network, read, 7).stiffness)
+
+
+def test_the_recording_keeps_the_scene_whose_constants_are_wrong(scenario: Path, tmp_path: Path):
+    """The truth hangs where springs of other stiffness let it; the scene of the recording is the file's."""
+    scenario.write_text(SCENARIO.split("[release]", maxsplit=1)[0] + "[constants]\nstiffness = 0.2\n")
+    read = read_scenario(str(scenario))
+    simulate(read, tmp_path / "rec")
+    recording = read_recording(tmp_path / "rec")
+    assert recording.scene.network.stiffness.tolist() == [200.0, 200.0]
+    k = true_network(recording.scene.network, read, 5).stiffness
+    sag = 0.1 * 9.81 / k[0]  # both masses hang on the first spring
+    assert recording.truth.positions["hidden"][0, 1] == pytest.approx(-(0.045 + sag), abs=1e-6)
+    assert abs(sag - 0.1 * 9.81 / 200.0) > 1e-4
+
+
+def test_progress_of_the_truth_is_told(scenario: Path, tmp_path: Path):
+    shares: list[float] = []
+    simulate(read_scenario(str(scenario)), tmp_path / "rec", advance=shares.append)
+    assert len(shares) > 20
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
