@@ -23,6 +23,10 @@ SAGS = 1e-3
 class Eventful(Protocol):
     """A source of pictures or of marks, as far as its events go."""
 
+    @property
+    def origin_s(self) -> float:
+        """When the source's own time was nought, on the clock of its events [s]; 0 where it has none."""
+
     def take_events(self) -> tuple[SourceEvent, ...]:
         """What happened since this was last asked, in order."""
 
@@ -107,4 +111,4 @@ def report_swap(swap: IdentitySwap) -> None:
 def report_source_events(frames: Eventful) -> None:
     """Report the events of a source that were not yet taken."""
     for event in frames.take_events():
-        report_event(event.time_s, event.kind, event.text)
+        report_event(event.time_s - frames.origin_s, event.kind, event.text)

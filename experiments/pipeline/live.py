@@ -27,7 +27,7 @@ from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_source_events, report_swap
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import FILTER, Line
-from experiments.pipeline.live_advice import LiveAdvice, words
+from experiments.pipeline.live_advice import LiveAdvice, own_time_s, words
 from experiments.pipeline.live_marks.opening import is_mark_source, open_mark_source
 from experiments.pipeline.live_marks.receiver import LiveMarks, MarksFrame, MarkSource
 from vision.detection.rim_search import detect_by_rim
@@ -87,6 +87,7 @@ class Session:
         self._csv.writerow(header(scene.network.dim))
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
+        self._origin_s = 0.0
 
     def take(self, frame: vision.Frame | MarksFrame) -> bool:
         """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
@@ -107,14 +108,15 @@ class Session:
         else:
             step = self.line.see(frame.exposure_s, frame.image)
         if step.swap is not None:
-            report_swap(step.swap)
+            swap = step.swap
+            report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
         estimate = step.estimates[FILTER]
         self._write(estimate)
         advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, self._clock())
         latency_ms = 1e3 * (self._clock() - frame.exposure_s)
         self.latencies_ms.append(latency_ms)
         self.n_frames += 1
-        self._show(status_text(estimate, self.interval_s, latency_ms, advised))
+        self._show(status_text(self._own(estimate), self.interval_s, latency_ms, advised))
         return True
 
     def _fits(self, frame: vision.Frame) -> bool:
@@ -144,12 +146,24 @@ class Session:
             status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
             ahead = replace(tissue.predict_at(now_s), status=status)
             advised = None if self.advice is None else self.advice.unseen(tissue, now_s)
-            self._show(status_text(ahead, interval_s, 1e3 * (now_s - self._last_s), advised))
+            self._show(status_text(self._own(ahead), interval_s, 1e3 * (now_s - self._last_s), advised))
 
     def _write(self, estimate: TargetEstimate) -> None:
-        self._csv.writerow(row(estimate))
+        self._csv.writerow(row(self._own(estimate)))
         self._file.flush()
         self.statuses[str(estimate.status)] += 1
+
+    def count_from(self, origin_s: float) -> None:
+        """Tell times as a source does whose own time was nought at origin_s on the clock [s]: those of a film."""
+        self._origin_s = origin_s
+        if self.advice is not None:
+            self.advice.origin_s = origin_s
+
+    def _own(self, estimate: TargetEstimate) -> TargetEstimate:
+        return replace(estimate, time_s=self._own_s(estimate.time_s))
+
+    def _own_s(self, time_s: float) -> float:
+        return own_time_s(time_s, self._origin_s)
 
     def close(self) -> None:
         """End the tables."""
@@ -303,6 +317,7 @@ def follow(
     began = clock()
     while not frames.ended and clock() - began < duration_s:
         frame = frames.next(session.wait_s)
+        session.count_from(frames.origin_s)
         report_source_events(frames)
         if (frame is None or not session.take(frame)) and not frames.ended:
             session.coast(clock())

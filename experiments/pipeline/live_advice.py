@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,7 @@ class LiveAdvice:
     Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
     moment's. The path is the filter's, by tables, or the breath's; of a filter that considers unknown constants, for
     which there are no tables, its own, which takes far longer.
+    origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
     State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice.
     """
 
@@ -54,6 +56,7 @@ class LiveAdvice:
         self._breathing = Breathing(self._dim)
         self._learn_s = np.inf
         self._last: TargetEstimate | None = None
+        self.origin_s = 0.0
         if self._tables is not None:
             self._compiled(self._tables)
         self._file = rows.open("w", encoding="utf-8", newline="")
@@ -79,7 +82,9 @@ class LiveAdvice:
 
     def _said(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float) -> Guidance:
         guided = self._guided(tissue, estimate, now_s)
-        self._csv.writerow(row(of_s, guided, self._dim))
+        arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
+        told = replace(guided, arrival_s=arrival_s)
+        self._csv.writerow(row(own_time_s(of_s, self.origin_s), told, self._dim))
         self._file.flush()
         self.counts[str(guided.advice)] += 1
         return guided
@@ -107,6 +112,11 @@ class LiveAdvice:
         means, covs = np.tile(plan.insertion.entry, (n, 1)), np.tile(1e-6 * np.eye(self._dim), (n, 1, 1))
         path = TargetPath(tables.cycle_s * np.arange(n, dtype=np.float64), means, covs)
         advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)
+
+
+def own_time_s(time_s: float, origin_s: float) -> float:
+    """A time on the clock [s] in the time of a source that is nought at origin_s, which files have to a nanosecond."""
+    return round(time_s - origin_s, 9) if origin_s else time_s
 
 
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:

@@ -51,6 +51,10 @@ class Source(Protocol):
     frames_dropped: int
 
     @property
+    def origin_s(self) -> float:
+        """When the source's own time was nought, on the clock of its frames [s]; 0 where they have its own time."""
+
+    @property
     def ended(self) -> bool:
         """Whether all frames have been handed on and none will come."""
 

@@ -27,6 +27,8 @@ class EveryFrame:
     """
 
     frames_dropped = 0
+    origin_s = 0.0
+    """Frames have the file's own times."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames

@@ -65,6 +65,7 @@ class LiveFrames:
     give_up_s: SourceError after so long without a frame; None: never
     settings: when the source counts as blocked, frozen or hung
     clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
+    origin: when the source's own time was nought, on the clock [s], where it has one
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
     State, shared with the threads: frames that wait, the last picture, the watchdog, events not yet taken, the readers.
@@ -82,6 +83,7 @@ class LiveFrames:
         settings: SourceSettings = DEFAULTS,
         clock: Callable[[], float] = time.monotonic,
         nap: Callable[[float], object] | None = None,
+        origin: Callable[[], float] = lambda: 0.0,
     ) -> None:
         for name, value in (("give_up_s", give_up_s), ("keep", keep)):
             if value is not None and not value > 0:
@@ -103,7 +105,13 @@ class LiveFrames:
         self.frames_dropped = 0
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
         self._readers: list[_Reader] = []
+        self._origin = origin
         self._start_reader(clock())
+
+    @property
+    def origin_s(self) -> float:
+        """When the source's own time was nought, on the clock [s]; 0 where it has none."""
+        return self._origin()
 
     @property
     def ended(self) -> bool:

@@ -69,7 +69,11 @@ def from_file(frames: FrameFile, *, live: bool) -> Source:
         return EveryFrame(frames)
     playback = Playback(frames)
     return LiveFrames(
-        lambda: playback, ends=lambda _capture: True, exposures=lambda: stated_exposure_time, may_repeat=True
+        lambda: playback,
+        ends=lambda _capture: True,
+        exposures=lambda: stated_exposure_time,
+        may_repeat=True,
+        origin=lambda: playback.origin_s,
     )
 
 

@@ -30,6 +30,11 @@ class Playback:
         self._shown: Frame | None = None
         self._began_s: float | None = None
 
+    @property
+    def origin_s(self) -> float:
+        """When the file's own time was nought, on the clock [s]; 0 before the first frame."""
+        return self._began_s or 0.0
+
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
         """Always true; iterating raises SourceError where there are no frames."""
         return True

@@ -34,9 +34,14 @@ class MarkSource(Protocol):
     """Frames of marks in order of exposure, whatever they come from: as `vision.Source`, which gives pictures.
 
     frames_dropped: frames that were read and not handed on, because newer ones had come
+    origin_s: when the source's own time was nought, on the clock [s]; 0 where it has none
     """
 
     frames_dropped: int
+
+    @property
+    def origin_s(self) -> float:
+        """When the source's own time was nought, on the clock [s]; 0 where it has none."""
 
     @property
     def ended(self) -> bool:
@@ -84,6 +89,9 @@ class LiveMarks:
     State, shared with the feed's thread: the frame that waits; the sender's clock; the watchdog; events not yet taken,
     what was refused, of which unreported, and when that was last reported [s].
     """
+
+    origin_s = 0.0
+    """Frames are told on the clock of this machine, which the sender's is brought to."""
 
     def __init__(
         self,

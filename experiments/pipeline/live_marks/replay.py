@@ -29,12 +29,18 @@ class MarksReplay:
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.frames_dropped = 0
+        self._first_s = float(exposures_s[0])
         self._times_s, self._marks = (exposures_s - exposures_s[0]).tolist(), marks
         self._clock, self._sleep = clock, sleep
         self._next = 0
         self._began_s: float | None = None
         self._events: list[SourceEvent] = []
         self._ended = False
+
+    @property
+    def origin_s(self) -> float:
+        """When the file's own time was nought, on the clock [s]; 0 before the first frame."""
+        return 0.0 if self._began_s is None else self._began_s - self._first_s
 
     @property
     def ended(self) -> bool:

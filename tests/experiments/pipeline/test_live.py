@@ -168,3 +168,17 @@ def test_before_the_first_frame_nothing_is_told_of_the_target(tmp_path, image):
     assert rows == []
     assert {text for _, text in shown} == {"no frame yet"}
     assert session.n_frames == 0
+
+
+def test_a_film_is_told_in_its_own_times(tmp_path, image, capfd):
+    """A film that began at 100 on the clock, its own time 40 then: rows, the status line and events have the film's."""
+    times = 100.0 + INTERVAL * np.arange(10)
+    blocked = SourceEvent(100.1, EventKind.BLOCKED, "no answer for 0.50 s")
+    source = Clocked(frames_at(times, image), [blocked], 100.4)
+    source.origin_s = 60.0
+    session, rows, shown = run(source, tmp_path)
+    assert session.n_frames == 10
+    own = [float(row["time_s"]) for row in rows][:10]
+    np.testing.assert_allclose(own, 40.0 + INTERVAL * np.arange(10), rtol=0, atol=1e-9)
+    assert shown[0][1].split(" s ")[0].strip() == "40.00"
+    assert capfd.readouterr().err == "softaim: 40.10 s: BLOCKED: no answer for 0.50 s\n"

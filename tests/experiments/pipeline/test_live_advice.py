@@ -223,3 +223,19 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
     assert softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
     assert {path.name for path in (tmp_path / "plain").iterdir()} == {"estimates.csv", "provenance.json", "softaim.log"}
     assert "Advice" not in capsys.readouterr().out
+
+
+def test_of_a_film_advice_has_its_own_times(tmp_path, recording, plan):
+    """The same frames 60 s later on the clock: when a needle is there is told as of the film itself."""
+    with recording.open_frames() as film:
+        frames = list(film)[:20]
+    own, later = (
+        Clocked([(by_s + f.exposure_s, replace(f, exposure_s=by_s + f.exposure_s)) for f in frames], [], by_s + 0.65)
+        for by_s in (0.0, 60.0)
+    )
+    own.now, later.now, later.origin_s = 0.0, 60.0, 60.0
+    (tmp_path / "later").mkdir()
+    first, second = run(own, tmp_path, plan)[1], run(later, tmp_path / "later", plan)[1]
+    assert first["arrival_s"].notna().any()
+    for column in ("time_s", "arrival_s"):
+        np.testing.assert_allclose(second[column], first[column], rtol=0, atol=1e-6)

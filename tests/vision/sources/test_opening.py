@@ -44,6 +44,7 @@ def test_every_frame_of_a_film_comes_when_it_is_not_live(film: str) -> None:
     with open_source(film, live=False) as source:
         frames = list(source)
         assert numbers(frames) == list(range(6))
+        assert source.origin_s == 0.0
         assert [frame.index for frame in frames] == list(range(6))
         assert [frame.exposure_s for frame in frames] == pytest.approx([0.02 * k for k in range(6)])
         assert source.ended
@@ -61,6 +62,9 @@ def test_a_film_is_live_at_its_own_pace_though_it_stands_still(film: str) -> Non
         frames = list(source)
         assert len(frames) + source.frames_dropped == 6
         assert [event.kind for event in source.take_events()] == [EventKind.ENDED]
+        assert [frame.exposure_s - source.origin_s for frame in frames] == pytest.approx(
+            [0.01 * f.index for f in frames]
+        )
     assert frames[-1].exposure_s - began >= 0.05
     np.testing.assert_allclose(np.diff([f.exposure_s for f in frames]), 0.01 * np.diff([f.index for f in frames]))
 

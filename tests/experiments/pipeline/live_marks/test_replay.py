@@ -31,6 +31,7 @@ def test_frames_come_when_they_are_due_then_it_ends() -> None:
         if frame is not None:
             found.append((round(hand.now, 9), round(frame.exposure_s, 9), frame.index, len(frame.marks)))
     assert found == [(50.0, 50.0, 0, 0), (50.1, 50.1, 1, 1), (50.5, 50.5, 2, 0), (50.6, 50.6, 3, 1)]
+    assert source.origin_s == 47.0  # its own 3 s came at 50
     assert source.frames_dropped == 0
     assert [event.kind for event in source.take_events()] == [EventKind.ENDED]
     assert source.next(1.0) is None
