@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from experiments.errors import InputError, read_text, shown
+from experiments.log import LOG
 
 VERSION = 1
 """Of the formats that are read: scene, scenario, needle, plan and camera files."""
@@ -56,7 +57,9 @@ def read_toml(path: Path, model: type[Model]) -> Model:
     version = data.get("version")
     if type(version) is not int or version != VERSION:
         raise InputError.at(f"{path}: version", str(VERSION), "none" if version is None else shown(version))
-    return validated(data, model, f"{path}: ")
+    read = validated(data, model, f"{path}: ")
+    LOG.info("read %s", path)
+    return read
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
