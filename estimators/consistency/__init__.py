@@ -22,7 +22,7 @@ from estimators.consistency.scores import (
     pit_squared,
     uniformity,
 )
-from estimators.consistency.whiteness import autocorrelation, portmanteau
+from estimators.consistency.whiteness import autocorrelation, effective_count, portmanteau
 
 __all__ = [
     "LeaveOneOut",
@@ -36,6 +36,7 @@ __all__ = [
     "coverage_curve",
     "coverage_over_runs",
     "crps_normal",
+    "effective_count",
     "energy_score",
     "mean_bounds",
     "normalised_error_squared",

@@ -36,6 +36,26 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
     return float(chi2.sf(n**2 * total, m * m * n_lags))
 
 
+def effective_count(series: ArrayLike) -> float:
+    """How many independent values would know the mean of a stationary series (n,) as well: n, or fewer; at least 1.
+
+    By the initial positive sequence of its autocovariances [geyer1992], section 3.3: sums of neighbouring ones are
+    added until one is not positive. Of a series that does not vary it is 1.
+    """
+    x = np.asarray(series, dtype=float)
+    n, away = len(x), x - x.mean()
+    variance = float(away @ away)
+    if n < 2 or variance <= 0.0:
+        return 1.0
+    total = -1.0
+    for lag in range(0, n - 1, 2):
+        pair = float(away[lag:] @ away[: n - lag] + away[lag + 1 :] @ away[: n - lag - 1]) / variance
+        if pair <= 0.0:
+            break
+        total += 2.0 * pair
+    return float(np.clip(n / total, 1.0, n)) if total > 0.0 else float(n)
+
+
 def _standardised(series: ArrayLike, n_lags: int) -> Floats:
     z = np.asarray(series, dtype=float)
     z = z[:, None] if z.ndim == 1 else z

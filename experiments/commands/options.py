@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -31,6 +31,9 @@ WithFilm = Annotated[bool, typer.Option("--film", help="Write what the camera sa
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object in place of text; messages are on standard error.")
+]
+Vector = Annotated[
+    Literal["pdf", "svg"] | None, typer.Option("--vector", help="Write each picture as a vector file, too.")
 ]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Say what is read and chosen, and how long each stage took.")

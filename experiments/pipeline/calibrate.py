@@ -29,8 +29,8 @@ from vision import (
     grey_pictures,
 )
 
-Picture = Callable[[Calibration], bytes]
-"""Draws a calibration as a PNG file."""
+Picture = Callable[[Calibration, str], bytes]
+"""Draws a calibration as a file of a form: png, pdf or svg."""
 
 Write = Callable[[Mapping[Path, str | bytes]], None]
 """Writes files together, by their paths."""
@@ -38,10 +38,16 @@ Write = Callable[[Mapping[Path, str | bytes]], None]
 
 @dataclass(frozen=True, slots=True)
 class AlsoWrite:
-    """Files of other programs to write beside camera.toml, where wanted."""
+    """Files to write beside camera.toml, where wanted: of other programs, and a vector file, pdf or svg."""
 
     opencv_yaml: Path | None = None
     ros_yaml: Path | None = None
+    vector: str | None = None
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Of the files of a picture."""
+        return ("png",) if self.vector is None else ("png", self.vector)
 
 
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
@@ -120,7 +126,9 @@ def calibrate_one(
     done = calibrate(
         views.views, views.size_px, None if plane is None else plane.name, name=views.name, left_out=views.left_out
     )
-    files: dict[Path, str | bytes] = {out: camera_text(done), picture_beside(out): picture(done)}
+    beside = picture_beside(out)
+    files: dict[Path, str | bytes] = {out: camera_text(done)}
+    files |= {beside.with_suffix(f".{form}"): picture(done, form) for form in also.forms}
     if also.opencv_yaml is not None:
         files[also.opencv_yaml] = opencv_text(LensFile(done.lens, done.size_px))
     if also.ros_yaml is not None:
@@ -135,14 +143,16 @@ def calibrate_many(
     plane: Path | None,
     into: AbstractContextManager[Path],
     *,
+    also: AlsoWrite,
     picture: Picture,
 ) -> list[Calibration]:
-    """Calibrate the cameras of one scene together; write NAME.toml and NAME.png of each into a folder."""
+    """Calibrate the cameras of one scene together; write NAME.toml and its pictures of each into a folder."""
     with into as folder:
         done = calibrate_together(board, cameras, None if plane is None else plane.name)
         for camera in done:
             write_camera_toml(camera, folder / f"{camera.name}.toml")
-            (folder / f"{camera.name}.png").write_bytes(picture(camera))
+            for form in also.forms:
+                (folder / f"{camera.name}.{form}").write_bytes(picture(camera, form))
     return done
 
 
@@ -201,4 +211,4 @@ def command(
         raise InputError.at("--opencv-yaml, --ros-yaml", "pictures of one camera", "--camera")
     folders = named_folders(cameras)
     seen = [views_of(board, [pictured], name, stage(name)) for name, pictured in folders.items()]
-    return calibrate_many(board, seen, plane, folder(out), picture=picture)
+    return calibrate_many(board, seen, plane, folder(out), also=also, picture=picture)

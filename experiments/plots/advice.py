@@ -1,75 +1,146 @@
-"""Plot of advice on a needle: probability of a hit and lateral miss over time, on bands of what was advised."""
+"""Plot of advice on a needle: probability of a hit against its threshold, miss, and the reasons of the advice."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from estimators import Advice
 from experiments.pipeline.advise import Advised, table
+from experiments.plots.bands import draw_bands, spans_of
 from experiments.plots.limits import highest, mark_beyond, thinned
+from experiments.plots.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    HALO,
+    ORANGE,
+    PAGE_MM,
+    PURPLE,
+    SMALL_PT,
+    VERMILLION,
+    legend_below,
+    new_figure,
+    span,
+    styled,
+    write_picture,
+)
 
-COLOURS = {
-    Advice.GO: "#4caf6d",
-    Advice.WAIT: "#f2c14e",
-    Advice.REALIGN: "#8e7cc3",
-    Advice.NO_GUIDANCE: "#9a9a9a",
-}
+COLOURS = {Advice.GO: GREEN, Advice.WAIT: ORANGE, Advice.REALIGN: PURPLE, Advice.NO_GUIDANCE: GREY}
+LANE_MM = 6.5
+"""Height of the lane of one reason in print [mm]: its words above its bars."""
+
+NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
-def write_advice_plot(done: Advised, folder: Path) -> None:
-    """Draw advice.png into a folder that exists."""
-    advice_figure(done).savefig(folder / "advice.png", dpi=110)
+def write_advice_plot(done: Advised, folder: Path, vector: str | None = None) -> None:
+    """Draw advice.png into a folder that exists; vector: "pdf" or "svg" for such a file beside it."""
+    write_picture(advice_figure(done), folder / "advice.png", vector)
 
 
+@styled
 def advice_figure(done: Advised) -> Figure:
-    """The probability of a hit over time, and the needle's miss, on bands of what was advised."""
-    rows = table(done)
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(11, 5.5), layout="constrained")
-        above, below = figure.subplots(nrows=2, sharex=True, height_ratios=(3, 2))
-    for ax in (above, below):
-        ax.spines[["top", "right"]].set_visible(False)
-        _bands(ax, done)
-    times = rows["time_s"].to_numpy()
-    above.plot(times, rows["p_turned"], color="0.35", lw=0.9, ls=":", label="if turned to the aim")
-    above.plot(times, rows["p_best"], color="#1f6fb4", lw=0.9, label="at the best moment ahead")
-    above.plot(times, rows["p_hit"], color="black", lw=1.3, label="inserted now")
-    above.axhline(done.plan.settings.go, color="black", lw=0.6, ls="--")
-    above.set(ylim=(0.0, 1.02), ylabel="probability of a hit")
-    above.set_title("advice on the needle")
-    lateral, size = rows["lateral_mm"].to_numpy(), np.ptp(done.recording.scene.network.positions, axis=0)
-    below.set(ylabel="lateral miss [mm]", xlabel="time [s]")
-    below.set_ylim(0.0, highest(1e3 * float(np.linalg.norm(size)), lateral))
-    below.plot(*thinned(times, lateral), color="black", lw=1.1)
-    mark_beyond(below, times, lateral, "black")
-    bands = [Patch(color=colour, alpha=0.45, label=_words(advice)) for advice, colour in COLOURS.items()]
-    lines, _ = above.get_legend_handles_labels()
-    figure.legend(handles=[*lines, *bands], loc="outside lower center", ncols=7, frameon=False)
+    """The probability of a hit over time, the needle's miss, and a lane for each reason of the advice."""
+    rows, reasons = table(done), reasons_of(done)
+    parts = (46.0, 26.0, LANE_MM * len(reasons)) if rows["lateral_mm"].notna().any() else (46.0, LANE_MM * len(reasons))
+    figure = new_figure(PAGE_MM, 20.0 + sum(parts))
+    above, *others = figure.subplots(nrows=len(parts), sharex=True, height_ratios=parts)
+    for ax in (above, *others[:-1]):
+        draw_bands(ax, np.array(done.times_s), [one.advice for one in done.guidance], COLOURS)
+    _probabilities(done, above)
+    if len(others) > 1:
+        _misses(done, others[0])
+    _reasons(done, others[-1], reasons)
+    others[-1].set_xlabel("time [s]")
+    span(others[-1], np.array(done.times_s))
+    legend_below(figure, above, 4)
     return figure
 
 
-def _words(advice: Advice) -> str:
-    return str(advice).replace("_", " ")
+def _probabilities(done: Advised, ax: Axes) -> None:
+    rows, go = table(done), done.plan.settings.go
+    times = rows["time_s"].to_numpy()
+    ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="turned to the aim")
+    ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="inserted at the best moment ahead")
+    ax.plot(times, rows["p_hit"], color=BLACK, lw=1.0, label="inserted now")
+    if "came_true" in rows:
+        ax.plot(times, rows["came_true"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="came true, inserted now")
+    ax.axhline(go, color=BLACK, lw=0.6, ls=(0, (6, 3)), label=f"threshold of GO, {go:g}")
+    ax.set(ylim=(0.0, 1.02), ylabel="probability of a hit [–]")
 
 
-def _bands(ax: Axes, done: Advised) -> None:
-    """Colour the time of each frame, half-way to its neighbours, by its advice."""
+def _misses(done: Advised, ax: Axes) -> None:
+    rows = table(done)
+    times, lateral = rows["time_s"].to_numpy(), rows["lateral_mm"].to_numpy()
+    size = np.ptp(done.recording.scene.network.positions, axis=0)
+    least = 2e3 * done.recording.scene.target.radius_m
+    ax.set_ylim(0.0, max(least, highest(1e3 * float(np.linalg.norm(size)), lateral)))
+    ax.plot(*thinned(times, lateral), color=BLACK, lw=0.9)
+    beyond = mark_beyond(ax, times, lateral, BLACK)
+    ax.set_ylabel("lateral miss [mm]")
+    if beyond:
+        ax.set_title(f"beyond the picture in {beyond} of {len(times)} frames", loc="right")
+
+
+def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
+    """A lane for each reason: its words, and bars of when it held; a tick where the advice changes."""
     times = np.array(done.times_s)
-    if len(times) < 2:
-        return
-    middles = 0.5 * (times[1:] + times[:-1])
-    edges = np.concatenate([times[:1], middles, times[-1:]])
-    advised = [one.advice for one in done.guidance]
-    for advice, colour in COLOURS.items():
-        during = np.concatenate([[False], [one is advice for one in advised], [False]])
-        starts, ends = np.flatnonzero(during[1:] & ~during[:-1]), np.flatnonzero(~during[1:] & during[:-1])
-        spans = list(zip(edges[starts], edges[ends] - edges[starts], strict=True))
-        whole = ax.get_xaxis_transform()
-        ax.broken_barh(spans, (0.0, 1.0), facecolors=colour, alpha=0.45, lw=0, transform=whole)
-    ax.set_xlim(times[0], times[-1])
+    for lane, (advice, words, held) in enumerate(reasons):
+        ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)
+        name = str(advice).replace("_", " ")
+        told = f"{name}: {words} ({sum(held)} frames)"
+        across = ax.get_yaxis_transform()
+        ax.text(0.004, lane + 0.45, told, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, path_effects=HALO)
+    changes = [
+        0.5 * (a + b)
+        for a, b, before, after in zip(times, times[1:], done.guidance, done.guidance[1:], strict=False)
+        if before.advice is not after.advice
+    ]
+    if 0 < len(changes) <= MOST_CHANGES:
+        ax.vlines(changes, 0.0, len(reasons), color=BLACK, lw=0.4, ls=":")
+    ax.set(ylim=(len(reasons), 0.0), yticks=[])
+    ax.spines["left"].set_visible(False)
+    ax.set_title(f"advice and its reasons; it changes {len(changes)} times")
+
+
+MOST_CHANGES = 40
+"""Changes of advice that are each shown by a line: closer ones would be grey."""
+
+
+def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
+    """The kinds of reasons in the order of the advice: which, in words, and in which frames they held.
+
+    Reasons that differ in their numbers alone are one kind, each number from its least to its largest.
+    """
+    kinds: dict[tuple[Advice, str], list[int]] = {}
+    for k, one in enumerate(done.guidance):
+        kinds.setdefault((one.advice, NUMBER.sub("#", one.reason)), []).append(k)
+    order = {advice: rank for rank, advice in enumerate(COLOURS)}
+    found = sorted(kinds.items(), key=lambda item: (order[item[0][0]], item[1][0]))
+    n = len(done.guidance)
+    return [
+        (advice, _with_ranges([done.guidance[k].reason for k in frames]), _mask(frames, n))
+        for (advice, _), frames in found
+    ]
+
+
+def _mask(frames: Sequence[int], n: int) -> list[bool]:
+    held = set(frames)
+    return [k in held for k in range(n)]
+
+
+def _with_ranges(reasons: Sequence[str]) -> str:
+    """Reasons of one kind as one: a number that varies from its least to its largest."""
+    columns = iter(zip(*(NUMBER.findall(reason) for reason in reasons), strict=True))
+
+    def ranged(_match: re.Match[str]) -> str:
+        numbers = sorted(set(next(columns)), key=float)
+        return numbers[0] if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
+
+    return NUMBER.sub(ranged, reasons[0])

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import io
-
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.plots.style import HALO, OURS, PAGE_MM, SMALL_PT, grid_figure, saved, styled
 from vision import Calibration
 
-OURS = "#1f6fb4"
-LABEL = {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.0}
 MOST_ARROWS, MOST_NAMES = 2000, 30
 
 
-def calibration_png(calibration: Calibration) -> bytes:
-    """A PNG picture: arrows from corners expected to corners seen, enlarged, beside bars of rms picture by picture."""
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(12, 5), layout="constrained")
-        area, bars = figure.subplots(ncols=2, width_ratios=(1.5, 1))
-        _residuals(calibration, area)
-        _bars(calibration, bars)
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=110)
-    return content.getvalue()
+def calibration_picture(calibration: Calibration, form: str = "png") -> bytes:
+    """A picture as a file of this form, png, pdf or svg."""
+    return saved(calibration_figure(calibration), form)
+
+
+@styled
+def calibration_figure(calibration: Calibration) -> Figure:
+    """Arrows from corners expected to corners seen, enlarged, beside bars of rms picture by picture."""
+    figure, axes = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
+    area, bars = axes[0]
+    _residuals(calibration, area)
+    _bars(calibration, bars)
+    return figure
 
 
 def _residuals(calibration: Calibration, ax: Axes) -> None:
@@ -39,12 +38,16 @@ def _residuals(calibration: Calibration, ax: Axes) -> None:
         *seen[some].T, *residuals[some].T, angles="xy", scale_units="xy", scale=1 / per_px, width=0.0015, color=OURS
     )
     key = float(f"{2 * rms:.1g}") if rms > 0 else 1.0
-    ax.quiverkey(arrows, 0.88, 0.03, key, f"{key:g} px", labelpos="E", coordinates="axes")
+    ax.quiverkey(
+        arrows, 0.3, 0.02, key, f"{key:g} px", labelpos="E", coordinates="figure", fontproperties={"size": SMALL_PT}
+    )
     u0, v0 = calibration.matrix[:2, 2].tolist()
-    ax.plot(u0, v0, "+", color="black", ms=10)
-    ax.annotate("principal point", (u0, v0), (6, 6), textcoords="offset points", fontsize=8, bbox=LABEL)
+    ax.plot(u0, v0, "+", color="black", ms=6)
+    near = (u0, v0)
+    ax.annotate("principal point", near, (4, 4), textcoords="offset points", fontsize=SMALL_PT, path_effects=HALO)
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="u [px]", ylabel="v [px]", aspect="equal")
-    ax.set_title(f"{calibration.name}: corners seen minus expected, {per_px:.0f} times enlarged", loc="left")
+    some_of = "" if len(some) == len(seen) else f"; {len(some)} of {len(seen)}"
+    ax.set_title(f"{calibration.name}: corners seen minus expected, {per_px:.0f} times enlarged{some_of}")
 
 
 def _bars(calibration: Calibration, ax: Axes) -> None:
@@ -53,11 +56,9 @@ def _bars(calibration: Calibration, ax: Axes) -> None:
     ax.bar(np.arange(n), each, color=OURS, width=0.75)
     ax.axhline(calibration.reprojection_rms_px, color="black", lw=1, ls=(0, (4, 2)))
     every = -(-n // MOST_NAMES)
-    ax.set_xticks(np.arange(0, n, every), calibration.images_used[::every], rotation=90, fontsize=8)
-    ax.set(ylabel="rms [px]", xlim=(-0.7, n - 0.3))
+    ax.set_xticks(np.arange(0, n, every), calibration.images_used[::every], rotation=90, fontsize=SMALL_PT)
+    ax.set(ylabel="rms residual [px]", xlim=(-0.7, n - 0.3))
     ax.set_title(
-        f"rms of each picture; dashed: all, {calibration.reprojection_rms_px:.3f} px;"
-        f" left out: {len(calibration.images_left_out)}",
-        loc="left",
+        f"rms of each picture; dashed: of all, {calibration.reprojection_rms_px:.3f} px\n"
+        f"left out: {len(calibration.images_left_out)} pictures"
     )
-    ax.spines[["top", "right"]].set_visible(False)

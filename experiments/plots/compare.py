@@ -1,54 +1,80 @@
-"""Plot of a comparison: the error of each method over time under the sigma that it predicts."""
+"""Plot of a comparison: the error of each method over time and the error that it predicts.
+
+Without truth, the distance of each from the filter in place of the error.
+"""
 
 from __future__ import annotations
 
-from itertools import cycle
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
-from experiments.pipeline.compare import method_names, methods_of
+from experiments.pipeline.compare import methods_of
+from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, table
 from experiments.plots.limits import body_size, highest, mark_beyond, thinned
-
-COLOURS = ("#e07b16", "#1f6fb4", "#8c564b", "#9467bd", "#2ca02c", "#d62728", "#17a2b8")
-
-
-def write_comparison_plot(done: Track, folder: Path) -> None:
-    """Draw compare.png into a folder that exists."""
-    comparison_figure(done).savefig(folder / "compare.png", dpi=110)
+from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_below, span, styled, write_picture
 
 
+def write_comparison_plot(done: Track, folder: Path, vector: str | None = None) -> None:
+    """Draw compare.png into a folder that exists; vector: "pdf" or "svg" for such a file beside it."""
+    write_picture(comparison_figure(done), folder / "compare.png", vector)
+
+
+@styled
 def comparison_figure(done: Track) -> Figure:
-    """Error of each method over time under what it predicted: the root of the trace of its covariance.
+    """Error of each method over time, and what it predicted: the root of the trace of its covariance.
 
-    All have one scale, of which a method that fails may leave the picture, marked at its edge.
+    All have one scale, of which a method that fails may leave the picture, marked at its edge and counted. Where the
+    truth is not known, distance from the filter's estimate.
     """
-    with mpl.rc_context({"font.size": 9}):
-        methods = methods_of(done)
-        figure = Figure(figsize=(11, 1.6 * len(methods)), layout="constrained")
-        axes = figure.subplots(len(methods), sharex=True, sharey=True)
-    traces = [AXES[a] * 2 for a in range(done.recording.scene.network.dim)]
-    colours = dict(zip(method_names(), cycle(COLOURS), strict=False))
-    rows = {method: table(done, method) for method in methods}
-    errors = {method: rows[method]["err_mm"].to_numpy() for method in methods}
-    predicted = {method: np.sqrt(rows[method][traces].sum(axis=1, skipna=False).to_numpy()) for method in methods}
-    times = done.times_s
-    axes[0].set_ylim(0.0, highest(1e3 * body_size(done), *errors.values(), *predicted.values()))
-    for ax, method in zip(axes, methods, strict=True):
-        colour = colours[method]
-        at, sigma = thinned(times, predicted[method])
-        ax.fill_between(at, 0.0, sigma, color=colour, alpha=0.25, lw=0, label="predicted sigma")
-        ax.plot(*thinned(times, errors[method]), color=colour, lw=0.9, label="error")
-        mean = rows[method]["err_mm"].mean()
-        title = method if np.isnan(mean) else f"{method}: mean error {mean:.2f} mm"
-        beyond = mark_beyond(ax, times, errors[method], colour)
-        ax.set_title(title + (f"; beyond the picture in {beyond} frames" if beyond else ""), loc="left")
-        ax.set(ylabel="[mm]", xlim=(times[0], times[-1]))
-        ax.spines[["top", "right"]].set_visible(False)
-    axes[-1].set_xlabel("time [s]")
-    figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    methods = methods_of(done)
+    figure, axes = grid_figure(PAGE_MM, 14.0 + 24.0 * len(methods), nrows=len(methods), sharex=True, sharey=True)
+    off = {method: _off_mm(done, method) for method in methods}
+    predicted = {method: _predicted_mm(done, method) for method in methods}
+    top = highest(1e3 * body_size(done), *off.values(), *predicted.values())
+    axes[0, 0].set_ylim(0.0, top)
+    for ax, method in zip(axes[:, 0], methods, strict=True):
+        _method(done, ax, method, off[method], predicted[method])
+    axes[-1, 0].set_xlabel("time [s]")
+    span(axes[-1, 0], done.times_s)
+    # the filter's predicts an error, and, where there is a truth, has one
+    shown = methods.index(FILTER) if done.has_truth else _fullest(axes[:, 0])
+    legend_below(figure, axes[shown, 0], 2)
     return figure
+
+
+def _fullest(axes: np.ndarray) -> int:
+    return int(np.argmax([len(ax.get_legend_handles_labels()[0]) for ax in axes]))
+
+
+def _off_mm(done: Track, method: str) -> Floats:
+    """Error of a method in each frame, (n,), or its distance from the filter where the truth is not known [mm]."""
+    about = done.truth if done.has_truth else np.array([e.mean for e in done.estimates(FILTER)])
+    return np.asarray(1e3 * np.linalg.norm(np.array([e.mean for e in done.estimates(method)]) - about, axis=1))
+
+
+def _predicted_mm(done: Track, method: str) -> Floats:
+    """Root mean square error that a method predicts, (n,) [mm]; NaN where it predicts none."""
+    variances = [AXES[a] * 2 for a in range(done.recording.scene.network.dim)]
+    return np.sqrt(table(done, method)[variances].sum(axis=1, skipna=False).to_numpy())
+
+
+def _method(done: Track, ax: Axes, method: str, off: Floats, predicted: Floats) -> None:
+    times, what = done.times_s, "error" if done.has_truth else "distance from the filter"
+    if np.isfinite(predicted).any():
+        at, sigma = thinned(times, predicted)
+        ax.fill_between(at, 0.0, sigma, color=BLUE, alpha=0.25, lw=0, label="predicted root mean square error")
+    told = method
+    if done.has_truth or method != FILTER:
+        ax.plot(*thinned(times, off), color=BLACK, lw=0.7, label=f"observed {what}" if done.has_truth else what)
+        if np.isfinite(off).any():
+            told += f": mean {what} {off[np.isfinite(off)].mean():.2f} mm"
+        beyond = mark_beyond(ax, times, off, BLACK)
+        told += f"; beyond the picture in {beyond} frames" if beyond else ""
+    ax.set_title(told)
+    ax.set_ylabel("[mm]")

@@ -4,76 +4,126 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.plots.style import (
+    BLACK,
+    BLUE,
+    COLUMN_MM,
+    GREEN,
+    GREY,
+    ORANGE,
+    SKY,
+    SMALL_PT,
+    VERMILLION,
+    legend_below,
+    new_figure,
+    styled,
+    write_picture,
+)
 from experiments.simulation.insert import Trials, calibrated, figures
 from experiments.simulation.policies import POLICIES
 
-COLOURS = dict(zip(POLICIES, ("#9a9a9a", "#e07b16", "#9ecae1", "#1f6fb4", "#2e8b57"), strict=True))
+COLOURS = dict(zip(POLICIES, (GREY, ORANGE, SKY, BLUE, GREEN), strict=True))
+DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid", "solid"), strict=True))
+"""Beside its colour: of lines that cross."""
+
 N_LEAST = 5
-"""Tenths with fewer insertions are not drawn."""
+"""Tenths with fewer insertions are not drawn, and counted."""
+
+FARTHEST_MM = 20.0
+"""Distances beyond are counted and not drawn."""
 
 
-def write_insertion_plots(done: Trials, folder: Path) -> None:
-    """Draw hits.png, misses.png and reliability.png into a folder that exists."""
+def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
+    """Draw hits.png, misses.png and reliability.png into a folder that exists; vector: "pdf" or "svg" beside each."""
     for name, drawn in (("hits", hits_figure), ("misses", misses_figure), ("reliability", reliability_figure)):
-        drawn(done).savefig(folder / f"{name}.png", dpi=110)
+        write_picture(drawn(done), folder / f"{name}.png", vector)
 
 
-def _axes(title: str, size: tuple[float, float] = (7.0, 4.2)) -> tuple[Figure, Axes]:
-    with mpl.rc_context({"font.size": 10}):
-        figure = Figure(figsize=size, layout="constrained")
-        ax = figure.subplots()
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.set_title(title, fontsize=11)
+def _axes(title: str, height_mm: float) -> tuple[Figure, Axes]:
+    figure = new_figure(COLUMN_MM, height_mm)
+    ax = figure.subplots()
+    ax.set_title(title)
     return figure, ax
 
 
+@styled
 def hits_figure(done: Trials) -> Figure:
     """The hit rate of each policy with its 95 % interval."""
-    figure, ax = _axes(f"hits in a lesion of {1e3 * done.case.plan.lesion.radius_m:g} mm radius, {len(done.runs)} runs")
+    figure, ax = _axes(
+        f"hits in a lesion of {1e3 * done.case.plan.lesion.radius_m:g} mm radius, {len(done.runs)} runs", 58.0
+    )
     for k, policy in enumerate(POLICIES):
         of = figures(done.of(policy))
         rate, low, high = (100.0 * float(of[key] or 0.0) for key in ("hit_rate", "hit_rate_low", "hit_rate_high"))
         ax.bar(k, rate, color=COLOURS[policy], width=0.65)
-        ax.errorbar(k, rate, [[rate - low], [high - rate]], color="black", capsize=4, lw=1.2)
-        ax.text(k, high + 1.5, f"{rate:.1f} %", ha="center", va="bottom")
+        label = "95 % interval" if k == 0 else None
+        ax.errorbar(k, rate, [[rate - low], [high - rate]], color=BLACK, capsize=3, lw=0.9, label=label)
+        ax.text(k, high + 1.5, f"{rate:.1f} %", ha="center", va="bottom", fontsize=SMALL_PT)
     ax.set_xticks(range(len(POLICIES)), POLICIES)
-    ax.set(ylim=(0.0, 112.0), ylabel="hits [%]")
+    ax.set(ylim=(0.0, 112.0), xlabel="policy", ylabel="hits [%]")
     ax.set_yticks(range(0, 101, 20))
+    legend_below(figure, ax, 1)
     return figure
 
 
+@styled
 def misses_figure(done: Trials) -> Figure:
     """Which part of the runs came how near: needles that never arrived count as beyond every distance."""
-    figure, ax = _axes("distance from the tip to the true target at arrival")
+    figure, ax = _axes("distance to the true target at arrival", 70.0)
     for policy in POLICIES:
         of = done.of(policy)
         missed = np.sort([1e3 * one.miss_m for one in of if one.miss_m is not None])
         share = 100.0 * np.arange(1, len(missed) + 1) / len(of)
-        ax.step(np.r_[0.0, missed], np.r_[0.0, share], where="post", color=COLOURS[policy], lw=1.6, label=policy)
-    ax.axvline(1e3 * done.case.plan.lesion.radius_m, color="black", lw=0.8, ls="--")
-    ax.set(xlim=(0.0, 20.0), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs that came as near [%]")
-    ax.legend(loc="lower right", frameon=False)
+        n_out = int((missed > FARTHEST_MM).sum())
+        label = policy + (f" ({n_out} farther)" if n_out else "")
+        x, y = np.r_[0.0, missed, np.inf], np.r_[0.0, share, share[-1] if len(share) else 0.0]
+        near = x <= FARTHEST_MM
+        ax.step(
+            np.r_[x[near], FARTHEST_MM],
+            np.r_[y[near], y[near][-1]],
+            where="post",
+            color=COLOURS[policy],
+            ls=DASHES[policy],
+            lw=1.1,
+            label=label,
+        )
+    radius = 1e3 * done.case.plan.lesion.radius_m
+    ax.axvline(radius, color=BLACK, lw=0.6, ls=(0, (4, 2)), label=f"radius of the lesion, {radius:g} mm")
+    ax.set(xlim=(0.0, FARTHEST_MM), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs that came as near [%]")
+    legend_below(figure, ax, 2)
     return figure
 
 
+@styled
 def reliability_figure(done: Trials) -> Figure:
     """Hit rates against predicted probabilities, tenth by tenth, with 99 % intervals."""
-    figure, ax = _axes("probabilities of filter-ahead at the commitment against hits", (5.5, 5.4))
-    ax.plot([0, 1], [0, 1], color="0.6", lw=1.0)
+    figure, ax = _axes("filter-ahead at the commitment, by tenths", COLUMN_MM + 8.0)
+    ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")
+    left_out, labelled = 0, set()
     for row in calibrated(done):
         if row.mean is None or row.n < N_LEAST:
+            left_out += row.n
             continue
         rate = row.hits / row.n
-        colour = "#1f6fb4" if row.inside else "#c0392b"
+        colour, marker = (BLUE, "o") if row.inside else (VERMILLION, "s")
+        name = f"99 % interval {'holds' if row.inside else 'does not hold'} the prediction"
         spread = [[rate - row.least], [row.most - rate]]
-        ax.errorbar(row.mean, rate, spread, fmt="o", color=colour, capsize=3, lw=1.2, ms=5)
-        ax.annotate(str(row.n), (row.mean, row.most), (0, 3), textcoords="offset points", ha="center", fontsize=8)
-    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.1), xlabel="predicted probability of a hit", ylabel="hit rate")
+        label = None if name in labelled else name
+        labelled.add(name)
+        ax.errorbar(
+            row.mean, rate, spread, fmt=marker, color=colour, capsize=2, lw=0.9, ms=3.5, label=label, clip_on=False
+        )
+        above = (row.mean, row.most)
+        ax.annotate(str(row.n), above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
+    if left_out:
+        note = f"{left_out} in tenths of fewer than {N_LEAST} left out"
+        ax.text(0.98, 0.02, note, ha="right", va="bottom", fontsize=SMALL_PT, transform=ax.transAxes)
+    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.1), xlabel="predicted probability of a hit [–]", ylabel="hit rate [–]")
     ax.set_yticks(np.linspace(0.0, 1.0, 6))
     ax.set_aspect("equal")
+    legend_below(figure, ax, 1)
     return figure

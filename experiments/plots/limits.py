@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from experiments.arrays import Floats
 from experiments.pipeline.track import Track
@@ -46,6 +47,11 @@ def within(points: Floats, box: Floats) -> Floats:
     return points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
 
 
+def outside(points: Floats, box: Floats) -> NDArray[np.bool_]:
+    """Which of the points (n, dim) are beyond a box, lowest and highest corner (2, dim); NaN is nowhere."""
+    return np.asarray(((points < box[0]) | (points > box[1])).any(axis=1))
+
+
 def widened(box: Floats, share: float) -> Floats:
     """A box (2, dim) with a margin around it, a share of its longest side."""
     margin = share * float(np.ptp(box, axis=0).max())
@@ -83,6 +89,6 @@ def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
         n = int(beyond.sum())
         if n:
             shown = times_s[beyond][:: -(-n // N_CARETS)]
-            ax.plot(shown, np.full(len(shown), edge), marker, ms=4, color=color, transform=ax.get_xaxis_transform())
+            ax.plot(shown, np.full(len(shown), edge), marker, ms=2.5, color=color, transform=ax.get_xaxis_transform())
         count += n
     return count

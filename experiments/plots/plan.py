@@ -1,13 +1,12 @@
 """A plan as a picture: the tissue, what is in the way, the best path and what the needle will do to the target.
 
-Green is the path to take, pale green the next best, red what is forbidden and what forbids it; the lesion is blue.
+Blue is the path to take, pale blue the next best, vermillion what is forbidden and what forbids it, purple the lesion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -20,9 +19,10 @@ from dynamics import rest_shape
 from estimators import Obstacle
 from experiments.arrays import Floats
 from experiments.pipeline.plan import Planned, next_best
-from experiments.plots.track import ellipse
+from experiments.plots.path import ellipse
+from experiments.plots.style import BLUE, PAGE_MM, PURPLE, SKY, SMALL_PT, TEXT_PT, VERMILLION, new_figure, styled
 
-BEST, NEXT, FORBIDDEN, LESION = "#0b7a3b", "#8cc9a1", "#c8372d", "#1f6fb4"
+BEST, NEXT, FORBIDDEN, LESION = BLUE, SKY, VERMILLION, PURPLE
 FILLS = {"rib": "#e9e2cf", "vessel": "#d98880", "other": "#c9c9c9"}
 TISSUE, SKIN = "#f8ece4", "#b98b6b"
 ROUND = float(np.sqrt(chi2.ppf(0.95, 2)))
@@ -33,15 +33,14 @@ def _xy(place: Floats) -> tuple[float, float]:
     return float(place[0]), float(place[1])
 
 
+@styled
 def plan_figure(done: Planned) -> Figure:
     """The whole scene beside a close-up of the lesion, with the figures of the best path; in space seen along z."""
-    with mpl.rc_context({"font.size": 9}):
-        figure = Figure(figsize=(12.5, 7.2), layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.75, 1.0), height_ratios=(1.0, 1.0))
-        whole, close = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
-        words = figure.add_subplot(grid[1, 1])
+    figure = new_figure(PAGE_MM, 105.0)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0), height_ratios=(1.0, 1.0))
+    whole, close = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
+    words = figure.add_subplot(grid[1, 1])
     for ax in (whole, close):
-        ax.spines[["top", "right"]].set_visible(False)
         ax.set_aspect("equal")
         ax.set(xlabel="x [mm]", ylabel="y [mm]")
     _tissue(done, whole)
@@ -53,8 +52,11 @@ def plan_figure(done: Planned) -> Figure:
     _lesion(done, whole, chosen, close=False)
     _lesion(done, close, chosen, close=True)
     _frame(done, whole)
-    whole.set_title(f"Needle paths to {done.scene.target.node}", loc="left", fontsize=12, fontweight="bold")
-    whole.legend(loc="lower left", framealpha=0.95, fontsize=8.5)
+    whole.set_title(f"Needle paths to {done.scene.target.node}", fontweight="bold")
+    entries = [
+        entry for ax in (whole, close) for entry in zip(*ax.get_legend_handles_labels(), strict=True) if entry[1]
+    ]
+    figure.legend(*zip(*entries, strict=True), loc="outside lower center", ncols=4)
     _words(done, words, chosen)
     return figure
 
@@ -72,7 +74,7 @@ def _tissue(done: Planned, ax: Axes) -> None:
     ax.plot(*x[fixed].T, "s", color="0.35", ms=4, ls="none", zorder=2)
     for name, place in zip(network.names, x, strict=True):
         if name != done.scene.target.node:
-            ax.annotate(name, _xy(place), (4, 4), textcoords="offset points", color="0.45", fontsize=7.5, zorder=2)
+            ax.annotate(name, _xy(place), (4, 4), textcoords="offset points", color="0.35", fontsize=SMALL_PT, zorder=2)
     ends = 1e3 * np.array([done.task.skin.start[:2], done.task.skin.end[:2]])
     ax.plot(*ends.T, color=SKIN, lw=5, alpha=0.55, solid_capstyle="round", zorder=1, label="entry allowed")
 
@@ -95,7 +97,7 @@ def _obstacle(ax: Axes, one: Obstacle, fill: str, path_x: Callable[[float], floa
             textcoords="offset points",
             ha="left" if right else "right",
             va="center",
-            fontsize=9,
+            fontsize=SMALL_PT,
             zorder=7,
             bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
         )
@@ -151,13 +153,13 @@ def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
                 f"enter at ({ends[0, 0]:.0f}, {ends[0, 1]:.0f}) mm\n{1e3 * found.lengths[k]:.0f} mm deep"
                 f"\nhit {found.hits[k]:.0%}",
                 _xy(ends[0]),
-                _xy(26.0 * above + [0.0, 8.0]),
+                _xy(14.0 * above + [0.0, 4.0]),
                 textcoords="offset points",
                 ha="center",
                 va="bottom",
                 color=BEST,
                 fontweight="bold",
-                fontsize=9.5,
+                fontsize=SMALL_PT,
                 zorder=8,
                 arrowprops={"arrowstyle": "-|>", "color": BEST, "lw": 1.5},
                 bbox={"boxstyle": "round,pad=0.25", "fc": "white", "ec": BEST, "alpha": 0.95},
@@ -212,14 +214,13 @@ def _close_up(done: Planned, ax: Axes, chosen: list[int]) -> None:
         places.append(1e3 * found.means[k, :2])
         widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(found.covs[k])[-1]))
         moved = 1e3 * float(np.linalg.norm(found.pushed[k]))
-        title = f"at the lesion: the needle pushes it {moved:.1f} mm (arrow)"
+        title = f"at the lesion, pushed by {moved:.1f} mm (arrow)"
     else:
         title = "at the lesion: no path is allowed"
     middle = np.mean(places, axis=0)
     reach = 1.15 * (max(reach, widest) + 0.5 * float(np.linalg.norm(np.ptp(places, axis=0))))
     ax.set(xlim=(middle[0] - 1.9 * reach, middle[0] + 1.9 * reach), ylim=(middle[1] - 1.5 * reach, middle[1] + reach))
-    ax.legend(loc="lower left", fontsize=8, framealpha=0.9)
-    ax.set_title(title, loc="left", fontsize=10)
+    ax.set_title(title)
 
 
 def _frame(done: Planned, ax: Axes) -> None:
@@ -238,7 +239,7 @@ def _frame(done: Planned, ax: Axes) -> None:
     corner.plot(*nodes.T, ".", color="0.55", ms=3)
     corner.add_patch(Rectangle(_xy(low), *(high - low), fc="none", ec="0.2", lw=0.9))
     corner.set(xticks=[], yticks=[], aspect="equal", xmargin=0.12, ymargin=0.12)
-    corner.set_title("in the tissue", fontsize=8, pad=2)
+    corner.set_title("in the tissue", fontsize=SMALL_PT, pad=2)
     corner.autoscale_view()
 
 
@@ -250,11 +251,12 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
         head, color = "No path is allowed", FORBIDDEN
     else:
         head, color = f"Best path: hit probability {found.hits[chosen[0]]:.0%}", BEST
-    ax.text(0.0, 1.0, head, fontsize=12, fontweight="bold", color=color, va="top", transform=ax.transAxes)
+    ax.text(0.0, 1.0, head, fontsize=TEXT_PT, fontweight="bold", color=color, va="top", transform=ax.transAxes)
     lines = [f"{allowed} of {n} paths allowed; belief about the target: {done.belief}"]
     for one, count in _rejections(done):
         lines.append(f"    {count} against {one}")
-    ax.text(0.0, 0.88, "\n".join(lines[:6]), va="top", transform=ax.transAxes, color="0.25", linespacing=1.3)
+    told = "\n".join(lines[:6])
+    ax.text(0.0, 0.89, told, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
     if chosen:
         rows = [
             [
@@ -269,10 +271,10 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
         ]
         heads = ["mm", "entry x, y", "depth", "angle", "hit", "room"]
         shown = ax.table(
-            rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.48), cellLoc="center", edges="horizontal"
+            rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.43), cellLoc="center", edges="horizontal"
         )
         shown.auto_set_font_size(False)
-        shown.set_fontsize(9)
+        shown.set_fontsize(SMALL_PT)
         for column in range(len(heads)):
             shown[1, column].get_text().set_color(BEST)
             shown[1, column].get_text().set_fontweight("bold")

@@ -22,10 +22,13 @@ PAPER_MM = {"quiet": (15.93, 9.28), "poked": (18.29, 12.31)}
 Figures = dict[str, dict[str, dict[str, float | int | None]]]
 
 
-def demo(out: Path, *, force: bool = False, stage: Callable[[str], Callable[[float], None]]) -> Figures:
+def demo(
+    out: Path, *, vector: str | None = None, force: bool = False, stage: Callable[[str], Callable[[float], None]]
+) -> Figures:
     """Write recordings and tracks of both scenarios to the folder `out`; figures by scenario and method.
 
-    stage(name) is called at the start of each piece of work and returns a function of the share done.
+    vector: "pdf" or "svg" for such a file beside each picture; stage(name) is called at the start of each piece of work
+    and returns a function of the share done
     """
     from experiments.plots.track import write_track_plots  # matplotlib is slow to load: only where it is needed
 
@@ -37,7 +40,7 @@ def demo(out: Path, *, force: bool = False, stage: Callable[[str], Callable[[flo
             done = track(read_recording(recording), stage(f"{name}: track"))
             drawn = stage(f"{name}: plots")
             write_tables(done, folder / name)
-            write_track_plots(done, folder / name)
+            write_track_plots(done, folder / name, vector)
             drawn(1.0)
             figures[name] = summary(done)
         (folder / "summary.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")

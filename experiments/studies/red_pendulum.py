@@ -42,7 +42,9 @@ from experiments.formats.recording import MarkRow, Recording, read_recording, wr
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track, write_tables
-from experiments.plots.track import OURS, TRUE, ellipse, write_track_plots
+from experiments.plots.path import ellipse
+from experiments.plots.style import OURS, TRUE
+from experiments.plots.track import write_track_plots
 from experiments.studies.real_balls import FILMS, followed
 
 GRAVITY = 9.81

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.commands.options import Force, Out
+from experiments.commands.options import Force, Out, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
 
-def demo(run: Run, out: Out = Path("demo"), force: Force = False) -> Answer:
+def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force = False) -> Answer:
     """Simulate, film and track the paper's two scenarios, and compare with what the paper found."""
     from experiments.commands.console import demo_table
     from experiments.studies.demo import demo as done
 
     with run.folder(out, force=force) as folder:
-        figures = done(folder, stage=run.stage)
+        figures = done(folder, vector=vector, stage=run.stage)
 
     def show() -> None:
         print_table(demo_table(figures))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.options import Force, Out, SceneFile, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -18,6 +18,7 @@ def compare(
     out: Out,
     scene: SceneFile = None,
     methods: Annotated[str | None, typer.Option("--methods", help="Which, separated by commas; default: all.")] = None,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Follow the target by the paper's method, ours and textbook filters, on the same marks."""
@@ -35,7 +36,7 @@ def compare(
         run.use(opened.scene, before="track")
         done = compared(opened, named, run.stage)
         write_comparison(done, folder)
-        write_comparison_plot(done, folder)
+        write_comparison_plot(done, folder, vector)
     figures = summary(done)
 
     def show() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile
+from experiments.commands.options import Force, Out, SceneFile, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -17,6 +17,7 @@ def smooth(
     recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
     out: Out,
     scene: SceneFile = None,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Estimate where the target was at each frame from the marks of all frames, later ones included."""
@@ -30,7 +31,7 @@ def smooth(
         run.use(opened.scene, before="track")
         done = compare(opened, [SMOOTHER], run.stage)
         write_smoothed(done, folder)
-        write_comparison_plot(done, folder)
+        write_comparison_plot(done, folder, vector)
     figures = summary(done)
 
     def show() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile, WithFilm
+from experiments.commands.options import Force, Out, SceneFile, Vector, WithFilm
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -19,6 +19,7 @@ def track(
     scene: SceneFile = None,
     check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
     film: WithFilm = False,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
@@ -38,7 +39,7 @@ def track(
         with Film(folder, opened) if film else nullcontext() as watch:
             done = tracked(opened, run.stage("track"), check=check, watch=watch)
         write_tables(done, folder)
-        write_track_plots(done, folder)
+        write_track_plots(done, folder, vector)
         for step in done.steps:
             if step.swap is not None:
                 report_swap(step.swap)

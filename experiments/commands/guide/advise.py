@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile, WithFilm
+from experiments.commands.options import Force, Out, SceneFile, Vector, WithFilm
 from experiments.commands.run import Answer, Run
 
 
@@ -18,6 +18,7 @@ def advise(
     out: Out,
     scene: SceneFile = None,
     film: WithFilm = False,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Say for each frame whether a needle should go in, wait or turn: a table and a picture."""
@@ -38,7 +39,7 @@ def advise(
         with Film(folder, opened, plan) if film else nullcontext() as watch:
             done = advised(opened, plan, run.stage("advise"), watch=watch)
         write_advice(done, folder)
-        write_advice_plot(done, folder)
+        write_advice_plot(done, folder, vector)
     counts, reliable = done.counts(), reliability(done)
 
     def show() -> None:

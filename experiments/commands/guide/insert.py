@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, Processes, ScenarioName, Scheduler
+from experiments.commands.options import Force, Out, Processes, ScenarioName, Scheduler, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -31,6 +31,7 @@ def insert(
     strength: Annotated[float, typer.Option("--strength", min=0.01, help="Factor on pokes and breathing.")] = 1.0,
     processes: Processes = None,
     scheduler: Scheduler = None,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
@@ -59,7 +60,7 @@ def insert(
         workers = workers_for(runs, Workers(processes, scheduler))
         done = inserted(case, runs, run.stage("insert"), workers=workers)
         write_insertions(done, folder)
-        write_insertion_plots(done, folder)
+        write_insertion_plots(done, folder, vector)
     report = summary(done)
 
     def show() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out
+from experiments.commands.options import Force, Out, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -17,18 +17,20 @@ def plan(
     source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file: the tissue at rest.")],
     out: Out,
     plan_file: Annotated[Path, typer.Option("--plan", help="The needle, the skin, what is in the way: plan.toml.")],
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Rank straight needle paths by the probability of a hit, the push of the needle foreseen."""
     from experiments.commands.console import plan_table
     from experiments.pipeline.plan import planned, report, write_plan
     from experiments.plots.plan import plan_figure
+    from experiments.plots.style import write_picture
 
     with run.folder(out, force=force, inputs=[source, plan_file]) as folder:
         done = planned(source, plan_file, run.stage("plan"))
         run.use(done.scene, before="track")
         write_plan(done, folder)
-        plan_figure(done).savefig(folder / "plan.png", dpi=130)
+        write_picture(plan_figure(done), folder / "plan.png", vector)
     figures = report(done)
 
     def show() -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force
+from experiments.commands.options import Force, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -25,6 +25,7 @@ def calibrate(
     plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board on the phantom's plane.")] = None,
     opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Write the lens for OpenCV, too.")] = None,
     ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Write the lens for ROS, too.")] = None,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Find lens and place of cameras from pictures of a board, and how well they are known."""
@@ -32,10 +33,10 @@ def calibrate(
     from experiments.formats.camera_file import camera_text
     from experiments.pipeline.calibrate import AlsoWrite, board_of
     from experiments.pipeline.calibrate import command as calibrated
-    from experiments.plots.calibration import calibration_png
+    from experiments.plots.calibration import calibration_picture
 
     printed = board_of(board, square_mm, charuco, marker_mm)
-    also = AlsoWrite(opencv_yaml, ros_yaml)
+    also = AlsoWrite(opencv_yaml, ros_yaml, vector)
     read = [*(pictures or []), *(Path(text.partition("=")[2]) for text in camera or []), plane]
     done = calibrated(
         pictures or [],
@@ -44,7 +45,7 @@ def calibrate(
         out,
         plane=plane,
         also=also,
-        picture=calibration_png,
+        picture=calibration_picture,
         force=force,
         stage=run.stage,
         write=lambda files: run.write_files(files, read),

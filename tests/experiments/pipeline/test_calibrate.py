@@ -9,9 +9,12 @@ import pytest
 
 from experiments.formats.camera_file import read_camera_toml
 from experiments.formats.camera_yaml import read_opencv_yaml, read_ros_yaml
+from experiments.pipeline.calibrate import board_of, views_of
+from experiments.plots.calibration import calibration_figure
 from tests.experiments.command import softaim
+from tests.experiments.plots.printed import check_printed
 from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, drawn, poses, sub_pixel_rays
-from vision import Board, Pose, VideoWriter
+from vision import Board, Pose, VideoWriter, calibrate
 
 CHESS = ("--board", "9x6", "--square-mm", "25")
 TO_RIGHT = Pose(cv2.Rodrigues(np.array([0.0, 0.15, 0.0]))[0], np.array([-0.05, 0.0, 0.0]))
@@ -39,7 +42,7 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
 ) -> None:
     out, also = tmp_path / "front.toml", ("--opencv-yaml", tmp_path / "o.yml", "--ros-yaml", tmp_path / "r.yaml")
     plane = ("--plane", pictures / "left" / "2.png")
-    assert softaim("calibrate", pictures / "left", *CHESS, *plane, "--out", out, *also) == 0
+    assert softaim("calibrate", pictures / "left", *CHESS, *plane, "--out", out, *also, "--vector", "pdf") == 0
     camera = read_camera_toml(out)
     assert camera.name == "front"
     # standard errors with 7 pictures are about 0.1 % of the focal length
@@ -53,8 +56,20 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
     assert drawing.shape[1] > 1000
     assert "7 pictures used" in capsys.readouterr().out
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        *("front.png", "front.provenance.json", "front.toml", "o.yml", "r.yaml")
+        *("front.pdf", "front.png", "front.provenance.json", "front.toml", "o.yml", "r.yaml")
     ]
+    assert (tmp_path / "front.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_picture_can_be_printed(pictures: Path, tmp_path: Path) -> None:
+    """Seven pictures, 54 corners each: an arrow for each, a bar for each picture."""
+    views = views_of(board_of("9x6", 25.0), [pictures / "left"], "front")
+    done = calibrate(views.views, views.size_px, None, name=views.name)
+    figure = calibration_figure(done)
+    check_printed(figure)
+    arrows, bars = figure.axes
+    assert arrows.collections[0].N == 7 * 54
+    assert [bar.get_height() for bar in bars.patches] == list(done.rms_px_each)
 
 
 def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path) -> None:

@@ -15,7 +15,9 @@ from experiments.formats.recording import MarkRow, read_recording, write_marks_c
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.plan import next_best, planned
 from experiments.pipeline.track import measurement
+from experiments.plots.plan import plan_figure
 from tests.experiments.command import softaim
+from tests.experiments.plots.printed import check_printed
 
 PLAN = """
 version = 1
@@ -62,9 +64,9 @@ def plan_file(tmp_path: Path) -> Path:
 def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     """All paths in the table, ranked, in mm; the best of plan.json is its first row; the picture can be read."""
     out = tmp_path / "out"
-    assert softaim("plan", scene, "--plan", plan_file, "--out", out) == 0
+    assert softaim("plan", scene, "--plan", plan_file, "--out", out, "--vector", "svg") == 0
     assert sorted(file.name for file in out.iterdir()) == [
-        *("plan.csv", "plan.json", "plan.png", "provenance.json", "softaim.log")
+        *("plan.csv", "plan.json", "plan.png", "plan.svg", "provenance.json", "softaim.log")
     ]
     rows = pd.read_csv(out / "plan.csv", keep_default_na=False)
     told = json.loads((out / "plan.json").read_text())
@@ -83,9 +85,18 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     assert set(told["rejected_by"]) == {"rib 5", "vessel", "too long", "too steep"}
     picture = cv2.imread(str(out / "plan.png"))
     assert picture.shape[1] > 1200
-    best_green = (np.abs(picture.astype(int) - [0x3B, 0x7A, 0x0B]).max(axis=2) < 12).sum()
-    assert best_green > 500
+    best_blue = (np.abs(picture.astype(int) - [0xB2, 0x72, 0x00]).max(axis=2) < 12).sum()
+    assert best_blue > 500
     assert "Paths to M2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("most_mm", [140.0, 20.0])
+def test_the_picture_can_be_printed(scene, plan_file, most_mm):
+    """Of a plan with a best path, and of one that allows none."""
+    plan_file.write_text(PLAN.replace("max_length_mm = 140.0", f"max_length_mm = {most_mm}"))
+    done = planned(scene, plan_file)
+    assert done.plan.allowed.any() == (most_mm > 100.0)
+    check_printed(plan_figure(done))
 
 
 def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path):

@@ -1,5 +1,7 @@
 """Pictures of a track stay those of the body whatever the estimates are, and of a size that does not grow with it."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,16 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
+from estimators import Status
+from experiments.pipeline.scores.withheld import Withheld
+from experiments.plots.consistency import consistency_figure, sigma_figure
 from experiments.plots.limits import N_DRAWN
-from experiments.plots.track import (
-    MOST_SHOWN,
-    N_ELLIPSES,
-    consistency_figure,
-    error_figure,
-    path_figure,
-    sigma_figure,
-    write_track_plots,
-)
+from experiments.plots.path import FAINT, N_ELLIPSES, path_figure
+from experiments.plots.track import error_figure, motion_figure, write_track_plots
+from tests.experiments.plots.printed import check_printed
 from tests.experiments.plots.tracks import block, made_track, phantom, small_errors
 
 N = 300
@@ -42,6 +41,20 @@ def points_of(ax: Axes) -> list[int]:
     return [*(len(line.get_xdata()) for line in ax.lines), *areas]
 
 
+def with_status(track, frames: range, status: Status):
+    """The track with no marks taken in by the filter in these frames, and this status."""
+    steps = list(track.steps)
+    for k in frames:
+        ours = replace(steps[k].estimates["filter"], status=status, nis=None, marks_used=0)
+        steps[k] = replace(steps[k], estimates=steps[k].estimates | {"filter": ours})
+    return replace(track, steps=tuple(steps))
+
+
+def nees_of(track) -> np.ndarray:
+    """Squared errors by the variance of 1 mm an axis."""
+    return (1e6 * (np.array([e.mean for e in track.estimates("filter")]) - track.truth) ** 2).sum(axis=1)
+
+
 @pytest.fixture(scope="module")
 def usual():
     return made_track(phantom(), small_errors(N, 2), np.full(N, 1e-3))
@@ -61,7 +74,7 @@ def test_estimates_that_run_away_leave_the_path_where_it_was(usual, far_m, with_
 
 def test_no_legend_is_placed_by_a_search_among_what_is_drawn(usual):
     """It takes forever among thousands of ellipses: the place is fixed, outside of the axes where curves may be."""
-    for made in (path_figure, error_figure):
+    for made in (path_figure, error_figure, motion_figure, sigma_figure, consistency_figure):
         figure = made(usual)
         assert len(figure.legends) == 1
         assert all(ax.get_legend() is None for ax in figure.axes)
@@ -74,8 +87,8 @@ def test_ellipses_larger_than_the_picture_are_counted_and_not_drawn(usual):
         close = path_figure(track).axes[1]
         drawn = [patch for patch in close.patches if isinstance(patch, Ellipse)]
         assert len(drawn) == n
-        assert f"{n} frames" in close.get_title()
-        assert (f"{N_ELLIPSES - n} more are larger" in close.get_title()) == (n < N_ELLIPSES)
+        assert f"{n} frames" in close.get_title(loc="left")
+        assert (f"{N_ELLIPSES - n} more are larger" in close.get_title(loc="left")) == (n < N_ELLIPSES)
         assert max(patch.width for patch in drawn) == pytest.approx(4.0)  # two sigmas of 1 mm to either side
 
 
@@ -86,7 +99,7 @@ def test_errors_that_run_away_leave_the_scale_to_the_others(usual, far_m):
     for ax, before in zip(figure.axes, error_figure(usual).axes, strict=True):
         assert before.get_ylim()[1] <= ax.get_ylim()[1] <= 5.0 * before.get_ylim()[1]
         title = ax.get_title(loc="right")
-        assert title == ("" if np.isnan(far_m) else "filter beyond the picture in 60 of 300 frames")
+        assert title.startswith("beyond the picture: filter 60") == (not np.isnan(far_m))
 
 
 def test_where_all_estimates_run_away_the_scale_is_the_bodys():
@@ -98,10 +111,13 @@ def test_where_all_estimates_run_away_the_scale_is_the_bodys():
 
 def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
     figure = consistency_figure(made_track(phantom(), ran_away(small_errors(N, 2), 1e9), np.full(N, 1e-3)))
-    assert figure.axes[0].get_ylim()[1] == MOST_SHOWN
-    assert figure.axes[0].get_title().endswith("; 60 frames beyond the picture")
-    assert consistency_figure(usual).axes[0].get_ylim()[1] < 100.0
-    assert "beyond" not in consistency_figure(usual).axes[0].get_title()
+    assert figure.axes[0].get_ylim()[1] < 100.0
+    before = consistency_figure(usual).axes[0]
+    counts = [int(title.split("; ")[-1].split(" ")[0]) for title in (figure.axes[0].get_title(loc="left"),)]
+    low, usual_nees = figure.axes[0].get_ylim()[0], nees_of(usual)
+    away = np.r_[0 : RAN_AWAY.start, RAN_AWAY.stop : N]
+    assert counts == [60 + int((usual_nees[away] < low).sum())]  # nearly no error is off at the other end
+    assert before.get_ylim()[1] < 100.0
 
 
 def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists():
@@ -129,11 +145,87 @@ def test_all_pictures_are_written_whatever_the_estimates_are(tmp_path):
         assert cv2.imread(str(path)).std() > 10.0
 
 
-def test_a_sigma_is_compared_only_where_there_is_one():
-    """Not of NaN and not of nothing; where there is none at all the picture says so."""
+def test_a_sigma_is_compared_only_where_there_is_one(tmp_path):
+    """Not of NaN and not of nothing; where there is none at all there is no such picture."""
     sigmas = np.full(N, 1e-3)
     sigmas[:10], sigmas[10:20] = np.nan, 0.0
     track = made_track(phantom(), small_errors(N, 2), sigmas)
     assert len(sigma_figure(track).axes[0].lines[0].get_xdata()) == N - 20
-    nothing = sigma_figure(made_track(phantom(), small_errors(N, 2), np.full(N, np.nan)))
-    assert [text.get_text() for text in nothing.axes[0].texts] == ["not known"]
+    nothing = made_track(phantom(), small_errors(N, 2), np.full(N, np.nan))
+    assert "sigma.png" not in [path.name for path in write_track_plots(nothing, tmp_path)]
+    with pytest.raises(ValueError, match="expected frames of known error and covariance"):
+        sigma_figure(nothing)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("with_truth", [True, False])
+def test_all_pictures_can_be_printed_and_have_no_empty_axes(tmp_path, monkeypatch, dim, with_truth):
+    """In the plane and in space, with frames of every status; without truth those that need it are left out."""
+    drawn = {}
+    monkeypatch.setattr(
+        "experiments.plots.track.write_picture", lambda figure, path, _vector: [drawn.setdefault(path.name, figure)]
+    )
+    scene = phantom() if dim == 2 else block()
+    track = made_track(scene, small_errors(N, dim), np.full(N, 1e-3), with_truth=with_truth)
+    for status, frames in {Status.COASTING: (50, 70), Status.LOST: (70, 80), Status.DIVERGED: (80, 90)}.items():
+        track = with_status(track, range(*frames), status)
+    withheld = {name: Withheld(9, 4.0, 2.0, 1.0) for name in scene.measured_nodes}
+    write_track_plots(replace(track, withheld=withheld), tmp_path)
+    both = {"path.png", "consistency.png", "check.png"}
+    assert set(drawn) == both | ({"error.png", "sigma.png"} if with_truth else {"motion.png"})
+    for figure in drawn.values():
+        check_printed(figure, without_units=("mark",))
+    assert len(drawn["consistency.png"].axes) == (2 if with_truth else 1)
+    axes = drawn["path.png"].axes
+    assert len(axes) == 2 * (dim - 1)
+    assert [ax.child_axes[0].get_ylabel() for ax in axes[1::2]] == ["time [s]"] * (dim - 1)  # the colour bar
+
+
+def test_the_path_is_coloured_by_time_and_nodes_have_names(usual):
+    """From the first exposure to the last; the network's names in the scene, and none close up."""
+    whole, close = path_figure(usual).axes[:2]
+    for ax in (whole, close):
+        path = next(c for c in ax.collections if c.get_array() is not None)
+        np.testing.assert_allclose(path.get_array(), usual.times_s[:-1])
+        assert (path.norm.vmin, path.norm.vmax) == (usual.times_s[0], usual.times_s[-1])
+        assert path.get_cmap().name == "viridis"
+        np.testing.assert_allclose(
+            path.get_segments()[7], 1e3 * np.array([e.mean for e in usual.estimates("filter")[7:9]])
+        )
+    assert {text.get_text() for text in whole.texts} == set(usual.recording.scene.network.names)
+    assert not close.texts
+
+
+def test_ellipses_of_frames_without_marks_are_faint(usual):
+    patches = path_figure(with_status(usual, range(N // 2), Status.LOST)).axes[1].patches
+    drawn = [patch for patch in patches if isinstance(patch, Ellipse)]
+    opacities = [patch.get_alpha() for patch in drawn]
+    assert opacities == [FAINT] * (N_ELLIPSES // 2) + [0.9] * (N_ELLIPSES // 2)
+
+
+def test_a_consistent_filters_groups_lie_in_the_band_of_the_sigma_plot():
+    """Sigmas from 0.5 to 4 mm, errors drawn by them, independent; of twice the size they are in no band."""
+    rng = np.random.default_rng(5)
+    sigmas = np.exp(rng.uniform(np.log(5e-4), np.log(4e-3), 4000))
+    errors = rng.normal(0.0, 1.0, (4000, 2)) * sigmas[:, None]
+    for scale, least, most in ((1.0, 7, 8), (2.0, 0, 0)):
+        ax = sigma_figure(made_track(phantom(), scale * errors, sigmas)).axes[0]
+        band = ax.collections[0].get_paths()[0].vertices
+        predicted, found = next(line for line in ax.lines if len(line.get_xdata()) == 8).get_data()
+        ratio = band[:, 1] / band[:, 0]
+        low, high = np.quantile(ratio, [0.02, 0.98])
+        assert 0.93 < low < 0.98
+        assert 1.02 < high < 1.07  # a chi-square of 1000 degrees: 4.4 % to either side
+        assert least <= ((found / predicted > low) & (found / predicted < high)).sum() <= most
+
+
+def test_frames_outside_of_the_sigma_plot_are_counted(usual):
+    figure = sigma_figure(usual)
+    ax = figure.axes[0]
+    label = next(text.get_text() for text in figure.legends[0].get_texts() if "single" in text.get_text())
+    x, y = ax.lines[0].get_data()
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    n_out = int(((x < left) | (x > right) | (y < low) | (y > high)).sum())
+    assert 0 < n_out <= 0.1 * N
+    assert label == f"single frames ({n_out} of {N} outside)"

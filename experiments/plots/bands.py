@@ -1,0 +1,44 @@
+"""Stretches of time in which something held, as coloured bands: one artist each, however often it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from estimators import Advice, Status
+from experiments.arrays import Floats
+from experiments.plots.style import BLACK, GREY, VERMILLION
+
+STATUS_COLOURS = {Status.COASTING: GREY, Status.LOST: BLACK, Status.DIVERGED: VERMILLION}
+"""Of the frames in which the estimate does not rest on marks that fit."""
+
+FAINT = 0.25
+"""Opacity of a band behind curves."""
+
+K = TypeVar("K", Status, Advice)
+
+
+def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]:
+    """Start and length [s] of each run of frames in which something held, half-way to the frames beside it."""
+    if len(times_s) < 2:
+        return []
+    edges = np.concatenate([times_s[:1], 0.5 * (times_s[1:] + times_s[:-1]), times_s[-1:]])
+    during = np.concatenate([[False], np.asarray(held, dtype=bool), [False]])
+    starts, ends = np.flatnonzero(during[1:] & ~during[:-1]), np.flatnonzero(~during[1:] & during[:-1])
+    return list(zip(edges[starts].tolist(), (edges[ends] - edges[starts]).tolist(), strict=True))
+
+
+def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K, str]) -> None:
+    """Colour the background by what each frame was: a band of full height for each kind that has a colour and occurs.
+
+    Each has its kind as its label.
+    """
+    for kind, colour in colours.items():
+        spans = spans_of(times_s, [one == kind for one in kinds])
+        if spans:
+            label = str(kind).replace("_", " ")
+            whole = ax.get_xaxis_transform()
+            ax.broken_barh(spans, (0.0, 1.0), facecolors=colour, alpha=FAINT, lw=0, transform=whole, label=label)

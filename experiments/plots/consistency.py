@@ -1,0 +1,162 @@
+"""Can the covariance be believed: observed against predicted errors, NEES and NIS over time, marks as if hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from scipy.stats import chi2
+
+from estimators import chi_square_bounds
+from estimators.consistency.whiteness import effective_count
+from experiments.arrays import Floats
+from experiments.formats.estimate_rows import AXES
+from experiments.pipeline.line import FILTER
+from experiments.pipeline.scores.fit import fit_of
+from experiments.pipeline.scores.withheld import Withheld
+from experiments.pipeline.track import Track, table
+from experiments.plots.bands import STATUS_COLOURS, draw_bands
+from experiments.plots.limits import N_DRAWN, mark_beyond
+from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, grid_figure, legend_below, span, styled
+
+N_BINS = 8
+SPARED = 0.05
+"""Share of single frames that may be outside of a picture at either end, and are counted."""
+
+LEAST_SHOWN, MOST_SHOWN = 1e-2, 1e4
+"""Of NEES and NIS: four decades above the bounds no frame is consistent, however much larger the value."""
+
+
+def has_sigmas(done: Track) -> bool:
+    """Whether there is a frame of which both the error and what was predicted of it are known."""
+    return len(_errors_and_sigmas(done)[0]) > 0
+
+
+def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
+    """Error and standard deviation an axis [mm] and NEES of the frames in which they are known, (n,) each."""
+    ours, dim = table(done, FILTER), done.recording.scene.network.dim
+    sigma = np.sqrt(sum(ours[AXES[a] * 2] for a in range(dim)) / dim).to_numpy()
+    error = (ours["err_mm"] / np.sqrt(dim)).to_numpy()
+    known = np.isfinite(error) & np.isfinite(sigma) & (sigma > 0.0)
+    return error[known], sigma[known], ours["nees"].to_numpy()[known]
+
+
+@styled
+def sigma_figure(done: Track) -> Figure:
+    """Observed error against predicted standard deviation, frames grouped by the latter; raises ValueError for none.
+
+    The band holds 95 % of the groups where the covariance is consistent: the root of a mean square of as many
+    independent errors as the group's frames, which are correlated in time, are worth.
+    """
+    error, sigma, nees = _errors_and_sigmas(done)
+    if not len(error):
+        raise ValueError("sigma_figure: expected frames of known error and covariance, found none")
+    figure, axes = grid_figure(COLUMN_MM, COLUMN_MM + 12.0)
+    ax, dim = axes[0, 0], done.recording.scene.network.dim
+    groups = grouped(sigma)
+    predicted = np.array([np.sqrt((sigma[g] ** 2).mean()) for g in groups])
+    found = np.maximum([np.sqrt((error[g] ** 2).mean()) for g in groups], 1e-3 * predicted)
+    worth = effective_count(nees) / len(nees) * len(sigma) / len(groups) if np.isfinite(nees).all() else 1.0
+    least, most = np.sqrt(np.array(chi_square_bounds(dim * worth)) / (dim * worth))
+    low = min(0.7 * predicted.min(), 0.7 * found.min(), float(np.quantile(error, SPARED)))
+    high = max(1.4 * predicted.max(), 1.4 * found.max(), float(np.quantile(error, 1.0 - SPARED)))
+    n_out = int(((error < low) | (error > high) | (sigma < low) | (sigma > high)).sum())
+    note = f" ({n_out} of {len(error)} outside)" if n_out else ""
+    ax.loglog(sigma, error, ".", color="0.75", ms=1.5, mew=0.0, label=f"single frames{note}", zorder=1)
+    line = np.array([low, high])
+    band = "consistent: 95 % of groups in here"
+    ax.fill_between(line, least * line, most * line, color="0.5", alpha=0.2, lw=0, label=band, zorder=0)
+    ax.plot(line, line, color=TRUE, lw=0.6, label="observed as predicted", zorder=2)
+    ax.plot(predicted, found, "o-", color=OURS, label=f"root mean square of {len(groups)} groups", zorder=3)
+    ax.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+    ax.set(xlabel="predicted standard deviation [mm, an axis]", ylabel="observed error [mm, an axis]")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+    legend_below(figure, ax, 2)
+    return figure
+
+
+def grouped(sigma: Floats) -> list[np.ndarray]:
+    """Frames by their standard deviation (n,), in groups of nearly equal size, from the smallest up; none is empty."""
+    edges = np.unique(np.quantile(sigma, np.linspace(0.0, 1.0, N_BINS + 1)))
+    if len(edges) < 2:
+        return [np.arange(len(sigma))]
+    bins = np.clip(np.searchsorted(edges, sigma, side="right") - 1, 0, len(edges) - 2)
+    return [group for b in range(len(edges) - 1) if len(group := np.flatnonzero(bins == b))]
+
+
+def has_innovations(done: Track) -> bool:
+    """Whether there is a frame of which NIS or NEES is known."""
+    rows = table(done, FILTER)
+    return bool(rows[["nees", "nis"]].notna().any(axis=None))
+
+
+@styled
+def consistency_figure(done: Track) -> Figure:
+    """NEES, where the truth is known, and NIS over time against the bounds that hold 95 % of a consistent filter's."""
+    ours, dim = table(done, FILTER), done.recording.scene.network.dim
+    freedom = {"nees": np.full(len(ours), dim), "nis": dim * ours["marks_used"].to_numpy()}
+    keys = [key for key in freedom if ours[key].notna().any()]
+    if not keys:
+        raise ValueError("consistency_figure: expected frames of known NEES or NIS, found none")
+    figure, axes = grid_figure(PAGE_MM, 12.0 + 42.0 * len(keys), nrows=len(keys), sharex=True)
+    for ax, key in zip(axes[:, 0], keys, strict=True):
+        _against_bounds(done, ax, key, ours[key].to_numpy(), freedom[key])
+    axes[-1, 0].set_xlabel("time [s]")
+    span(axes[-1, 0], done.times_s)
+    legend_below(figure, axes[-1, 0], 4)
+    return figure
+
+
+def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.ndarray) -> None:
+    known = ~np.isnan(found)
+    bounds = {n: chi_square_bounds(max(int(n), 1)) for n in np.unique(freedom)}
+    low, high = np.array([bounds[n] if n else (np.nan, np.nan) for n in freedom]).T
+    inside = float(np.mean(found[known] <= chi2.ppf(0.95, np.maximum(freedom[known], 1))))
+    ms = 2.0 if len(found) < N_DRAWN else 0.7
+    ax.semilogy(done.times_s[known], found[known], ".", color=OURS, ms=ms, mew=0.0, label="a frame", zorder=3)
+    label = "consistent: 95 % of frames in here"
+    ax.fill_between(done.times_s, low, high, color=OURS, alpha=0.15, lw=0, step="mid", label=label)
+    draw_bands(ax, done.times_s, [e.status for e in done.estimates(FILTER)], STATUS_COLOURS)
+    shown = found[known & (found > LEAST_SHOWN) & (found < MOST_SHOWN)]
+    bottom, top = np.nanmin([*shown, *low]), np.nanmax([*shown, *high])
+    ax.set(ylabel=f"{key.upper()} [–]", ylim=(max(0.7 * bottom, LEAST_SHOWN), min(1.4 * top, MOST_SHOWN)))
+    beyond = mark_beyond(ax, done.times_s, found, OURS)
+    title = f"{key.upper()}: mean {_average(found[known].mean())}, {freedom[known].mean():.2g} is right"
+    fit = fit_of(done.estimates(FILTER))
+    if key == "nis" and fit is not None:
+        title = f"NIS: mean {_average(fit.mean_nis)}, 95 % band of the mean {fit.low:.2f} to {fit.high:.2f}"
+    ax.set_title(
+        f"{title}; {100 * inside:.1f} % of frames in the 95 % region"
+        + (f"; {beyond} frames beyond the picture" if beyond else "")
+    )
+
+
+def _average(mean: float) -> str:
+    return f"{mean:.2f}" if mean < MOST_SHOWN else f"{mean:.1e}"
+
+
+@styled
+def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
+    """Errors of marks predicted as if hidden, by what was predicted of them: at 1 as predicted; ValueError for none."""
+    if not withheld:
+        raise ValueError("withheld_figure: expected marks that were predicted as if hidden, found none")
+    width = COLUMN_MM if len(withheld) <= 8 else PAGE_MM
+    figure, axes = grid_figure(width, 60.0)
+    ax, ratios = axes[0, 0], [one.ratio for one in withheld.values()]
+    ax.bar(range(len(ratios)), ratios, width=0.6, color=OURS, alpha=0.7)
+    for k, one in enumerate(withheld.values()):
+        above = (k, max(one.ratio, 1.0))
+        told = f"{one.mean_error_mm:.3g} mm"
+        ax.annotate(told, above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
+    ax.axhline(1.0, color=TRUE, lw=0.6, ls=(0, (4, 2)), label="as predicted")
+    ax.set_xticks(range(len(ratios)), list(withheld), rotation=90 if len(withheld) > 8 else 0)
+    ax.set(ylim=(0.0, 1.2 * max(1.0, *ratios)), xlabel="mark", ylabel="rms error by the predicted [–]")
+    ax.set_title("marks predicted as if hidden; with their mean error")
+    legend_below(figure, ax, 1)
+    return figure

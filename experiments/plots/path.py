@@ -1,0 +1,234 @@
+"""The path of the target, coloured by time: in the scene, and close up with ellipses; in space from two sides."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse
+
+from experiments.arrays import Floats
+from experiments.formats.estimate_rows import AXES
+from experiments.pipeline.line import FILTER, OPEN_LOOP
+from experiments.pipeline.scores.fit import MISSED
+from experiments.pipeline.track import Track
+from experiments.plots.limits import FAR, N_DRAWN, body_box, outside, widened, within
+from experiments.plots.style import HALO, OURS, PAGE_MM, PAPERS, SMALL_PT, TIME_MAP, TRUE, grid_figure, styled
+
+N_ELLIPSES = 40
+MOST_NAMES = 30
+"""Of a larger network only the nodes with marks and the target's are named."""
+
+AROUND = 0.5
+"""Margin around the body that a picture may show, by its size."""
+
+FAINT = 0.3
+"""Opacity of an ellipse whose frame had no marks that fit."""
+
+
+@styled
+def path_figure(done: Track) -> Figure:
+    """Path of the hidden target over a frame of the film, and close up with 2-sigma ellipses of ours.
+
+    In space a row of each: seen along z and along y.
+    """
+    dim = done.recording.scene.network.dim
+    sides = [(0, 1)] if dim == 2 else [(0, 1), (0, 2)]
+    figure, axes = grid_figure(PAGE_MM, 12.0 + 70.0 * len(sides), nrows=len(sides), ncols=2)
+    for (whole, close), side in zip(axes, sides, strict=True):
+        seen = "" if dim == 2 else f", seen along {AXES[3 - sum(side)]}"
+        _whole(done, whole, side)
+        whole.set_title(f"target {done.recording.scene.target.node} in the scene{seen}")
+        n_drawn, n_larger = _close(done, close, side)
+        larger = f"; {n_larger} more are larger" if n_larger else ""
+        close.set_title(f"close up{seen}\n2-sigma ellipses of {n_drawn} frames{larger}")
+        for ax in (whole, close):
+            ax.set(xlabel=f"{AXES[side[0]]} [mm]", ylabel=f"{AXES[side[1]]} [mm]")
+        figure.colorbar(close.collections[0], cax=close.inset_axes((1.03, 0.0, 0.035, 1.0)), label="time [s]")
+    handles, labels = axes[0, 1].get_legend_handles_labels()
+    keys = _ellipse_keys(done)
+    figure.legend([*handles, *keys.values()], [*labels, *keys], loc="outside lower center", ncols=4)
+    return figure
+
+
+def _means_mm(done: Track, method: str, side: tuple[int, int]) -> Floats:
+    return 1e3 * np.array([e.mean[list(side)] for e in done.estimates(method)])
+
+
+def _whole(done: Track, ax: Axes, side: tuple[int, int]) -> None:
+    """The network or the film, and the paths in it."""
+    means, papers = _means_mm(done, FILTER, side), _means_mm(done, OPEN_LOOP, side)
+    ax.set_aspect("equal")
+    filmed = side == (0, 1) and _film(done, ax)
+    if not filmed:
+        body = 1e3 * body_box(done)[:, list(side)]
+        around = widened(body, AROUND)
+        _limit(ax, np.vstack([body, within(means, around), within(papers, around)]), 0.08)
+    _network(done, ax, side, lines=not filmed)
+    _paths(done, ax, side, thick=0.7)
+
+
+def _close(done: Track, ax: Axes, side: tuple[int, int]) -> tuple[int, int]:
+    """The paths alone, with ellipses: how many were drawn, and how many were larger than the picture."""
+    means, truth = _means_mm(done, FILTER, side), 1e3 * done.truth[:, list(side)]
+    known = truth[np.isfinite(truth).all(axis=1)]
+    body = 1e3 * body_box(done)[:, list(side)]
+    errors = np.linalg.norm(means - truth, axis=1)
+    usual = ~(errors > FAR * np.nanmedian(errors)) if len(known) else np.full(len(means), True)
+    near = np.vstack([within(means[usual], widened(body, AROUND)), known])
+    middle, reach = _middle_and_reach(near if len(near) else body)
+    ax.set_aspect("equal")
+    ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
+    _paths(done, ax, side, thick=1.0)
+    return _ellipses(done, ax, side, reach)
+
+
+def _paths(done: Track, ax: Axes, side: tuple[int, int], thick: float) -> None:
+    """The filter's path coloured by time, the truth's, the paper's; what leaves the picture is marked and counted."""
+    means, papers, times = _means_mm(done, FILTER, side), _means_mm(done, OPEN_LOOP, side), done.times_s
+    truth = 1e3 * done.truth[:, list(side)]
+    shown = slice(None, None, -(-len(means) // N_DRAWN))
+    box = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    n_gone, n = int(outside(papers, box).sum()), len(papers)
+    gone = f" (outside: {n_gone} of {n} frames)" if n_gone else ""
+    points = means[shown]
+    path = LineCollection(
+        list(np.stack([points[:-1], points[1:]], axis=1)), cmap=TIME_MAP, norm=_of_time(done), lw=thick, zorder=3
+    )
+    path.set_array(times[shown][:-1])
+    ax.add_collection(path, autolim=False)
+    ax.plot([], [], color=OURS_IN_TIME, lw=1.2, label="filter, coloured by time")
+    ax.plot(*papers[shown].T, color=PAPERS, lw=0.5 * thick, alpha=0.5, zorder=1.5, label=f"paper's open loop{gone}")
+    if np.isfinite(truth).any():
+        ax.plot(*truth[shown].T, color=TRUE, lw=0.5 * thick, zorder=2.5, label="truth")
+    away = means[outside(means, box)]
+    if len(away):
+        edge = np.clip(away[:: -(-len(away) // N_DRAWN)], *widened(box, -0.01))
+        label = f"filter outside: {len(away)} of {len(means)} frames"
+        ax.plot(*edge.T, "x", color=OURS, ms=3, mew=0.6, zorder=4, label=label)
+
+
+def _of_time(done: Track) -> Normalize:
+    return Normalize(float(done.times_s[0]), max(float(done.times_s[-1]), float(done.times_s[0]) + 1e-9))
+
+
+OURS_IN_TIME = colormaps[TIME_MAP](0.35)
+"""For a legend: a colour from the map."""
+
+
+def _missed(done: Track) -> bool:
+    return any(e.status in MISSED for e in done.estimates(FILTER))
+
+
+def _ellipse_keys(done: Track) -> dict[str, Line2D]:
+    """Entries of a legend by their label: an ellipse, and a faint one where there are any."""
+    opacities = {"2-sigma ellipse": 0.9} | ({"coasting, lost or diverged": FAINT} if _missed(done) else {})
+    return {
+        label: Line2D([], [], marker="o", ls="none", mfc="none", mec=OURS_IN_TIME, mew=0.6, ms=5, alpha=alpha)
+        for label, alpha in opacities.items()
+    }
+
+
+def _ellipses(done: Track, ax: Axes, side: tuple[int, int], reach: float) -> tuple[int, int]:
+    """2-sigma ellipses of some frames, faint where the estimate rests on no marks that fit."""
+    estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
+    chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
+    pair = np.ix_(side, side)
+    covs = {k: 1e6 * cov[pair] for k in chosen if (cov := estimates[k].cov) is not None}
+    drawn = [k for k, cov in covs.items() if _fits(cov, reach)]
+    for k in drawn:
+        missed = estimates[k].status in MISSED
+        ax.add_patch(
+            ellipse(
+                1e3 * estimates[k].mean[list(side)],
+                covs[k],
+                2.0,
+                ec=colours(norm(estimates[k].time_s)),
+                fc="none",
+                lw=0.6,
+                alpha=FAINT if missed else 0.9,
+                zorder=3,
+            )
+        )
+    return len(drawn), len(covs) - len(drawn)
+
+
+def _film(done: Track, ax: Axes) -> bool:
+    """Draw the first frame of the film around the network; False where there is none, or the camera is not square."""
+    cameras = done.recording.scene.cameras
+    if not cameras or done.recording.marks is not None:
+        return False
+    camera = cameras[0]
+    if not np.allclose(camera.plane_to_px[[0, 1, 2, 2], [1, 0, 0, 1]], 0.0):
+        return False
+    with done.recording.open_frames() as frames:
+        image = next(iter(frames)).image[..., ::-1]
+    width, height = camera.size_px
+    (left, top), (right, bottom) = camera.to_plane(np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]])) * 1e3
+    ax.imshow(image, extent=(left, right, bottom, top), origin="upper", alpha=0.7)
+    nodes = 1e3 * done.recording.scene.network.positions
+    (west, low), (east, high) = widened(np.array([nodes.min(axis=0), nodes.max(axis=0)]), AROUND)
+    ax.set(xlim=(max(west, left), min(east, right)), ylim=(max(low, bottom), min(high, top)))
+    return True
+
+
+def _network(done: Track, ax: Axes, side: tuple[int, int], *, lines: bool) -> None:
+    """Names of the nodes where they are drawn; springs and nodes, too, where no film shows them."""
+    scene = done.recording.scene
+    network = scene.network
+    x = 1e3 * network.positions[:, list(side)]
+    if lines:
+        ax.add_collection(LineCollection(list(x[network.springs]), colors="0.8", linewidths=0.5), autolim=False)
+        ax.plot(*x[~network.fixed].T, "o", color="0.5", ms=2.5, zorder=1.2)
+        ax.plot(*x[network.fixed].T, "s", color="0.3", ms=2.5, zorder=1.2)
+    for name in named_nodes(done):
+        place = x[network.index(name)]
+        target = name == scene.target.node
+        ax.annotate(
+            name,
+            (float(place[0]), float(place[1])),
+            (3, -8) if target else (3, 3),
+            textcoords="offset points",
+            fontsize=SMALL_PT,
+            color=OURS if target else "0.25",
+            path_effects=HALO,
+            zorder=5,
+            annotation_clip=True,
+        )
+
+
+def named_nodes(done: Track) -> list[str]:
+    """The nodes to name in a picture: all of a small network, of a large one those with marks and the target's."""
+    scene = done.recording.scene
+    names = scene.network.names
+    if len(names) <= MOST_NAMES:
+        return list(names)
+    meant = {*scene.measured_nodes, scene.target.node}
+    return [name for name in names if name in meant]
+
+
+def _limit(ax: Axes, points: Floats, margin: float) -> None:
+    (left, low), (right, high) = widened(np.array([points.min(axis=0), points.max(axis=0)]), margin)
+    ax.set(xlim=(left, right), ylim=(low, high))
+
+
+def _middle_and_reach(points: Floats) -> tuple[Floats, float]:
+    """Middle of the points (n, 2) [mm], and half of what a square picture of them shows [mm]."""
+    return 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.6 * max(1.0, float(np.ptp(points, axis=0).max()))
+
+
+def _fits(cov: Floats, reach: float) -> bool:
+    """Whether the 2-sigma ellipse of a covariance (2, 2) is finite and no larger than a picture of this reach."""
+    return bool(np.isfinite(cov).all() and 2.0 * np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)) <= 2.0 * reach)
+
+
+def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:
+    """The ellipse of so many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
+    values, vectors = np.linalg.eigh(cov)
+    angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # a singular one's least is rounding, of either sign
+    return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)

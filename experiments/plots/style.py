@@ -1,0 +1,128 @@
+"""The house style of every picture: print sizes, type, colours that the colour-blind can tell apart, and its files.
+
+A picture is as wide as a column or a page of print; its type is legible there without enlarging. Colours are Okabe
+and Ito's [wong2011]; a path in time is coloured by viridis, which is perceptually uniform.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from experiments.arrays import Floats
+
+COLUMN_MM, PAGE_MM = 85.0, 170.0
+"""Width of a column and of a page of print [mm]."""
+
+DPI = 300
+"""Pixels an inch of PNG files: what journals ask of a halftone."""
+
+TEXT_PT, SMALL_PT = 7.0, 6.0
+"""Type of titles and axes, and of ticks, legends and notes [pt]: six is the least that is read in print."""
+
+BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
+BLUE, VERMILLION, PURPLE, GREY = "#0072b2", "#d55e00", "#cc79a7", "#999999"
+
+TRUE, OURS, PAPERS = BLACK, BLUE, ORANGE
+"""The truth, our filter, the paper's open loop: of one colour in every picture."""
+
+TIME_MAP = "viridis"
+
+HALO = [withStroke(linewidth=1.4, foreground="white")]
+"""Around words over lines."""
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": TEXT_PT,
+    "axes.titlesize": TEXT_PT,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 4.0,
+    "axes.labelsize": TEXT_PT,
+    "axes.labelpad": 2.0,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.labelsize": SMALL_PT,
+    "ytick.labelsize": SMALL_PT,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5,
+    "legend.fontsize": SMALL_PT,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.4,
+    "lines.linewidth": 0.9,
+    "lines.markersize": 3.0,
+    "figure.titlesize": TEXT_PT,
+    "image.cmap": TIME_MAP,
+    "pdf.fonttype": 42,  # type that another program can edit
+    "svg.hashsalt": "softaim",  # names inside that are the same each time
+}
+
+UNDATED = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
+"""What is said in a file beside the picture: no date, so that the same picture is the same file."""
+
+P = ParamSpec("P")
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """A function that draws, in the house style."""
+
+    @wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with mpl.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+def new_figure(width_mm: float, height_mm: float) -> Figure:
+    """An empty figure of this size in print; made without pyplot: no global state, nothing to close."""
+    return Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
+
+
+def grid_figure(width_mm: float, height_mm: float, **grid: Any) -> tuple[Figure, NDArray[np.object_]]:
+    """A figure with a grid of axes, (n_rows, n_columns), as `Figure.subplots` takes it."""
+    figure = new_figure(width_mm, height_mm)
+    return figure, figure.subplots(squeeze=False, **grid)
+
+
+def span(ax: Axes, times_s: Floats) -> None:
+    """Show from the first time to the last [s]; one alone spans nothing and is left to matplotlib."""
+    if len(times_s) > 1:
+        ax.set_xlim(times_s[0], times_s[-1])
+
+
+def legend_below(figure: Figure, ax: Axes, n_columns: int) -> None:
+    """The legend of one of the axes under all of them: never over data."""
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=n_columns)
+
+
+def saved(figure: Figure, form: str) -> bytes:
+    """The file of a picture, of the form png, pdf or svg."""
+    content = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(content, format=form, dpi=DPI, metadata=UNDATED[form])
+    return content.getvalue()
+
+
+def write_picture(figure: Figure, path: Path, vector: str | None = None) -> list[Path]:
+    """Write a PNG file and, where wanted, a vector file ("pdf" or "svg") beside it; the files written."""
+    forms = {path: "png"} | ({path.with_suffix(f".{vector}"): vector} if vector else {})
+    for one, form in forms.items():
+        one.write_bytes(saved(figure, form))
+    return list(forms)

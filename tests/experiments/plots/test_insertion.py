@@ -1,0 +1,52 @@
+"""The pictures of insertions, of trials made by hand: what is drawn, what is only counted."""
+
+import numpy as np
+import pytest
+
+from experiments.formats.scenario import read_scenario
+from experiments.plots.insertion import hits_figure, misses_figure, reliability_figure
+from experiments.simulation.cases import case_of
+from experiments.simulation.closed_loop import Tried
+from experiments.simulation.insert import Trials
+from experiments.simulation.policies import POLICIES
+from tests.experiments.plots.printed import check_printed
+
+
+@pytest.fixture(scope="module")
+def trials():
+    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, told as 95 % probable, but 3 of them as 25 %."""
+    runs = []
+    for k in range(40):
+        miss_m, told = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
+        runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, told, told, 5e-3, k < 5) for policy in POLICIES))
+    return Trials(case_of(read_scenario("quiet")), tuple(runs), ())
+
+
+def test_they_can_be_printed(trials):
+    for drawn in (hits_figure, misses_figure, reliability_figure):
+        check_printed(drawn(trials), without_units=("policy",))
+
+
+def test_misses_beyond_the_picture_are_counted_and_their_share_stays(trials):
+    """20 of 40 within 20 mm: a line to one half, and 20 farther for each policy."""
+    figure = misses_figure(trials)
+    ax = figure.axes[0]
+    steps = [line for line in ax.lines if len(line.get_xdata()) > 2]
+    assert len(steps) == len(POLICIES)
+    for line in steps:
+        x, y = line.get_data()
+        assert (x[-1], y[-1]) == (20.0, 50.0)
+        assert y[np.searchsorted(x, 10.0)] == 25.0
+    assert len({(line.get_color(), line.get_linestyle()) for line in steps}) == len(POLICIES)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[0] == f"{POLICIES[0]} (20 farther)"
+    assert labels[-1] == "radius of the lesion, 5 mm"
+
+
+def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
+    """37 told as 95 % probable, of which 2 hit: beyond its interval; 3 told as 25 % are left out."""
+    figure = reliability_figure(trials)
+    ax = figure.axes[0]
+    assert [text.get_text() for text in ax.texts] == ["37", "3 in tenths of fewer than 5 left out"]
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["as predicted", "99 % interval does not hold the prediction"]
