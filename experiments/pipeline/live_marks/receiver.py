@@ -222,10 +222,10 @@ class LiveMarks:
     def close(self) -> None:
         """Stop; the thread ends as soon as it comes back from what it reads."""
         self._stop.set()
-        self._feed.close()
         with self._changed:
             self._changed.notify_all()
             self._changed.wait_for(lambda: self._finished, timeout=self._settings.blocked_s)
+        self._feed.close()
 
     def __enter__(self) -> Self:
         return self

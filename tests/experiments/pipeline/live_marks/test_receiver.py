@@ -23,14 +23,14 @@ class Idle:
     def __init__(self, error: Exception | None = None) -> None:
         self.error, self.over, self.closed = error, threading.Event(), False
 
-    def run(self, _receiver: LiveMarks) -> None:
-        self.over.wait(10.0)
+    def run(self, receiver: LiveMarks) -> None:
+        while receiver.wanted and not self.over.wait(0.005):
+            pass
         if self.error is not None:
             raise self.error
 
     def close(self) -> None:
         self.closed = True
-        self.over.set()
 
 
 class Bench:
