@@ -25,7 +25,7 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     open_source           frames from a camera, film, folder or stream
     MarkFinder            marks tracked and named, frame after frame
     PlaneCamera           between pixels and the plane
-    Scene                 what is in view: network, marks, target, cameras
+    Scene, Mark, Target    what is in view: network, marks, target, cameras
     read_scene, write_scene    scene.toml
     Recording, read_recording    a folder of frames or marks with their times
     InputError            a file that cannot be used; one line says why
@@ -67,7 +67,9 @@ if TYPE_CHECKING:
     )
     from experiments.errors import InputError
     from experiments.formats.recording import Recording, read_recording
+    from experiments.formats.scene.marks import Mark
     from experiments.formats.scene.scene import Scene, read_scene, write_scene
+    from experiments.formats.scene.target import Target
     from vision import MarkFinder, PlaneCamera, open_source
 
     __version__: str
@@ -78,6 +80,7 @@ __all__ = [
     "InputError",
     "Insertion",
     "Lesion",
+    "Mark",
     "MarkFinder",
     "MarkMeasurement",
     "MassSpringNetwork",
@@ -86,6 +89,7 @@ __all__ = [
     "Recording",
     "Scene",
     "Status",
+    "Target",
     "TargetEstimate",
     "TissueFilter",
     "__version__",
@@ -137,6 +141,8 @@ _NAMES_OF = {
     "vision": ("MarkFinder", "PlaneCamera", "open_source"),
     "experiments.errors": ("InputError",),
     "experiments.formats.recording": ("Recording", "read_recording"),
+    "experiments.formats.scene.marks": ("Mark",),
+    "experiments.formats.scene.target": ("Target",),
     "experiments.formats.scene.scene": ("Scene", "read_scene", "write_scene"),
 }
 """The names of each module that are handed on."""
