@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -62,11 +62,17 @@ class Baseline(ABC):
         """Probability that an outside force acts, None where the method has one mode only."""
         return None
 
-    def run(self, frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]) -> Iterator[list[TargetEstimate]]:
+    def run(
+        self,
+        frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
+        advance: Callable[[float], None] = lambda _share: None,
+    ) -> Iterator[list[TargetEstimate]]:
         """Estimates of frames, (time [s], marks) in order, one at a time: predict, then update."""
-        for time_s, marks in frames:
+        for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
-            yield [self.update(marks)]
+            estimate = self.update(marks)
+            advance(k / len(frames))
+            yield [estimate]
 
     def predict(self, time_s: float) -> None:
         """Predict to this exposure time [s]; raises ValueError where time goes back or is not finite."""

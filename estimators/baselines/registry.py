@@ -56,10 +56,14 @@ class TrackingProblem:
 class Method(Protocol):
     """A method at its beginning."""
 
-    def run(self, frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]) -> Iterator[list[TargetEstimate]]:
+    def run(
+        self,
+        frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
+        advance: Callable[[float], None] = lambda _share: None,
+    ) -> Iterator[list[TargetEstimate]]:
         """Estimates of all frames, (time [s], marks) in order, in blocks: as many at a time as become known together.
 
-        A filter yields one a frame, a smoother those of all frames at the end.
+        A filter yields one a frame, a smoother those of all frames at the end. advance: gets the share done.
         """
 
 

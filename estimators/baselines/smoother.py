@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.process.target import TargetPoint
@@ -32,6 +32,10 @@ class FixedIntervalSmoother:
             network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
         )
 
-    def run(self, frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]) -> Iterator[list[TargetEstimate]]:
+    def run(
+        self,
+        frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
+        advance: Callable[[float], None] = lambda _share: None,
+    ) -> Iterator[list[TargetEstimate]]:
         """Estimates of all frames in one block, after the last."""
-        yield fixed_interval(self.tissue, frames)
+        yield fixed_interval(self.tissue, frames, advance)

@@ -8,7 +8,7 @@ With one mode this is Rauch, Tung and Striebel's smoother. Sources: [rauch1965],
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,11 +74,20 @@ class ForwardPass:
         return FilteredStep(estimate, mixture.beliefs(), None if restarted else cycles, columns @ columns.T)
 
 
-def fixed_interval(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
-    """The target at each frame, given the marks of all frames: (time [s], marks) in order."""
-    passage = ForwardPass(tissue)
-    passed = [passage.take(time_s, marks) for time_s, marks in frames]
-    return [_reported(one, known, tissue) for one, known in zip(passed, smooth(passed), strict=True)]
+def fixed_interval(
+    tissue: TissueFilter, frames: Frames, advance: Callable[[float], None] = lambda _share: None
+) -> list[TargetEstimate]:
+    """The target at each frame, given the marks of all frames: (time [s], marks) in order.
+
+    advance: gets the share done, half of it forth, half back
+    """
+    passage, taken = ForwardPass(tissue), list(frames)
+    passed: list[FilteredStep] = []
+    for time_s, marks in taken:
+        passed.append(passage.take(time_s, marks))
+        advance(0.5 * len(passed) / len(taken))
+    known = smooth(passed, lambda share: advance(0.5 + 0.5 * share))
+    return [_reported(one, at, tissue) for one, at in zip(passed, known, strict=True)]
 
 
 class FixedLag:
@@ -106,10 +115,11 @@ class FixedLag:
         return _reported(self._passed[0], smooth(tuple(self._passed))[0], self._passage.tissue)
 
 
-def smooth(passed: Sequence[FilteredStep]) -> list[ModeBeliefs]:
-    """The state at each frame given all of them; none may be missing between."""
+def smooth(passed: Sequence[FilteredStep], advance: Callable[[float], None] = lambda _share: None) -> list[ModeBeliefs]:
+    """The state at each frame given all of them; none may be missing between. advance: gets the share done."""
     known = [passed[-1].filtered] if passed else []
     for before, one in zip(reversed(passed[:-1]), reversed(passed), strict=False):
+        advance(len(known) / len(passed))
         now = known[-1]
         if one.cycles is None:
             known.append(before.filtered)
@@ -118,6 +128,7 @@ def smooth(passed: Sequence[FilteredStep]) -> list[ModeBeliefs]:
         for start, cycle in zip(reversed(starts), reversed(one.cycles), strict=False):
             now = smoothed_before(now, cycle, start)
         known.append(now)
+    advance(1.0)
     return known[::-1]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from experiments.errors import InputError
@@ -45,16 +45,16 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
         raise InputError(str(error)) from error
 
 
-def count_pictures(source: Path) -> tuple[int, str]:
+def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
     """How many frames there are, and what to call them; InputError, SourceError where some are missing.
 
     A film is counted by reading it through, for its header is not always true: a fraction of the time that tracking
-    it takes.
+    it takes; `advance` gets the share done.
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"
     if source.name != FRAMES:
-        return count_frames(source), f"frames of {source.name}"
+        return count_frames(source, advance), f"frames of {source.name}"
     n_frames = len(list(source.glob("*.png")))
     for k in range(n_frames):
         if not (source / f"{k:06d}.png").is_file():

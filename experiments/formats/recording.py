@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -99,8 +99,13 @@ class Recording:
         return open_pictures(self.source, self.exposures_s.tolist())
 
 
-def read_recording(folder: Path, scene_path: Path | None = None) -> Recording:
-    """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError."""
+def read_recording(
+    folder: Path, scene_path: Path | None = None, advance: Callable[[float], None] = lambda _share: None
+) -> Recording:
+    """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError.
+
+    advance: gets the share done, of a film that is read through
+    """
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
@@ -128,9 +133,10 @@ def read_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     )
     if marks is None:
         try:
-            _check_frames(recording, source, scene_path)
+            _check_frames(recording, source, scene_path, advance)
         except SourceError as error:
             raise InputError(str(error)) from error
+    advance(1.0)
     LOG.info(
         "read %s: %d frames of %s, scene %s, truth of %s, %d fixes",
         folder,
@@ -143,10 +149,10 @@ def read_recording(folder: Path, scene_path: Path | None = None) -> Recording:
     return recording
 
 
-def _check_frames(recording: Recording, source: Path, scene_path: Path) -> None:
+def _check_frames(recording: Recording, source: Path, scene_path: Path, advance: Callable[[float], None]) -> None:
     """Raise InputError now for what would otherwise be found at the end of a long run."""
     n_rows = len(recording.exposures_s)
-    n_frames, what = count_pictures(source)
+    n_frames, what = count_pictures(source, advance)
     # A recorder that was killed may have finished a piece whose rows it did not come to write.
     if n_frames < n_rows or (n_frames > n_rows and source.name != SEGMENTS):
         rows = f"a row for each of the {n_frames} {what}"

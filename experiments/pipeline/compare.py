@@ -78,12 +78,11 @@ def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tu
     ]
     steps: list[Step] = []
     began = time.perf_counter()
-    for block in method.run(frames):
+    for block in method.run(frames, advance):
         seconds = (time.perf_counter() - began) / len(block)
         for step, estimate in zip(done.steps[len(steps) :], block, strict=False):
             estimates, method_s = step.estimates | {name: estimate}, step.method_s | {name: seconds}
             steps.append(replace(step, estimates=estimates, method_s=method_s))
-        advance(len(steps) / len(frames))
         began = time.perf_counter()
     if len(steps) != len(frames):
         raise ValueError(f"{name}: expected an estimate of each of {len(frames)} frames, found {len(steps)}")

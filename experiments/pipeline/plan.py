@@ -44,10 +44,13 @@ class Planned:
     time_s: float | None
 
 
-def planned(source: Path, plan_path: Path, advance: Advance = lambda _share: None) -> Planned:
+def planned(
+    source: Path, plan_path: Path, stage: Callable[[str], Advance] = lambda _name: lambda _share: None
+) -> Planned:
     """Plan for a recording's folder or a scene file; raises InputError, SourceError, NetworkError."""
     if source.is_dir():
-        recording = read_recording(source)
+        recording = read_recording(source, advance=stage("read"))
+        advance = stage("track")
         scene = recording.scene
         task = read_task(plan_path, scene.network.dim)
         line = Line(scene, baseline=False, fixes=recording.fixes)

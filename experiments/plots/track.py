@@ -5,6 +5,7 @@ A picture's limits are those of the body (`limits.py`); estimates that leave it 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +25,14 @@ from experiments.plots.style import OURS, PAGE_MM, PAPERS, TRUE, grid_figure, le
 ERROR_TITLE, MOTION_TITLE = "error of the hidden target", "the hidden target"
 
 
-def write_track_plots(done: Track, folder: Path, vector: str | None = None) -> list[Path]:
+def write_track_plots(
+    done: Track, folder: Path, vector: str | None = None, *, advance: Callable[[float], None] = lambda _share: None
+) -> list[Path]:
     """Draw the pictures of a track into a folder that exists; the files written.
 
     path.png; with truth error.png and sigma.png, without it motion.png in their place; consistency.png where marks were
-    taken in; check.png where marks were predicted as if hidden. vector: "pdf" or "svg" for such a file beside each
+    taken in; check.png where marks were predicted as if hidden. vector: "pdf" or "svg" for such a file beside each;
+    advance: gets the share done
     """
     pictures = {"path": path_figure(done)}
     if done.has_truth:
@@ -41,7 +45,11 @@ def write_track_plots(done: Track, folder: Path, vector: str | None = None) -> l
         pictures["consistency"] = consistency_figure(done)
     if done.withheld:
         pictures["check"] = withheld_figure(done.withheld)
-    return [path for name, figure in pictures.items() for path in write_picture(figure, folder / f"{name}.png", vector)]
+    written: list[Path] = []
+    for k, (name, figure) in enumerate(pictures.items(), start=1):
+        written += write_picture(figure, folder / f"{name}.png", vector)
+        advance(k / len(pictures))
+    return written
 
 
 @styled

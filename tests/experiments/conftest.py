@@ -6,4 +6,4 @@ import pytest
 @pytest.fixture
 def without_pictures(monkeypatch):
     """No pictures of a track are drawn: for tests of its numbers."""
-    monkeypatch.setattr("experiments.plots.track.write_track_plots", lambda _done, _folder, _vector=None: [])
+    monkeypatch.setattr("experiments.plots.track.write_track_plots", lambda *_, **__: [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,13 +132,17 @@ class FolderFrames:
         self.close()
 
 
-def count_frames(path: str | Path) -> int:
-    """Frames in a film, counted by reading it: its header is not always right. Raises SourceError."""
+def count_frames(path: str | Path, advance: Callable[[float], None] = lambda _share: None) -> int:
+    """Frames in a film, counted by reading it: its header is not always right. Raises SourceError.
+
+    advance: gets the share done, by the header
+    """
     capture = _opened(Path(path))
-    n_frames = 0
+    n_frames, expected = 0, max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
     with quiet_opencv():
         while capture.grab():
             n_frames += 1
+            advance(min(n_frames / expected, 1.0))
     capture.release()
     return n_frames
 

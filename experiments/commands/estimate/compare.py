@@ -31,7 +31,7 @@ def compare(
     from experiments.plots.compare import write_comparison_plot
 
     named = chosen(methods)
-    opened = read_recording(recording, scene)
+    opened = read_recording(recording, scene, run.stage("read"))
     with run.folder(out, force=force, inputs=[recording, scene]) as folder:
         run.use(opened.scene, before="track")
         done = compared(opened, named, run.stage)

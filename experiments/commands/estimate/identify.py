@@ -35,7 +35,7 @@ def identify(
         resting_scene,
     )
 
-    opened = read_recording(recording, scene)
+    opened = read_recording(recording, scene, run.stage("read"))
     check_new(out, force)
     run.use(opened.scene, before=None if at_rest else "identify")
     frames = marks_in(opened, run.stage("marks"))

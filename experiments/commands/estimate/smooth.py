@@ -26,7 +26,7 @@ def smooth(
     from experiments.pipeline.compare import SMOOTHER, compare, summary, write_smoothed
     from experiments.plots.compare import write_comparison_plot
 
-    opened = read_recording(recording, scene)
+    opened = read_recording(recording, scene, run.stage("read"))
     with run.folder(out, force=force, inputs=[recording, scene]) as folder:
         run.use(opened.scene, before="track")
         done = compare(opened, [SMOOTHER], run.stage)

@@ -33,13 +33,13 @@ def track(
     from experiments.pipeline.track import track as tracked
     from experiments.plots.track import write_track_plots
 
-    opened = read_recording(recording, scene)
+    opened = read_recording(recording, scene, run.stage("read"))
     with run.folder(out, force=force, inputs=[recording, scene]) as folder:
         run.use(opened.scene, before="track")
         with Film(folder, opened) if film else nullcontext() as watch:
             done = tracked(opened, run.stage("track"), check=check, watch=watch)
         write_tables(done, folder)
-        write_track_plots(done, folder, vector)
+        write_track_plots(done, folder, vector, advance=run.stage("pictures"))
         for step in done.steps:
             if step.swap is not None:
                 report_swap(step.swap)

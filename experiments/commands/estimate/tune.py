@@ -26,7 +26,7 @@ def tune(
     from experiments.formats.recording import read_recording
     from experiments.pipeline.identify import marks_in, tuned_scene, tuning_report
 
-    opened = read_recording(recording, scene)
+    opened = read_recording(recording, scene, run.stage("read"))
     check_new(out, force)
     run.use(opened.scene, before="tune")
     frames = marks_in(opened, run.stage("marks"))

@@ -32,7 +32,7 @@ def advise(
     from experiments.pipeline.advise import reliability, write_advice
     from experiments.plots.advice import write_advice_plot
 
-    opened = read_recording(recording, scene)
+    opened = read_recording(recording, scene, run.stage("read"))
     plan = read_needle(needle, opened.scene.target.radius_m, opened.scene.network.dim)
     with run.folder(out, force=force, inputs=[recording, scene, needle]) as folder:
         run.use(opened.scene, before="track")

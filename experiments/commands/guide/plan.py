@@ -27,7 +27,7 @@ def plan(
     from experiments.plots.style import write_picture
 
     with run.folder(out, force=force, inputs=[source, plan_file]) as folder:
-        done = planned(source, plan_file, run.stage("plan"))
+        done = planned(source, plan_file, run.stage)
         run.use(done.scene, before="track")
         write_plan(done, folder)
         write_picture(plan_figure(done), folder / "plan.png", vector)

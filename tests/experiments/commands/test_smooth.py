@@ -1,6 +1,7 @@
 """`softaim smooth`: the estimates of the smoother of the library, in the files of `softaim track`."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from estimators import TissueFilter, fixed_interval
 from experiments.formats.recording import read_recording
+from experiments.pipeline.compare import SMOOTHER, compare
 from experiments.pipeline.track import measurement
 from tests.experiments.command import softaim
 
@@ -63,3 +65,17 @@ def test_the_filter_stands_beside_it_and_is_less_certain(smoothed: Path) -> None
     assert list(summary) == ["open-loop", "filter", "smoother"]
     assert summary["smoother"]["mae_mm"] == pytest.approx(ours["err_mm"].mean(), rel=1e-6)
     assert (smoothed / "out" / "compare.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_progress_is_told_all_along(smoothed: Path) -> None:
+    """Of reading, tracking and smoothing, forth and back: shares rise from frame to frame to one."""
+    shares: dict[str, list[float]] = {}
+
+    def stage(name: str) -> Callable[[float], None]:
+        return shares.setdefault(name, []).append
+
+    compare(read_recording(smoothed / "rec", advance=stage("read")), [SMOOTHER], stage)
+    assert shares["read"] == [1.0]
+    assert len(shares["track"]) == 20
+    assert len(shares["smoother"]) == 40
+    assert all(told == sorted(told) and told[-1] == 1.0 for told in shares.values())

@@ -21,17 +21,19 @@ N_FRAMES = 8
 class Toy:
     """A method that puts the target where no other would."""
 
-    def run(self, frames):
+    def run(self, frames, advance):
         """One estimate a frame, 1 km off."""
-        for time_s, marks in frames:
+        for k, (time_s, marks) in enumerate(frames, start=1):
+            advance(k / len(frames))
             yield [TargetEstimate(time_s, np.array([1000.0, len(marks)]), None, Status.TRACKING, len(marks))]
 
 
 class Short:
     """A method that leaves out all frames but the first."""
 
-    def run(self, frames):
+    def run(self, frames, advance):
         """One block of one estimate."""
+        advance(1.0)
         yield [TargetEstimate(frames[0][0], np.zeros(2), None, Status.TRACKING, 0)]
 
 
