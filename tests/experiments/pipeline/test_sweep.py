@@ -1,6 +1,7 @@
 """Sweeps of short runs: what a run is, what is written, what is not done again, and what cannot be run."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from experiments.pipeline import sweep as module
 from experiments.pipeline.sweep import assumed_network, cases_of, swept_rows
 from experiments.simulation.simulate import scene_of
 
+HANGING = Path(__file__).parents[1] / "hanging.toml"
 TEXT = """
 version = 1
 scenario = "poked"
@@ -146,6 +148,31 @@ def test_a_tissue_of_ones_own(tmp_path):
     assert (given[0].settings.poked.poke, given[0].settings.poked.white) == (3.0, 0.1)
     usual = swept_rows(cases_of(read_sweep(file(tmp_path)))[0])
     assert rows[0]["mae_mm"] != usual[0]["mae_mm"]
+
+
+def test_the_scene_of_the_scenario_is_swept(tmp_path):
+    """In space, with its marks' noise and pushes of all measured nodes; a grid varies them, and the truth's spread."""
+    (tmp_path / "hanging.toml").write_text(HANGING.read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(
+        'version = 1\nscene = "hanging.toml"\nduration_s = 0.5\n[marks]\nsd_mm = 0.25\nlost = 0.1\n'
+        "[pokes]\nacceleration_m_s2 = 2.0\nshortest_s = 0.1\nlongest_s = 0.3\npause_s = 0.1\n",
+        encoding="utf-8",
+    )
+    grid = "marks.outliers = [0.0, 0.1]\nscenario.constants.stiffness = [0.0, 0.2]\n"
+    cases = cases_of(read_sweep(file(tmp_path, f'version = 1\nscenario = "mine.toml"\nseeds = 2\n[grid]\n{grid}')))
+    assert len(cases) == 8
+    setup = cases[-1]["setup"]
+    assert setup["marks"] == {"sd_mm": 0.25, "lost": 0.1, "outliers": 0.1}
+    assert setup["scenario"]["pokes"]["nodes"] == ["a"]
+    assert str(tmp_path) not in str(setup)
+    exact, wrong = (
+        module.motion_of(module.Scenario(**one["setup"]["scenario"]), HANGING.read_text(), 0, None)
+        for one in (cases[0], cases[2])
+    )
+    assert np.abs(exact.positions[0] - wrong.positions[0]).max() > 1e-4
+    rows = swept_rows(cases[0])
+    assert [row["method"] for row in rows] == ["open-loop", "filter"]
+    assert rows[1]["mae_mm"] < 10.0
 
 
 def test_a_run_that_fails_does_not_end_the_sweep(tmp_path, monkeypatch):

@@ -74,6 +74,24 @@ def test_the_needle_s_file_is_used_and_options_count_before_it(scenario: Path, t
     assert (other.insertion.speed_m_s, other.lesion.radius_m) == (0.1, 0.002)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("cutting_N = 0.0", "cutting_N = -1.0", "forces.cutting_N: expected 0 or more, found -1.0"),
+        ("puncture_N = 0.0", "contact_N_m = 0.0", "forces.contact_N_m: expected more than 0, found 0.0"),
+        ("puncture_N = 0.0", "error = 1.0", "forces.error: expected less than 1, found 1.0"),
+        ("puncture_N", "punctur_N", "forces.punctur_N: expected one of puncture_N, contact_N_m"),
+        ("[30.0, -49.905, 0.0]", "[30.0, -49.905]", "entry_mm: expected 3 numbers, as the scene has, found 2"),
+    ],
+)
+def test_a_fault_of_the_needle_is_told_in_one_line(scenario: Path, tmp_path: Path, old: str, new: str, told: str):
+    path = tmp_path / "needle.toml"
+    path.write_text(NEEDLE.replace(old, new))
+    with pytest.raises(InputError) as fault:
+        case(scenario, needle_path=path)
+    assert str(fault.value).startswith(f"{path}: {told}")
+
+
 def test_the_filter_is_given_another_scene_than_the_truth(scenario: Path, tmp_path: Path):
     """Twice as stiff, and a table of its own: the filter's, the tissue keeps its springs; without, both are one."""
     believed = tmp_path / "believed.toml"

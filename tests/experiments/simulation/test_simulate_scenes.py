@@ -15,6 +15,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import Release, read_scenario
 from experiments.formats.scene.scene import read_scene
+from experiments.simulation import simulate as module
 from experiments.simulation.simulate import scene_of, simulate, true_motion, true_network
 from tests.experiments.command import softaim
 
@@ -233,6 +234,22 @@ def test_stiff_links_are_followed(mass: float, dashpot: float):
     )
     assert np.ptp(truth.positions[:, 2, 0]) > 0.01
     np.testing.assert_allclose(truth.positions.reshape(-1, 6), solved.y.T[:, :6], atol=1e-5)
+
+
+def test_links_that_are_stiff_enough_take_implicit_steps(monkeypatch: pytest.MonkeyPatch):
+    """Explicit ones of 16 µs would be taken for the links of 1 g and heavy dashpots, of 0.6 ms for those of 20 g."""
+    methods = []
+
+    def noted(*arguments: object, method: str, **options: object) -> np.ndarray:
+        methods.append(method)
+        return module.integrate_adaptive.__wrapped__(*arguments, method=method, **options)
+
+    noted.__wrapped__ = module.integrate_adaptive
+    monkeypatch.setattr(module, "integrate_adaptive", noted)
+    read = read_scenario("quiet").model_copy(update={"release": None, "tremor": None, "duration_s": 0.1})
+    for mass, dashpot in ((0.02, 0.5), (0.001, 50.0)):
+        true_motion(chain(1e5, dashpot, mass), read, np.random.default_rng(0))
+    assert methods == ["RK45", "Radau"]
 
 
 def test_constants_of_the_truth_are_drawn_about_the_scene_s(scenario: Path):
