@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from estimators import ReliabilityBin
 from experiments.plots.style import (
     BLACK,
     BLUE,
@@ -23,6 +25,7 @@ from experiments.plots.style import (
     styled,
     write_picture,
 )
+from experiments.simulation.advised import bins
 from experiments.simulation.insert import Trials, calibrated, figures
 from experiments.simulation.policies import POLICIES
 
@@ -38,9 +41,10 @@ FARTHEST_MM = 20.0
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
-    """Draw hits.png, misses.png and reliability.png into a folder that exists; vector: "pdf" or "svg" beside each."""
-    for name, drawn in (("hits", hits_figure), ("misses", misses_figure), ("reliability", reliability_figure)):
-        write_picture(drawn(done), folder / f"{name}.png", vector)
+    """Draw hits, misses, reliability and advised.png into a folder that exists; vector: "pdf" or "svg" beside each."""
+    drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
+    for name, figure in drawn.items():
+        write_picture(figure(done), folder / f"{name}.png", vector)
 
 
 def _axes(title: str, height_mm: float) -> tuple[Figure, Axes]:
@@ -98,13 +102,23 @@ def misses_figure(done: Trials) -> Figure:
     return figure
 
 
-@styled
 def reliability_figure(done: Trials) -> Figure:
+    """Hit rates against probabilities at the commitments of filter-ahead, each for a lesion drawn in its run."""
+    return _reliability_figure(calibrated(done), "filter-ahead at the commitment, by tenths")
+
+
+def advised_figure(done: Trials) -> Figure:
+    """Hit rates against the probabilities of advice, of needles that went in at once."""
+    return _reliability_figure(bins(done.advised), "advice at any time, by tenths")
+
+
+@styled
+def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
     """Hit rates against predicted probabilities, tenth by tenth, with 99 % intervals."""
-    figure, ax = _axes("filter-ahead at the commitment, by tenths", COLUMN_MM + 8.0)
+    figure, ax = _axes(title, COLUMN_MM + 8.0)
     ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")
     left_out, labelled = 0, set()
-    for row in calibrated(done):
+    for row in rows:
         if row.mean is None or row.n < N_LEAST:
             left_out += row.n
             continue

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from dynamics import NeedleMotion
-from estimators import Advice, Guidance, clopper_pearson, guide, reliability_bins
+from estimators import Advice, Guidance, ReliabilityBin, clopper_pearson, guide, reliability_bins
 from experiments.arrays import Floats
 from experiments.simulation.closed_loop import hits, tip_error
 from experiments.simulation.policies import Warm
@@ -83,15 +83,19 @@ def reliability(runs: Sequence[Sequence[Advised]]) -> dict[str, object]:
     """What was stated of hits and what came true, in all and after GO, and bins of it; see `_compared`."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
-    every = [one for run in known for one in run]
-    bins = reliability_bins([one.probability or 0.0 for one in every], [bool(one.hit) for one in every])
     advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
     return {
         "advice": advice,
         **_compared(known, ""),
         **_compared(go, "go_"),
-        "bins": [asdict(row) for row in bins],
+        "bins": [asdict(row) for row in bins(runs)],
     }
+
+
+def bins(runs: Sequence[Sequence[Advised]]) -> tuple[ReliabilityBin, ...]:
+    """Tenths of the stated probabilities, and how often each came true."""
+    known = [(one.probability, bool(one.hit)) for run in runs for one in run if one.probability is not None]
+    return reliability_bins([probability for probability, _ in known], [hit for _, hit in known])
 
 
 def _compared(runs: Sequence[Sequence[Advised]], key: str) -> dict[str, float | int | None]:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from estimators import Advice
 from experiments.formats.scenario import read_scenario
-from experiments.plots.insertion import hits_figure, misses_figure, reliability_figure
+from experiments.plots.insertion import advised_figure, hits_figure, misses_figure, reliability_figure
+from experiments.simulation.advised import Advised
 from experiments.simulation.cases import case_of
 from experiments.simulation.closed_loop import Tried
 from experiments.simulation.insert import Trials
@@ -14,16 +16,20 @@ from tests.experiments.plots.printed import check_printed
 
 @pytest.fixture(scope="module")
 def trials():
-    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, told as 95 % probable, but 3 of them as 25 %."""
+    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, told as 95 % probable, but 3 of them as 25 %.
+
+    And of 20 insertions that advice gave 55 %, 11 that hit.
+    """
     runs = []
     for k in range(40):
         miss_m, told = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
         runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, told, told, 5e-3, k < 5) for policy in POLICIES))
-    return Trials(case_of(read_scenario("quiet")), tuple(runs), ())
+    of_advice = [Advised(float(k), Advice.WAIT, 0.55, k < 11, 0.0) for k in range(20)]
+    return Trials(case_of(read_scenario("quiet")), tuple(runs), (tuple(of_advice),))
 
 
 def test_they_can_be_printed(trials):
-    for drawn in (hits_figure, misses_figure, reliability_figure):
+    for drawn in (hits_figure, misses_figure, reliability_figure, advised_figure):
         check_printed(drawn(trials), without_units=("policy",))
 
 
@@ -50,3 +56,13 @@ def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
     assert [text.get_text() for text in ax.texts] == ["37", "3 in tenths of fewer than 5 left out"]
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["as predicted", "99 % interval does not hold the prediction"]
+
+
+def test_advice_that_comes_true_holds_its_prediction(trials):
+    figure = advised_figure(trials)
+    ax = figure.axes[0]
+    assert [text.get_text() for text in ax.texts] == ["20"]
+    assert ax.containers[0].lines[0].get_data()[0] == pytest.approx([0.55])
+    assert ax.containers[0].lines[0].get_data()[1] == pytest.approx([0.55])
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["as predicted", "99 % interval holds the prediction"]

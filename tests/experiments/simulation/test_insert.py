@@ -105,7 +105,7 @@ def test_the_command_writes_summary_runs_and_pictures(tmp_path):
     assert sum(row["n"] for row in written["calibration"]) == 2
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names - {"provenance.json", "softaim.log"} == {
-        *("summary.json", "runs.csv", "advised.csv", "hits.png", "misses.png", "reliability.png")
+        *("summary.json", "runs.csv", "advised.csv", "hits.png", "misses.png", "reliability.png", "advised.png")
     }
 
 
