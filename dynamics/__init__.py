@@ -17,6 +17,7 @@ Names to start with:
 """
 
 from dynamics.equilibrium import (
+    Oscillations,
     build_network,
     carried,
     elbow_parts,
@@ -25,6 +26,7 @@ from dynamics.equilibrium import (
     inverted_springs,
     mirror_through,
     mirrored_shapes,
+    oscillations,
     reaches,
     rest_shape,
 )
@@ -83,7 +85,18 @@ from dynamics.needle import (
     straight_insertion,
 )
 from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, unpack
-from dynamics.phantoms import HIDDEN, OUTER, four_mass_phantom
+from dynamics.phantoms import (
+    HIDDEN,
+    OUTER,
+    Phantom,
+    breast_phantom,
+    elastic_body,
+    elastic_stiffness,
+    four_mass_phantom,
+    on_hull,
+    planar_phantom,
+    to_outside,
+)
 
 __all__ = [
     "GAUGES_MM",
@@ -103,18 +116,23 @@ __all__ = [
     "NeedleMotion",
     "NeedlePose",
     "NetworkError",
+    "Oscillations",
     "Parameter",
     "ParameterForces",
     "ParameterUncertainty",
+    "Phantom",
     "SampledForces",
     "Stepper",
     "advance_steered",
     "all_positions",
+    "breast_phantom",
     "build_network",
     "carried",
     "damping_matrix",
     "derivative",
     "distributed_force",
+    "elastic_body",
+    "elastic_stiffness",
     "elbow_parts",
     "equilibrium_with_fixed",
     "fit_rest_lengths",
@@ -132,6 +150,8 @@ __all__ = [
     "needle_load",
     "node_forces",
     "node_weights",
+    "on_hull",
+    "oscillations",
     "pack",
     "parameter_forces",
     "parameter_label",
@@ -140,6 +160,7 @@ __all__ = [
     "parameters",
     "plain_derivative",
     "plain_step",
+    "planar_phantom",
     "potential_energy",
     "reaches",
     "rest_shape",
@@ -151,5 +172,6 @@ __all__ = [
     "stiffness_matrix",
     "straight_insertion",
     "strain_uncertainty",
+    "to_outside",
     "unpack",
 ]

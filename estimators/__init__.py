@@ -52,6 +52,7 @@ from estimators.consistency import (
     portmanteau,
     posterior_bound,
     reliability_bins,
+    resting_bound,
     uniformity,
 )
 from estimators.filters import (
@@ -250,6 +251,7 @@ __all__ = [
     "predict_fast",
     "principal_uncertainty",
     "reliability_bins",
+    "resting_bound",
     "target_map",
     "tune_noise",
     "uniformity",

@@ -1,12 +1,22 @@
-"""Phantoms that come with the program.
+"""Phantoms that come with the program, and bodies of given nodes.
 
 What may enter: another network with the constants that define it.
 """
 
+from dynamics.phantoms.breast import breast_phantom
 from dynamics.phantoms.four_mass import HIDDEN, OUTER, four_mass_phantom
+from dynamics.phantoms.lattice import Phantom, elastic_body, elastic_stiffness, on_hull, to_outside
+from dynamics.phantoms.planar import planar_phantom
 
 __all__ = [
     "HIDDEN",
     "OUTER",
+    "Phantom",
+    "breast_phantom",
+    "elastic_body",
+    "elastic_stiffness",
     "four_mass_phantom",
+    "on_hull",
+    "planar_phantom",
+    "to_outside",
 ]

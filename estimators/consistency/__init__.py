@@ -14,6 +14,7 @@ from estimators.consistency.nees import (
     normalised_error_squared,
 )
 from estimators.consistency.reliability import ReliabilityBin, clopper_pearson, reliability_bins
+from estimators.consistency.rest_bound import resting_bound
 from estimators.consistency.scores import (
     coverage_curve,
     crps_normal,
@@ -45,5 +46,6 @@ __all__ = [
     "portmanteau",
     "posterior_bound",
     "reliability_bins",
+    "resting_bound",
     "uniformity",
 ]

@@ -24,13 +24,17 @@ from experiments.commands.guide.advise import advise
 from experiments.commands.guide.insert import insert
 from experiments.commands.guide.plan import plan
 from experiments.commands.prepare.calibrate import calibrate
+from experiments.commands.prepare.check import check
 from experiments.commands.prepare.hue import hue
+from experiments.commands.prepare.new import new
 from experiments.commands.prepare.record import record
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
 from experiments.threads import one_thread_each
 
 COMMANDS = (
+    new,
+    check,
     simulate,
     track,
     smooth,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 
@@ -29,3 +29,14 @@ def print_table(table: object) -> None:
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else 110).print(table)
+
+
+def print_lines(lines: Sequence[tuple[str, str]]) -> None:
+    """Print sentences to standard output, each after its subject, wrapped beside it."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    for subject, sentence in lines:
+        table.add_row(subject, sentence)
+    Console(width=None if sys.stdout.isatty() else 110, highlight=False, markup=False).print(table)

@@ -1,0 +1,45 @@
+"""Small oscillations of a network about its rest: how fast they are and how soon they die."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynamics.arrays import Floats
+from dynamics.forces.tangent import state_matrix
+from dynamics.network.mass_spring import MassSpringNetwork
+
+ROUNDING = 1e-6
+"""Rates, by the fastest, below which they are rounding: the root of that of a double eigenvalue at nought."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Oscillations:
+    """Natural motions of a network about a rest, by the eigenvalues z of (z² M + z C + K) u = 0.
+
+    frequencies_hz: |z| / 2 pi of those that oscillate, ascending: natural, not damped ones [Hz], (n,)
+    damping_ratios: of these, -Re z / |z| [1], (n,)
+    decays_s: of those that do not oscillate, the time to 1/e, longest first [s], (m,)
+    """
+
+    frequencies_hz: Floats
+    damping_ratios: Floats
+    decays_s: Floats
+
+
+def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
+    """The natural motions about a shape in which the network rests, positions of all nodes [m], (n_nodes, dim).
+
+    Dry friction is left out: it ends small motions, and does not damp them in proportion. Motions that nothing resists,
+    those of a network without anchors as a whole, are none of these. Source: [tisseur2001], by the first companion
+    form, which is the matrix of the state.
+    """
+    rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))
+    rates = rates[np.abs(rates) > ROUNDING * np.abs(rates).max()]
+    paired = rates[rates.imag > 0.0]
+    paired = paired[np.argsort(np.abs(paired))]
+    creeping = rates[(rates.imag == 0.0) & (rates.real < 0.0)].real
+    size = np.abs(paired)
+    return Oscillations(size / (2.0 * np.pi), -paired.real / size, np.sort(-1.0 / creeping)[::-1])

@@ -1,0 +1,69 @@
+"""A soft hemisphere on a chest wall, as of a breast: nodes on its skin and inside, springs of an elastic body.
+
+x right, y up, z away from the chest wall; gravity is down, as of somebody who stands. Every number below defines this
+phantom and is no setting.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics.arrays import Floats
+from dynamics.network.mass_spring import NetworkError
+from dynamics.phantoms.lattice import Phantom, elastic_body
+
+RADIUS_M = 0.060
+YOUNG_PA = 5e3
+"""Of fat and gland together, a few kPa [gefen2007]."""
+
+FEWEST, MOST = 6, 60
+SKIN_SHARE = 0.6
+"""Of the masses, those on the skin; the others are inside."""
+
+N_WALL = 8
+"""Anchors around the foot, beside one in its middle."""
+
+TARGET = (0.15, 0.1, 0.45)
+"""The target by the radius."""
+
+INNER = 0.55
+"""Distance of the other masses inside from the middle of the foot, by the radius."""
+
+GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+
+
+def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
+    """So many masses at rest under gravity, those on the skin outside, the target inside, of this Young's modulus [Pa].
+
+    Raises NetworkError for fewer than 6 masses, more than 60, and a modulus at which it does not hold its shape.
+    """
+    if not FEWEST <= n_masses <= MOST:
+        raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a breast phantom, found {n_masses}")
+    n_skin = round(SKIN_SHARE * n_masses)
+    skin = RADIUS_M * _dome(n_skin)
+    inside = np.vstack([np.array(TARGET), INNER * _dome(n_masses - n_skin - 1)]) * RADIUS_M
+    angles = 2.0 * np.pi * np.arange(N_WALL) / N_WALL
+    foot = RADIUS_M * np.stack([np.cos(angles), np.sin(angles), np.zeros(N_WALL)], axis=1)
+    positions = np.vstack([skin, inside, foot, np.zeros((1, 3))])
+    fixed = np.arange(len(positions)) >= n_masses
+    names = (
+        *(f"S{i + 1}" for i in range(n_skin)),
+        "T",
+        *(f"F{i + 1}" for i in range(n_masses - n_skin - 1)),
+        *(f"W{i + 1}" for i in range(N_WALL + 1)),
+    )
+    network = elastic_body(names, positions, fixed, young)
+    on_skin = [max(pair) < n_skin for pair in network.springs.tolist()]
+    return Phantom(
+        network=network,
+        target="T",
+        outer=names[:n_skin],
+        groups=tuple("skin" if one else "inside" for one in on_skin),
+    )
+
+
+def _dome(n: int) -> Floats:
+    """Points spread evenly over the unit hemisphere above z = 0, none at its foot, (n, 3): a spiral."""
+    z = 1.0 - (np.arange(n) + 0.5) / max(n, 1) * 0.9
+    around = GOLDEN * np.arange(n)
+    return np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)

@@ -1,0 +1,130 @@
+"""Bodies of given nodes: which pairs springs join, how stiff they are for an elastic body, and at rest as drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, Delaunay, QhullError
+
+from dynamics.arrays import Floats
+from dynamics.equilibrium.build import build_network
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
+
+LONGEST = 2.0
+"""Springs of a triangulation longer than so many times their median bridge hollows of the body and are left out [1]."""
+
+DENSITY_KG_M3 = 1000.0
+SHEET_M = 0.010
+"""Thickness of a body in the plane."""
+
+DAMPING_S = 0.01
+"""Of a dashpot by its spring."""
+
+GRAVITY_M_S2 = 9.81
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Phantom:
+    """A body to practise on: a network that rests where it is drawn.
+
+    target: name of the hidden node that is meant; outer: names of the free nodes on its outside, where marks can be
+    groups: what each spring is of, one name for all that are alike, (n_springs,)
+    """
+
+    network: MassSpringNetwork
+    target: str
+    outer: tuple[str, ...]
+    groups: tuple[str, ...]
+
+
+def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Pairs of nodes joined by the Delaunay triangulation of all, (n_springs, 2), but for two anchors and across gaps.
+
+    positions [m], (n_nodes, dim). Raises NetworkError where the nodes lie on one line, in space in one plane.
+    """
+    n_corners = positions.shape[1] + 1
+    try:
+        corners = Delaunay(positions).simplices
+    except (QhullError, ValueError):
+        raise NetworkError(f"nodes: expected {n_corners} or more, not all in a line or plane, found others") from None
+    edges = np.vstack([corners[:, [i, j]] for i in range(n_corners) for j in range(i + 1, n_corners)])
+    pairs = np.unique(np.sort(edges, axis=1), axis=0)
+    lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+    kept = (lengths <= LONGEST * np.median(lengths)) & ~fixed[pairs].all(axis=1)
+    return pairs[kept].astype(np.int64)
+
+
+def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: float) -> float:
+    """One stiffness for all springs of a lattice, as stiff on the whole as an elastic body [N/m].
+
+    young: Young's modulus [Pa] of a body in space; of a sheet in the plane, that times its thickness [N/m]
+    By [vangelder1998] a spring of length l has k = E V / l², V of the simplices that it borders. Summed over springs,
+    k l² is n E V of the whole body, n the edges of a simplex; equal stiffnesses share that out alike. Stretched alike
+    in all directions it is as stiff as a body of that modulus and Poisson's ratio 1/4, a sheet of 1/3.
+    """
+    dim = positions.shape[1]
+    squares = ((positions[springs[:, 0]] - positions[springs[:, 1]]) ** 2).sum()
+    return float(0.5 * dim * (dim + 1) * young * volume(positions) / squares)
+
+
+def elastic_body(
+    names: Sequence[str],
+    positions: Floats,
+    fixed: NDArray[np.bool_],
+    young: float,
+    *,
+    springs: NDArray[np.int64] | None = None,
+    stiffness: Floats | None = None,
+    damping: Floats | None = None,
+    masses: Floats | None = None,
+) -> MassSpringNetwork:
+    """A body that is elastic on the whole, at rest under gravity, in -y, where its nodes are drawn [m], (n_nodes, dim).
+
+    young: Young's modulus [Pa], in the plane of a sheet of `SHEET_M`
+    springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
+        those of that modulus; masses [kg], (n_nodes,), None: that of water, the same on each free node
+    Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, for nodes that make none.
+    """
+    dim = positions.shape[1]
+    thick = 1.0 if dim == 3 else SHEET_M
+    pairs = delaunay_springs(positions, fixed) if springs is None else springs
+    if stiffness is None:
+        stiffness = np.full(len(pairs), elastic_stiffness(positions, pairs, young * thick))
+    if masses is None:
+        own = DENSITY_KG_M3 * volume(positions) * thick / max(1, int((~fixed).sum()))
+        masses = np.where(fixed, 0.0, own)
+    return build_network(
+        names,
+        positions,
+        [(i, j) for i, j in pairs.tolist()],
+        stiffness=stiffness,
+        masses=masses,
+        gravity=[0.0, -GRAVITY_M_S2 if fixed.any() else 0.0, 0.0][:dim],
+        fixed=[name for name, one in zip(names, fixed, strict=True) if one],
+        damping=DAMPING_S * stiffness if damping is None else damping,
+    )
+
+
+def volume(positions: Floats) -> float:
+    """Of the convex hull of the nodes [m³]; its area in the plane [m²]. Raises NetworkError where it has none."""
+    try:
+        return float(ConvexHull(positions).volume)
+    except (QhullError, ValueError):
+        raise NetworkError("nodes: expected them not all in a line or plane, found a body without volume") from None
+
+
+def on_hull(positions: Floats) -> NDArray[np.bool_]:
+    """Which nodes are corners of the convex hull of all, (n_nodes,)."""
+    corners = np.zeros(len(positions), dtype=bool)
+    corners[ConvexHull(positions).vertices] = True
+    return corners
+
+
+def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
+    """How far it is from a point inside the convex hull of the nodes out of it, (dim,), along a unit vector [m]."""
+    facets = ConvexHull(positions).equations
+    slopes, depths = facets[:, :-1] @ direction, -(facets[:, :-1] @ start + facets[:, -1])
+    return float((depths[slopes > 0.0] / slopes[slopes > 0.0]).min())

@@ -1,0 +1,82 @@
+"""A flat phantom like the paper's, of as many masses as one likes: staggered rows that stand on the floor.
+
+Every number below defines this phantom and is no setting.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics.equilibrium.build import build_network
+from dynamics.network.mass_spring import NetworkError
+from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
+
+SPACING_M = 0.120
+"""Between neighbours in a row; the next row stands half as far above, half a spacing aside."""
+
+MASS_KG = 0.1
+STIFFNESS_N_M = 40.0
+"""By the number of masses: it sags by some 10 % of its spacing, whatever their number."""
+
+DAMPING_S = 0.0025
+"""Of a dashpot by its spring."""
+
+DRAG_N_S_M = 0.1
+FRICTION_N = 0.01
+FEWEST, MOST = 4, 60
+SLENDER = 1.7
+"""Masses by the square of those in a row: so the phantom is about as high as wide."""
+
+
+def planar_phantom(n_masses: int = 5) -> Phantom:
+    """So many masses, 4 to 60, at rest under gravity, the innermost hidden; raises NetworkError for other numbers."""
+    if not FEWEST <= n_masses <= MOST:
+        raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a planar phantom, found {n_masses}")
+    masses, rim, wide = _rows(n_masses)
+    floor = [((i - 0.5 * wide) * SPACING_M, 0.0) for i in range(wide + 1)]
+    positions = np.array([*masses, *floor])
+    fixed = np.arange(len(positions)) >= n_masses
+    springs = delaunay_springs(positions, fixed)
+    lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
+    springs = springs[lengths < 1.1 * SPACING_M]
+    stiffness = STIFFNESS_N_M * n_masses
+    names = [*(f"M{i + 1}" for i in range(n_masses)), *(f"In{i + 1}" for i in range(wide + 1))]
+    network = build_network(
+        names,
+        positions,
+        [(i, j) for i, j in springs.tolist()],
+        stiffness=stiffness,
+        masses=np.where(fixed, 0.0, MASS_KG),
+        gravity=[0.0, -GRAVITY_M_S2],
+        fixed=names[n_masses:],
+        damping=DAMPING_S * stiffness,
+        drag=np.where(fixed, 0.0, DRAG_N_S_M),
+        friction=np.where(fixed, 0.0, FRICTION_N),
+    )
+    inside = [i for i in range(n_masses) if i not in rim] or range(n_masses)
+    middle = positions[:n_masses].mean(axis=0)
+    target = min(inside, key=lambda i: float(np.round(np.linalg.norm(positions[i] - middle), 9)))
+    return Phantom(
+        network=network,
+        target=network.names[target],
+        outer=tuple(network.names[i] for i in sorted(rim - {target})),
+        groups=("springs",) * len(springs),
+    )
+
+
+def _rows(n_masses: int) -> tuple[list[tuple[float, float]], set[int], int]:
+    """Places of the masses row by row from below [m], which of them are on the rim, and how many a full row has."""
+    wide = max(2, int(np.ceil(np.sqrt(n_masses / SLENDER))))
+    rows: list[list[float]] = []
+    while (left := n_masses - sum(map(len, rows))) > 0:
+        own = wide - len(rows) % 2
+        across = sorted(((i - 0.5 * (own - 1)) * SPACING_M for i in range(own)), key=lambda x: (abs(x), x))
+        rows.append(sorted(across[:left]))
+    places: list[tuple[float, float]] = []
+    rim: set[int] = set()
+    for r, row in enumerate(rows):
+        for k, x in enumerate(row):
+            if r in (0, len(rows) - 1) or (k in (0, len(row) - 1) and len(row) > 1):
+                rim.add(len(places))
+            places.append((x, 0.5 * SPACING_M * (r + 1)))
+    return places, rim, wide

@@ -1,0 +1,82 @@
+"""How well any filter can know a body that rests: the posterior Cramér-Rao bound in the long run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynamics import SLIP_VELOCITY, MassSpringNetwork, carried, rest_shape
+from estimators.arrays import Floats
+from estimators.filters.exponential import small_expm
+from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
+
+LONG_RUN_S = 3600.0
+"""Where no long run is reached, as of a part that no mark sees, the bound is that of marks for so long [s]."""
+
+SETTLED = 1e-6
+"""Relative change of the bound by twice as many frames below which it is that of the long run; numerical."""
+
+STATIONARY_S = 60.0
+"""After so long under the same forces a body with friction moves as it goes on to; numerical."""
+
+PASSES = 20
+"""Of a fixed-point iteration, each of which leaves a third or less of the change before; numerical."""
+
+
+def resting_bound(
+    network: MassSpringNetwork,
+    marks: Mapping[str, Floats],
+    interval_s: float,
+    mode: ForceMode,
+    *,
+    poked: Sequence[str] = (),
+) -> Floats:
+    """Covariance below which no unbiased estimate of a body about its rest can be, (dim_x, dim_x), marks taken in.
+
+    marks: of the nodes seen in every frame, the covariance of each mark [m²], (dim, dim); interval_s: of the frames [s]
+    mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
+
+    Of `posterior_bound` what its recursion comes to, by doubling: 2^k frames in k steps [anderson1978]. Constants are
+    exact; dry friction is `smoothed`. Raises NetworkError where nothing rests.
+    """
+    body, rest = carried(network), rest_shape(network)
+    model = TissueModel(smoothed(body, rest, mode, poked), poked)
+    A, density = model.linearised(rest, mode)
+    F, P = small_expm(A * interval_s), accumulated_noise(A, density, interval_s)
+    G = np.zeros_like(P)  # information of a frame, H' R^-1 H
+    for node, cov in marks.items():
+        own = body.coordinates(node)
+        G[own, own] = np.linalg.inv(cov)
+    # P: before the marks of a frame, 2^k frames after an exact start
+    identity, moved, information = np.eye(len(P)), F.T, G
+    for _ in range(int(np.ceil(np.log2(LONG_RUN_S / interval_s)))):
+        W = np.linalg.inv(identity + information @ P)
+        added = moved.T @ P @ W @ moved
+        information = information + moved @ W @ information @ moved.T
+        moved = moved @ W @ moved
+        P = P + 0.5 * (added + added.T)
+        if np.abs(added).max() <= SETTLED * np.abs(P).max():
+            break
+    return np.asarray(np.linalg.solve(identity + P @ G, P), dtype=float)
+
+
+def smoothed(network: MassSpringNetwork, rest: Floats, mode: ForceMode, poked: Sequence[str]) -> MassSpringNetwork:
+    """The network with drag in place of dry friction: friction over the speed at which these forces keep each node.
+
+    Statistical linearisation [gelb1974] by fixed-point iteration: speeds are those of the linear motion
+    about the rest, positions (n_nodes, dim) [m], that this drag leaves.
+    """
+    smooth = replace(network, friction=np.zeros(network.n_nodes))
+    if not network.friction[network.free].any():
+        return smooth
+    half, dim = network.n_state // 2, network.dim
+    for _ in range(PASSES):
+        model = TissueModel(smooth, poked)
+        spread = np.diag(accumulated_noise(*model.linearised(rest, mode), STATIONARY_S))[half : 2 * half]
+        drag = network.drag.copy()
+        square = spread.reshape(-1, dim).sum(axis=1)
+        drag[network.free] += network.friction[network.free] / np.sqrt(square + SLIP_VELOCITY**2)
+        smooth = replace(smooth, drag=drag)
+    return smooth

@@ -1,0 +1,53 @@
+"""`softaim check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_lines
+
+
+def check(
+    run: Run,
+    scene: Annotated[Path, typer.Argument(help="Scene file, or folder of a recording.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for check.png and check.json.")] = None,
+    fps: Annotated[
+        float | None, typer.Option("--fps", min=0.1, help="Frames a second; default: the recording's, else 30.")
+    ] = None,
+    sd_mm: Annotated[
+        float | None, typer.Option("--sd-mm", min=1e-6, help="Error of a mark, an axis; default: as the camera sees.")
+    ] = None,
+    force: Force = False,
+) -> Answer:
+    """Say of a scene where it rests, how it moves, how well its target can be known, and what is missing."""
+    import json
+
+    from experiments.plots.check import write_check_picture
+    from experiments.projects.check import checked
+    from experiments.projects.report import check_lines, check_report
+
+    def look() -> tuple[dict[str, object], list[tuple[str, str]]]:
+        done = checked(scene, frames_per_s=fps, sd_mm=sd_mm, advance=run.stage("check"))
+        if folder is not None:
+            write_check_picture(done, folder)
+            (folder / "check.json").write_text(json.dumps(check_report(done), indent=2) + "\n", encoding="utf-8")
+        return check_report(done), check_lines(done)
+
+    folder: Path | None = None
+    if out is None:
+        report, lines = look()
+    else:
+        with run.folder(out, force=force, inputs=[scene]) as folder:
+            report, lines = look()
+
+    def show() -> None:
+        print_lines(lines)
+        if out is not None:
+            print(f"Picture in {out / 'check.png'}")
+
+    return Answer({"out": out, **report}, show)

@@ -1,0 +1,203 @@
+"""A scene, looked at before anything is estimated: what `softaim check` finds.
+
+Rest, oscillations and the bound of what can be known are computed about the rest of the scene's own network; what a
+frame of marks tells is told by the scene's own filter, on marks that stand where they rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from dynamics import ImplicitStepper, NetworkError, Oscillations, oscillations, rest_shape, stable_step
+from estimators import MarkMeasurement, TargetEstimate, resting_bound
+from estimators.process.linear_motion import is_linearised
+from estimators.process.target import target_map
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.recording import MarkRow, Recording, read_recording
+from experiments.formats.scenario import NEAR_SD_MM
+from experiments.formats.scene.scene import Scene, read_scene
+from experiments.pipeline.line import FILTER, Line
+from experiments.simulation.simulate import draw
+
+FRAMES_PER_S = 30.0
+"""Where neither a recording nor the user says how many."""
+
+SETTLING_S, LONGEST_S = 1.0, 4.0
+"""Of marks at rest the filter gets so many seconds, more while its covariance still changes, and no more than that."""
+
+SETTLED = 0.01
+"""Relative change of the target's variance over a quarter of a second."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneCheck:
+    """What a scene is, found about its rest.
+
+    path: of the scene's file; rest: where the network rests [m], (n_nodes, dim)
+    stable_s: longest explicit step that is stable; step_s: that the filter takes; implicit: whether its steps
+        are those of an implicit scheme, which no stiffness shortens
+    interval_s: of the frames; seen: the measured marks as a frame at rest gives them; unfound: nodes whose marks no
+        detector finds in a picture of the scene
+    estimate: what the scene's filter knows of the target after some seconds at rest
+    quiet_m, pushed_m: standard deviation of the target, an axis, below which no unbiased estimate is while nobody
+        pushes, and while all marked nodes may be pushed as the scene's filter assumes
+    """
+
+    path: Path
+    scene: Scene
+    rest: Floats
+    motion: Oscillations
+    stable_s: float
+    step_s: float
+    implicit: bool
+    interval_s: float
+    seen: tuple[MarkMeasurement, ...]
+    unfound: tuple[str, ...]
+    estimate: TargetEstimate
+    quiet_m: float
+    pushed_m: float
+
+    @property
+    def offsets_m(self) -> Floats:
+        """By how much each node rests elsewhere than it is drawn [m], (n_nodes,)."""
+        return np.asarray(np.linalg.norm(self.rest - self.scene.network.positions, axis=1))
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the target by the scene's filter, an axis [m]."""
+        return per_axis(np.asarray(self.estimate.cov))
+
+    @property
+    def shares(self) -> Mapping[str, float]:
+        """What share of what a frame tells of the target each mark has, most first; they sum to 1."""
+        found = self.estimate.information_share
+        whole = sum(found.values()) or 1.0
+        return {node: found[node] / whole for node in sorted(found, key=lambda node: -found[node])}
+
+
+def checked(
+    source: Path,
+    *,
+    frames_per_s: float | None = None,
+    sd_mm: float | None = None,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> SceneCheck:
+    """The check of a scene file or of a recording's scene; raises InputError.
+
+    frames_per_s, sd_mm: of the marks, in place of the recording's or of what the camera gives
+    """
+    recording = read_recording(source) if source.is_dir() else None
+    path = source / "scene.toml" if source.is_dir() else source
+    scene = read_scene(path) if recording is None else recording.scene
+    network = scene.network
+    try:
+        rest = rest_shape(network)
+    except NetworkError as error:
+        raise InputError(f"{path}: network: {error}; braces, stiffer springs or anchors would hold it") from None
+    advance(0.1)
+    interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
+    seen, unfound = _seen(scene, rest, recording, sd_mm)
+    line = Line(scene, baseline=False)
+    estimate = _after_rest(line, seen, interval_s, lambda share: advance(0.1 + 0.6 * share))
+    settings, model = line.filter.settings, line.filter.model
+    covs = {mark.node: mark.cov for mark in seen}
+    quiet = resting_bound(network, covs, interval_s, settings.quiet)
+    advance(0.8)
+    pushed = resting_bound(network, covs, interval_s, settings.poked, poked=scene.measured_nodes)
+    advance(1.0)
+    at = target_map(network, scene.target.point)
+    implicit = is_linearised(model)
+    steps = ImplicitStepper(network).n_steps(interval_s) if implicit else model.stepper.n_steps(interval_s)
+    return SceneCheck(
+        path=path,
+        scene=scene,
+        rest=rest,
+        motion=oscillations(network, rest),
+        stable_s=stable_step(network),
+        step_s=interval_s / steps,
+        implicit=implicit,
+        interval_s=interval_s,
+        seen=seen,
+        unfound=unfound,
+        estimate=estimate,
+        quiet_m=per_axis(at.cov(quiet)),
+        pushed_m=per_axis(at.cov(pushed)),
+    )
+
+
+def per_axis(cov: Floats) -> float:
+    """Root mean square of the standard deviations along the axes [m], of a covariance [m²], (dim, dim)."""
+    return float(np.sqrt(np.trace(cov) / len(cov)))
+
+
+def _interval_s(recording: Recording | None) -> float:
+    """Between two frames of a recording, as most are [s]."""
+    if recording is None or len(recording.exposures_s) < 2:
+        return 1.0 / FRAMES_PER_S
+    return float(np.median(np.diff(recording.exposures_s)))
+
+
+def _seen(
+    scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
+) -> tuple[tuple[MarkMeasurement, ...], tuple[str, ...]]:
+    """The measured marks at rest, each with the covariance that it comes with, and nodes whose marks are not found.
+
+    By the user's word, the rows of marks.csv, or a picture: the first of the film, or one drawn of the scene. Where no
+    measured mark is found there, and where there is none of these, they are seen to `NEAR_SD_MM`.
+    """
+    network = scene.network
+    covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
+    found: Mapping[str, MarkMeasurement] = {}
+    unfound: tuple[str, ...] = ()
+    if sd_mm is None and recording is not None and recording.marks is not None:
+        covs, unfound = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
+    elif sd_mm is None and scene.cameras:
+        found = {mark.node: mark for mark in Line(scene, baseline=False).see(0.0, _picture(scene, recording)).marks}
+        unfound = tuple(mark.node for mark in scene.marks if mark.node not in found)
+        covs = {node: cov for node, cov in covs.items() if node in found} or covs
+    at = {node: rest[network.index(node)] for node in covs}
+    marks = (
+        replace(found[node], position=at[node]) if node in found else MarkMeasurement(node, at[node], cov)
+        for node, cov in covs.items()
+    )
+    return tuple(marks), unfound
+
+
+def _in_rows(
+    scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
+) -> tuple[dict[str, Floats], tuple[str, ...]]:
+    """Covariance of each measured mark that has rows [m²], the usual one of all where none has; nodes without rows."""
+    sds = {node: [row.sd_m for row in rows if row.node == node] for node in usual}
+    covs = {node: float(np.median(own)) ** 2 * np.eye(scene.network.dim) for node, own in sds.items() if own}
+    return covs or dict(usual), tuple(node for node, own in sds.items() if not own)
+
+
+def _picture(scene: Scene, recording: Recording | None) -> NDArray[np.uint8]:
+    """The first frame of a film, or the scene drawn as its file has it."""
+    if recording is None:
+        return draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
+    with recording.open_frames() as frames:
+        return next(iter(frames)).image
+
+
+def _after_rest(
+    line: Line, seen: tuple[MarkMeasurement, ...], interval_s: float, advance: Callable[[float], None]
+) -> TargetEstimate:
+    """What the filter knows of the target once marks at rest change that no more."""
+    recent = max(1, int(np.ceil(0.25 / interval_s)))
+    n_least, n_most = (max(recent + 1, int(np.ceil(length / interval_s))) for length in (SETTLING_S, LONGEST_S))
+    variances: list[float] = []
+    for k in range(n_most):
+        estimate = line.take(k * interval_s, seen).estimates[FILTER]
+        variances.append(float(np.trace(np.asarray(estimate.cov))))
+        advance(min((k + 1) / n_least, 1.0))
+        if k + 1 >= n_least and abs(variances[-1] / variances[-1 - recent] - 1.0) <= SETTLED:
+            break
+    return estimate

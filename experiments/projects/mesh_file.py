@@ -1,0 +1,156 @@
+"""Meshes of one's own: `nodes.csv` and, where it is not for the triangulation to say, `springs.csv`.
+
+nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or nothing
+springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import NetworkError, Phantom, elastic_body, on_hull
+from experiments.arrays import Floats
+from experiments.errors import InputError, read_text, shown
+from experiments.formats.tables import Table, read_table
+
+YES = ("yes", "")
+"""Entries of `fixed` and `target`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """A body of a mesh.
+
+    hues: of the nodes with a mark [degrees]; none at all where the file leaves them to the program
+    """
+
+    phantom: Phantom
+    hues: dict[str, float]
+
+
+def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
+    """The body of these files, of this Young's modulus [Pa] where no stiffness is given; raises InputError."""
+    has = _columns(nodes)
+    axes = ["x_mm", "y_mm", *(["z_mm"] if "z_mm" in has else [])]
+    texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
+    table = read_table(nodes, [*axes, *(["mass_kg"] if "mass_kg" in has else [])], texts)
+    names = table.texts["name"]
+    table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a name of its own")
+    table.check("name", np.array([bool(name) for name in names]), "a name")
+    fixed, target = _yes(table, "fixed"), _yes(table, "target")
+    if (~fixed).sum() < 2:
+        raise InputError.at(nodes, "two or more free nodes: a target and one with a mark", str(int((~fixed).sum())))
+    masses = table.numbers.get("mass_kg")
+    if masses is not None:
+        table.check("mass_kg", (masses > 0.0) | fixed, "more than 0")
+    positions = 1e-3 * np.stack([table.numbers[axis] for axis in axes], axis=1)
+    hues = _hues(table, fixed) if "hue_deg" in has else {}
+    chosen = _target(table, target, fixed, positions)
+    outer = [name for name in hues if name != chosen] or _outside(names, positions, fixed, chosen)
+    joined = None if springs is None else _springs(springs, names)
+    given = {} if joined is None else joined.table.numbers
+    try:
+        network = elastic_body(
+            names,
+            positions,
+            fixed,
+            young,
+            springs=None if joined is None else joined.pairs,
+            stiffness=given.get("stiffness_N_m"),
+            damping=given.get("damping_N_s_m"),
+            masses=masses,
+        )
+    except NetworkError as error:
+        fault = f"{nodes if springs is None else springs}: {error}"
+        raise InputError(f"{fault}; a stiffer body (--young-kpa), braces or less mass may hold it") from None
+    groups = ("springs",) * len(network.springs) if joined is None else joined.groups
+    return Mesh(Phantom(network, chosen, tuple(outer), groups), hues)
+
+
+def _columns(path: Path) -> list[str]:
+    """Names in the header of a CSV file."""
+    first = read_text(path).split("\n", maxsplit=1)[0]
+    return [name.strip() for row in csv.reader(io.StringIO(first)) for name in row]
+
+
+def _yes(table: Table, column: str) -> NDArray[np.bool_]:
+    entries = table.texts.get(column, [""] * table.n_rows)
+    if column in table.texts:
+        table.check(column, np.array([entry in YES for entry in entries]), "yes or nothing")
+    return np.array([entry == "yes" for entry in entries])
+
+
+def _hues(table: Table, fixed: NDArray[np.bool_]) -> dict[str, float]:
+    hues: dict[str, float] = {}
+    for row, (name, entry) in enumerate(zip(table.texts["name"], table.texts["hue_deg"], strict=True)):
+        if not entry:
+            continue
+        try:
+            hue = float(entry)
+        except ValueError:
+            hue = np.nan
+        if not 0.0 <= hue < 360.0:
+            raise InputError.at(table.place(row, "hue_deg"), "0 or more and less than 360, or nothing", shown(entry))
+        if fixed[row]:
+            raise InputError.at(table.place(row, "hue_deg"), "nothing for an anchor, whose mark tells nothing", entry)
+        hues[name] = hue
+    return hues
+
+
+def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], positions: Floats) -> str:
+    """The node that the file says, else the free one that is nearest to their middle."""
+    if target.sum() > 1:
+        raise InputError.at(table.place(int(np.flatnonzero(target)[1]), "target"), "one target", "a second one")
+    free = np.flatnonzero(~fixed)
+    row = int(target.argmax())
+    if not target.any():
+        middle = positions[free].mean(axis=0)
+        row = int(free[np.linalg.norm(positions[free] - middle, axis=1).round(9).argmin()])
+    if fixed[row]:
+        raise InputError.at(table.place(row, "target"), "nothing for an anchor, which does not move", "yes")
+    return table.texts["name"][row]
+
+
+def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], target: str) -> list[str]:
+    """Free nodes at corners of the hull, all but the target where none is."""
+    free = [name for name, one in zip(names, fixed, strict=True) if not one and name != target]
+    corners = {name for name, one in zip(names, on_hull(positions), strict=True) if one}
+    return [name for name in free if name in corners] or free
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Springs:
+    """Rows of springs.csv: pairs of nodes, (n_springs, 2), and the group of each."""
+
+    table: Table
+    pairs: NDArray[np.int64]
+    groups: tuple[str, ...]
+
+
+def _springs(path: Path, names: Sequence[str]) -> _Springs:
+    has = _columns(path)
+    numbers = [key for key in ("stiffness_N_m", "damping_N_s_m") if key in has]
+    table = read_table(path, numbers, ["from", "to", *(["group"] if "group" in has else [])])
+    if not table.n_rows:
+        raise InputError.at(path, "a row for each spring", "none")
+    places = {name: i for i, name in enumerate(names)}
+    for end in ("from", "to"):
+        for row, name in enumerate(table.texts[end]):
+            if name not in places:
+                raise InputError(f"{table.place(row, end)}: no node named {shown(name)}")
+    ends = [frozenset(pair) for pair in zip(table.texts["from"], table.texts["to"], strict=True)]
+    table.check("to", np.array([len(pair) == 2 for pair in ends]), "another node than in from")
+    table.check("to", np.array([ends.index(pair) == s for s, pair in enumerate(ends)]), "each pair once")
+    if "stiffness_N_m" in has:
+        table.check("stiffness_N_m", table.numbers["stiffness_N_m"] > 0.0, "more than 0")
+    if "damping_N_s_m" in has:
+        table.check("damping_N_s_m", table.numbers["damping_N_s_m"] >= 0.0, "0 or more")
+    pairs = np.array([[places[name] for name in table.texts[end]] for end in ("from", "to")], dtype=np.int64).T
+    return _Springs(table, pairs, tuple(table.texts.get("group", ["springs"] * table.n_rows)))

@@ -1,0 +1,255 @@
+"""Texts of a new project: commented files and the page of steps. What they say is true of the template's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.formats.scene.scene import Scene, scene_text
+from experiments.formats.toml_file import toml_list, toml_text
+from experiments.projects.template import RADIUS_MM, Template
+
+MARK_SD_MM = 0.5
+FRAMES_PER_S = 30
+POKE_M_S2 = 10.0
+SPEED_MM_S = 100.0
+
+KEYS = {
+    "version": "of the format",
+    "gravity_m_s2": "world axes: x right, y up, z toward the camera",
+    "position_mm": "where it stands in the picture that was taken of it at rest",
+    "mass_kg": "weigh it, or share out the weight of the whole",
+    "drag_N_s_m": "viscous, against the ground",
+    "friction_N": "Coulomb, against the planes that hold it",
+    "fixed": "true for an anchor",
+    "stiffness_N_m": "an estimate will do: softaim identify finds it",
+    "rest_length_mm": "such that the whole rests where it is drawn, under gravity: softaim identify --at-rest",
+    "damping_N_s_m": "dashpot along the spring: softaim identify finds it",
+    "group": "springs of one group have one factor when they are identified",
+    "hue_deg": "0 red, 120 green, 240 blue; softaim hue FILM --at U,V learns it from a click",
+    "diameter_mm": "of the spot",
+    "measured": "false: seen in the calibration only, or for scoring; no filter reads it",
+    "half_width_deg": "from hue_deg, of a pixel's hue",
+    "radius_mm": "what counts as a hit",
+    "size_px": "of the picture",
+    "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
+    "calibration_sd_px": "error of each mark, independent of the others",
+}
+"""Comment behind a key of scene.toml where it stands first."""
+
+TABLES = {
+    "[network]": "The tissue: point masses, and springs with dashpots between them.",
+    "[[mark]]": "Coloured spots, one to a node at most.",
+    "[target]": "The hidden point that the needle is for.",
+    "[[camera]]": "Squarely before the plane z = 0.",
+}
+"""Comment above a table of scene.toml where it stands first."""
+
+
+def commented(lines: list[str]) -> list[str]:
+    """Lines of a scene file, with what each key means where it stands first."""
+    tables, keys = dict(TABLES), dict(KEYS)
+    found = []
+    for line in lines:
+        if line in tables:
+            found.append(f"# {tables.pop(line)}")
+        key = line.split(" = ", maxsplit=1)[0]
+        own = keys.pop(key, None) if " = " in line else None
+        if own is None:
+            found.append(line)
+        elif line.endswith("["):  # a matrix, row by row
+            found += [f"# {key}: {own}", line]
+        else:
+            found.append(_with(line, own))
+    return found
+
+
+def scene_page(scene: Scene, heading: str, *, after: str = "") -> str:
+    """A scene file with comments."""
+    lines = commented(scene_text(scene).splitlines())
+    return "\n".join([*(f"# {line}".rstrip() for line in heading.splitlines()), *lines, after]).rstrip() + "\n"
+
+
+UNKNOWN = """
+# Two tables are still missing; commands write them into copies of this file:
+# [uncertainty], how well the constants are known: softaim identify
+# [filter], the noise levels of this tissue: softaim tune
+"""
+
+
+def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: float, pokes: bool) -> str:
+    """A scenario file with comments."""
+    lines = [
+        f"# {what}",
+        "version = 1",
+        f"title = {toml_text(f'{of.title}: {what[0].lower()}{what[1:]}')}",
+        _with(f"scene = {toml_text(scene)}", "the simulated tissue, which differs from what scene.toml believes of it"),
+        _with(f"seed = {seed}", "softaim simulate --seed takes another"),
+        f"duration_s = {seconds:.1f}",
+        _with(f"frame_interval_s = {1.0 / FRAMES_PER_S:.6f}", f"{FRAMES_PER_S} frames/s"),
+    ]
+    if pokes:
+        lines += [
+            "",
+            _with("[tremor]", "of the table, on every mass"),
+            "acceleration_m_s2_sqrt_hz = 0.05",
+            "",
+            _with("[pokes]", "of a rod, on one of the nodes with measured marks at a time"),
+            _with(f"acceleration_m_s2 = {POKE_M_S2:.1f}", "the strongest, by the mass of its node"),
+            _with("shortest_s = 0.1", "half a sine wave, from so short ..."),
+            _with("longest_s = 0.4", "... to so long"),
+            _with("pause_s = 1.5", "between two, on average"),
+        ]
+    if of.believed.network.dim == 3:
+        lines += [
+            "",
+            _with("[marks]", "in space a tracker's marks.csv takes the place of a film"),
+            _with(f"sd_mm = {MARK_SD_MM}", "of a mark, an axis"),
+        ]
+    else:
+        lines += ["", "[video]", _with('light = "paper"', "marks wander by 0.68 px: calibration_sd_px of the scene")]
+    return "\n".join(lines) + "\n"
+
+
+def _with(line: str, comment: str) -> str:
+    """A line of a file, and what it means."""
+    return f"{line:<36} # {comment}"
+
+
+def needle_page(of: Template) -> str:
+    """The needle's file with comments."""
+    entry, way = np.round(1e3 * of.entry_m, 1) + 0.0, np.round(of.direction, 4) + 0.0
+    lines = [
+        "# The needle for softaim advise; what is left out has its usual value, see docs/guidance.md.",
+        "version = 1",
+        _with(f"entry_mm = {toml_list(entry)}", "where it enters the tissue"),
+        _with(f"direction = {toml_list(way)}", f"from there to where the target {of.believed.target.node} rests"),
+        _with(f"speed_mm_s = {SPEED_MM_S}", "it goes straight, at this speed"),
+        _with("depth_mm = 0.0", "of the tip beyond the entry, now"),
+        _with('hit = "NOTCH"', "the middle of the notch has to lie in the lesion; or TIP, CORE"),
+        _with("notch_offset_mm = 5.0", "from the tip back to the notch: measure your needle"),
+        "notch_length_mm = 20.0",
+        _with("tip_sd_mm = 0.5", "of the tracked tip, in each direction"),
+        _with("bending_sd_mm_per_mm = 0.02", "across the needle, by depth"),
+        "",
+        "[lesion]",
+        _with(f"radius_mm = {RADIUS_MM}", "around the target"),
+        "",
+        "[advice]",
+        _with("go = 0.9", "GO from this probability of a hit on"),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def steps_page(of: Template) -> str:
+    """STEPS.md: what to type, in order, and why."""
+    film = of.believed.network.dim == 2
+    words = {
+        "title": of.title,
+        "target": of.believed.target.node,
+        "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
+        "real": REAL_FILM if film else REAL_MARKS,
+    }
+    return _filled(STEPS, words)
+
+
+def _filled(text: str, words: Mapping[str, str]) -> str:
+    for key, word in words.items():
+        text = text.replace(f"<{key}>", word)
+    return text
+
+
+REAL_FILM = """\
+With a phantom that stands on the table, films take the place of step 2: calibrate the camera (`softaim calibrate`),
+learn the hues of the marks (`softaim hue FILM --at U,V`), write both into `scene.toml`, and record. In `still` and
+`calibration` every mark is seen, the target's, too; in `rec` those inside may be covered.
+
+```sh
+softaim record 0 --out still --scene scene.toml --seconds 2
+softaim record 0 --out calibration --scene scene.toml --seconds 20
+softaim record 0 --out rec --scene scene.toml --seconds 20
+```
+"""
+
+REAL_MARKS = """\
+With a real body, recordings of a tracker take the place of step 2: folders with `scene.toml` and `marks.csv`
+(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, those inside, too, as by CT or
+ultrasound; in `rec` those on the outside.
+"""
+
+STEPS = """\
+# <title>: from nothing to advice
+
+Type these lines in this folder, in this order. They take some minutes in all, and each says what it found.
+
+| file | what it is |
+| --- | --- |
+| `scene.toml` | what you believe: the network, its marks, its target <target>. Change it to what you have |
+| `needle.toml` | the needle that is advised |
+| `truth/scene.toml` | the simulated tissue. Nothing but `simulate` reads it: it is there to be found out |
+| `truth/all_marks.toml` | the same, all marks measured: for calibration |
+| `still.toml`, `calibration.toml`, `scenario.toml` | what happens to it in three simulated recordings |
+
+The constants of `truth/` are not those of `scene.toml`: stiffnesses are off by some 10 %, dashpots, drag and friction
+by some 20 %, and each spring by a few per cent more. So it rests elsewhere than you drew it, as in life.
+
+## 1. Check what you wrote down
+
+```sh
+softaim check scene.toml --out check
+```
+
+Look at `check/check.png`. `missing` names what the next steps bring.
+
+## 2. Record, simulated
+
+Each is <recorded>, with its truth for scoring.
+
+```sh
+softaim simulate still.toml --out still
+softaim simulate calibration.toml --out calibration
+softaim simulate scenario.toml --out rec
+```
+
+<real>
+## 3. Where it rests
+
+Rest lengths from the picture at rest: else gravity lets the model sag, and the target is estimated beside its place.
+
+```sh
+softaim identify still --at-rest --scene scene.toml --out rest.toml
+```
+
+## 4. Its constants
+
+Stiffness, dashpots, drag and friction from a recording in which it is pushed about and the target is seen.
+
+```sh
+softaim identify calibration --scene rest.toml --out identified.toml
+```
+
+## 5. Its noise
+
+Tuned before advice: levels that are too high make it wait, levels that are too low let it go too early.
+
+```sh
+softaim tune rec --scene identified.toml --out tuned.toml
+```
+
+## 6. Follow the target
+
+```sh
+softaim track rec --scene tuned.toml --out track
+```
+
+`track/path.png` shows the target's path, true and estimated, with its ellipses.
+
+## 7. Ask for advice
+
+```sh
+softaim advise rec --scene tuned.toml --needle needle.toml --out advice
+```
+
+`advice/advice.png` shows when to go, when to wait and when to realign.
+"""

@@ -1,0 +1,99 @@
+"""A new project: a template of the kind that is asked for, and its files. What `softaim new` makes."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from dynamics import NetworkError, breast_phantom, planar_phantom
+from dynamics.phantoms.breast import YOUNG_PA
+from experiments.errors import InputError
+from experiments.formats.outputs import write_whole
+from experiments.projects.mesh_file import read_mesh
+from experiments.projects.pages import UNKNOWN, needle_page, scenario_page, scene_page, steps_page
+from experiments.projects.template import Template, template
+
+N_MASSES = {"plane": 5, "breast": 10}
+
+UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
+"""Where the needle comes from, seen from the target, in the plane and in space."""
+
+STILL_S, MOVED_S = 2.0, 20.0
+
+
+class Kind(StrEnum):
+    """What a project is of."""
+
+    PLANE = "plane"
+    BREAST = "breast"
+    MESH = "mesh"
+
+
+def project(
+    kind: Kind,
+    *,
+    masses: int | None = None,
+    young_kpa: float | None = None,
+    nodes: Path | None = None,
+    springs: Path | None = None,
+    seed: int = 0,
+) -> Template:
+    """The template of a project of this kind; raises InputError for choices that do not belong to it.
+
+    masses: how many, of a phantom that comes with the program; young_kpa: Young's modulus [kPa], of what is elastic
+    nodes, springs: files of a mesh; seed: of the simulated tissue's constants
+    """
+    belongs = {
+        "--masses": (masses, kind in (Kind.PLANE, Kind.BREAST)),
+        "--young-kpa": (young_kpa, kind in (Kind.BREAST, Kind.MESH)),
+        "--nodes": (nodes, kind is Kind.MESH),
+        "--springs": (springs, kind is Kind.MESH),
+    }
+    for option, (value, known) in belongs.items():
+        if value is not None and not known:
+            raise InputError.at(f"--kind {kind}", f"no {option}", str(value))
+    young = YOUNG_PA if young_kpa is None else 1e3 * young_kpa
+    try:
+        if kind is Kind.MESH:
+            if nodes is None:
+                raise InputError.at(f"--kind {kind}", "--nodes NODES.csv", "none")
+            mesh = read_mesh(nodes, springs, young)
+            way = np.array(UP if mesh.phantom.network.dim == 2 else FROM_THE_FRONT)
+            return template(f"A mesh from {nodes.name}", mesh.phantom, mesh.hues, way, seed=seed)
+        n_masses = N_MASSES[kind] if masses is None else masses
+        if kind is Kind.PLANE:
+            return template(
+                f"A flat phantom of {n_masses} masses", planar_phantom(n_masses), {}, np.array(UP), seed=seed
+            )
+        phantom = breast_phantom(n_masses, young)
+        return template(f"A soft breast of {n_masses} masses", phantom, {}, np.array(FROM_THE_FRONT), seed=seed)
+    except NetworkError as error:
+        raise InputError(f"--kind {kind}: {error}") from None
+
+
+def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
+    """Write the files of a project to a folder that exists; seed: its recordings have the three seeds that follow."""
+    scenes = {
+        "scene.toml": (of.believed, f"{of.title}: what is believed of it.\ndocs/recording.md has all keys.", UNKNOWN),
+        "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),
+        "truth/all_marks.toml": (
+            of.truth_all_seen,
+            "The simulated tissue with every mark measured. Only softaim simulate may read this.",
+            "",
+        ),
+    }
+    (folder / "truth").mkdir()
+    for name, (scene, heading, after) in scenes.items():
+        write_whole(folder / name, scene_page(scene, heading, after=after))
+    recordings = {
+        "still.toml": ("At rest, every mark seen", "truth/all_marks.toml", STILL_S, False),
+        "calibration.toml": ("Pushed about, every mark seen", "truth/all_marks.toml", MOVED_S, True),
+        "scenario.toml": ("Pushed about, the inside hidden", "truth/scene.toml", MOVED_S, True),
+    }
+    for k, (name, (what, tissue, seconds, pokes)) in enumerate(recordings.items(), start=1):
+        text = scenario_page(of, what=what, scene=tissue, seed=seed + k, seconds=seconds, pokes=pokes)
+        write_whole(folder / name, text)
+    write_whole(folder / "needle.toml", needle_page(of))
+    write_whole(folder / "STEPS.md", steps_page(of))

@@ -1,0 +1,261 @@
+"""What `softaim check` says: a line each for rest, motion, steps, marks and target, and for what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
+from experiments.pipeline.events import SAGS, steps_left_out
+from experiments.projects.check import SceneCheck
+
+N_NAMED = 6
+"""Of marks or nodes, so many are named; the others are counted."""
+
+N_LOWEST = 3
+"""Frequencies told."""
+
+SURE = 0.9
+"""A hit that is less probable than this, aimed at best, is told of: from it on advice is GO by default."""
+
+SURER = 0.95
+"""A filter's sigma at rest by the bound's, below which it is told of [1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """Something that a scene lacks: what, and what to do next."""
+
+    what: str
+    next: str
+
+
+def check_report(done: SceneCheck) -> dict[str, object]:
+    """What `softaim check --json` prints, and check.json holds."""
+    network, offsets = done.scene.network, 1e3 * done.offsets_m
+    target = done.scene.target
+    return {
+        "scene": str(done.path),
+        "nodes": network.n_nodes,
+        "anchors": int(network.fixed.sum()),
+        "springs": len(network.springs),
+        "dimension": network.dim,
+        "target": {"node": target.node, "radius_mm": 1e3 * target.radius_m},
+        "marks": {"measured": list(done.scene.measured_nodes), "not_found": list(done.unfound)},
+        "rest": {
+            "offset_mm": float(offsets.max()),
+            "node": network.names[int(offsets.argmax())],
+            "target_offset_mm": float(offsets[network.index(target.node)]),
+            "drawn": bool(offsets.max() <= 1e3 * _drawn_to(done)),
+        },
+        "motion": {
+            "frequencies_hz": done.motion.frequencies_hz[:N_LOWEST].tolist(),
+            "damping_ratios": done.motion.damping_ratios[:N_LOWEST].tolist(),
+            "slowest_decay_s": float(done.motion.decays_s[0]) if len(done.motion.decays_s) else None,
+        },
+        "steps": {"stable_ms": 1e3 * done.stable_s, "filter_ms": 1e3 * done.step_s, "implicit": done.implicit},
+        "information_share": dict(done.shares),
+        "target_sigma_mm": {
+            "bound_quiet": 1e3 * done.quiet_m,
+            "bound_pushed": 1e3 * done.pushed_m,
+            "filter_quiet": 1e3 * done.sigma_m,
+            "frames_per_s": 1.0 / done.interval_s,
+            "marks_mm": 1e3 * _mark_sd_m(done),
+        },
+        "best_hit_probability": best_hit(done),
+        "missing": [{"what": one.what, "next": one.next} for one in missing(done)],
+    }
+
+
+def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
+    """Subject and sentence of each line, what is missing last."""
+    lines = [
+        ("scene", _scene(done)),
+        ("rest", _rest(done)),
+        ("motion", _motion(done)),
+        ("steps", _steps(done)),
+        ("marks", _marks(done)),
+        ("target", _target(done)),
+    ]
+    lacks = [("missing", f"{one.what}. Next: {one.next}") for one in missing(done)]
+    return lines + (lacks or [("missing", "nothing")])
+
+
+def _scene(done: SceneCheck) -> str:
+    network, target = done.scene.network, done.scene.target
+    where = "in the plane" if network.dim == 2 else "in space"
+    measured = done.scene.measured_nodes
+    masses, anchors = _count(len(network.free), "mass", "masses"), _count(int(network.fixed.sum()), "anchor")
+    springs, marks = _count(len(network.springs), "spring"), _count(len(measured), "measured mark")
+    return (
+        f"{masses}, {anchors} and {springs} {where}; target {target.node}, a ball of {1e3 * target.radius_m:g} mm;"
+        f" {marks} on {_names(measured)}"
+    )
+
+
+def _rest(done: SceneCheck) -> str:
+    offsets, network = 1e3 * done.offsets_m, done.scene.network
+    if offsets.max() <= 1e3 * _drawn_to(done):
+        return f"it rests where it is drawn, to {offsets.max():.2f} mm"
+    node, target = network.names[int(offsets.argmax())], done.scene.target.node
+    return (
+        f"it rests up to {offsets.max():.1f} mm from where it is drawn (node {node});"
+        f" the target {target} {offsets[network.index(target)]:.1f} mm"
+    )
+
+
+def _motion(done: SceneCheck) -> str:
+    motion = done.motion
+    lowest = zip(motion.frequencies_hz[:N_LOWEST], motion.damping_ratios[:N_LOWEST], strict=True)
+    told = [f"{hz:.2f} Hz (damping ratio {abs(ratio):.3f})" for hz, ratio in lowest]
+    parts = [f"lowest frequencies {', '.join(told)}"] if told else ["nothing oscillates"]
+    if len(motion.decays_s):
+        parts.append(f"without oscillation it creeps back, at the slowest to 1/e in {motion.decays_s[0]:.2g} s")
+    if not done.scene.network.fixed.any():
+        parts.append("nothing holds it: it drifts and turns as a whole")
+    if done.scene.network.friction[done.scene.network.free].any():
+        parts.append("dry friction left out")
+    return "; ".join(parts)
+
+
+def _steps(done: SceneCheck) -> str:
+    own = f"the filter takes {'implicit ones' if done.implicit else 'such steps'} of {1e3 * done.step_s:.2g} ms"
+    why = ", which no stiffness shortens" if done.implicit else ""
+    return f"explicit steps are stable up to {1e3 * done.stable_s:.2g} ms; {own}{why}"
+
+
+def _marks(done: SceneCheck) -> str:
+    shares = list(done.shares.items())
+    told = [f"{node} {share:.0%}" for node, share in shares[:N_NAMED]]
+    others = sum(share for _, share in shares[N_NAMED:])
+    if len(shares) > N_NAMED:
+        told.append(f"{_count(len(shares) - N_NAMED, 'other')} {others:.0%}")
+    return f"of what a frame tells about the target: {', '.join(told)}"
+
+
+def _target(done: SceneCheck) -> str:
+    quiet, pushed, own = (f"{1e3 * sigma:.2g} mm" for sigma in (done.quiet_m, done.pushed_m, done.sigma_m))
+    return (
+        f"with marks to {1e3 * _mark_sd_m(done):.2g} mm at {1.0 / done.interval_s:.3g} frames/s no filter knows it"
+        f" better than {quiet} an axis while nobody pushes, {pushed} while all marks may be pushed, constants exact;"
+        f" this scene's filter, at rest: {own}"
+    )
+
+
+def missing(done: SceneCheck) -> list[Missing]:
+    """What the scene lacks, what matters most first."""
+    return [*_of_target(done), *_of_rest(done), *_of_marks(done), *_of_tables(done)]
+
+
+def _of_target(done: SceneCheck) -> Iterator[Missing]:
+    scene = done.scene
+    node = scene.target.node
+    if node in scene.measured_nodes and not scene.target.offset_m:
+        yield Missing(
+            f"the target {node} has a measured mark: the filter is shown what it is to estimate",
+            f"measured = false in the [[mark]] of {node}, if it will be hidden",
+        )
+    elif node not in {mark.node for mark in scene.marks}:
+        yield Missing(
+            f"the target {node} has no mark: nothing can be identified or scored",
+            "a [[mark]] with measured = false, seen in the calibration recording only",
+        )
+    if done.estimate.model_only:
+        yield Missing(
+            "the marks are too few or too far to carry the target: the model alone speaks",
+            f"measured marks on nodes that are nearer to {node} by springs",
+        )
+    if done.sigma_m < SURER * done.quiet_m:
+        yield Missing(
+            f"the filter is surer than it may be, {1e3 * done.sigma_m:.2g} mm where none can be below"
+            f" {1e3 * done.quiet_m:.2g}: at rest it takes dry friction for drag",
+            "softaim track --check, which widens its covariance by what it misses",
+        )
+    if (probability := best_hit(done)) < SURE:
+        yield Missing(
+            f"the target cannot be known well enough: aimed at best a point is within its"
+            f" {1e3 * scene.target.radius_m:g} mm with {probability:.0%} at most, while nobody pushes",
+            "more or nearer marks, a finer camera, or a larger radius_mm",
+        )
+
+
+def _of_rest(done: SceneCheck) -> Iterator[Missing]:
+    if done.offsets_m.max() <= _drawn_to(done):
+        return
+    network = done.scene.network
+    apart = network.positions[network.springs[:, 1]] - network.positions[network.springs[:, 0]]
+    as_drawn = np.allclose(np.linalg.norm(apart, axis=1), network.rest_lengths, rtol=1e-6)
+    yield Missing(
+        "rest lengths are the distances drawn, and gravity stretches them: where it was drawn it does not rest"
+        if as_drawn
+        else "rest lengths do not fit the drawing: where it was drawn it does not rest",
+        "softaim identify RECORDING --at-rest --out rest.toml, on a recording of the body at rest",
+    )
+
+
+def _of_marks(done: SceneCheck) -> Iterator[Missing]:
+    scene = done.scene
+    if done.unfound:
+        yield Missing(
+            f"{_count(len(done.unfound), 'mark')} not found in its picture or rows: {_names(done.unfound)}",
+            "hue_deg, diameter_mm and size_px of the scene, or softaim hue on a film",
+        )
+    marked = {mark.node for mark in scene.marks}
+    bare = [scene.network.names[i] for i in scene.network.free if scene.network.names[i] not in marked]
+    if bare and scene.target.node in marked:
+        yield Missing(
+            f"{_count(len(bare), 'free node')} without any mark, {_names(bare)}: rest lengths cannot be found there",
+            "a [[mark]] with measured = false on each that the recording at rest shows",
+        )
+
+
+def _of_tables(done: SceneCheck) -> Iterator[Missing]:
+    scene = done.scene
+    if not scene.cameras and scene.network.dim == 2:
+        yield Missing(
+            "no camera: a film can be neither made nor read",
+            "softaim calibrate, or marks of another tracker in marks.csv",
+        )
+    elif not scene.cameras:
+        yield Missing("no camera, as every scene in space", "marks of a tracker in marks.csv")
+    left_out = steps_left_out(scene, "track")
+    if "identify" in left_out:
+        yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is seen, too")
+    if "tune" in left_out:
+        yield Missing(left_out["tune"], "softaim tune, on a recording like those to come")
+
+
+def best_hit(done: SceneCheck) -> float:
+    """Probability that a point aimed at the estimate lies in the target, were the bound while nobody pushes reached."""
+    dim = done.scene.network.dim
+    middle, still = np.zeros(dim), np.zeros((dim, dim))
+    target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
+    axis = np.eye(dim)[0]
+    return hit_probability(
+        target,
+        GaussianMixture.gaussian(middle, still),
+        axis,
+        Lesion.ball(done.scene.target.radius_m, dim),
+        needle=Needle(hit=Hit.TIP),
+    )
+
+
+def _drawn_to(done: SceneCheck) -> float:
+    """Offset up to which the network counts as resting where it is drawn [m]: a drawing is no finer."""
+    return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
+
+
+def _mark_sd_m(done: SceneCheck) -> float:
+    """Standard deviation of the marks, an axis, their calibration's error included [m]."""
+    return float(np.sqrt(np.mean([np.trace(mark.total_cov) / len(mark.position) for mark in done.seen])))
+
+
+def _names(names: tuple[str, ...] | list[str]) -> str:
+    told = ", ".join(names[:N_NAMED])
+    return told if len(names) <= N_NAMED else f"{told} and {_count(len(names) - N_NAMED, 'other')}"
+
+
+def _count(n: int, one: str, many: str = "") -> str:
+    return f"{n} {one if n == 1 else many or one + 's'}"

@@ -1,0 +1,126 @@
+"""What a new project holds: a scene as one would write it down, and tissue that differs from it, as in life.
+
+Every number below is one of the template, for the user to change in the files.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynamics import KINDS, OF_SPRINGS, NetworkError, Phantom, parameters, rest_shape, scale_parameters, to_outside
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.target import Target
+from vision import PlaneCamera, fronto_parallel_camera
+
+HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
+"""Of the marks, in turn: a sixth of the circle apart."""
+
+MARK_SIZE = 1.0 / 6.0
+"""Diameter of a mark by the shortest spring."""
+
+RADIUS_MM = 5.0
+"""Of the target."""
+
+SIZE_PX, ROOM = (640, 480), 1.6
+"""Of the picture, and how much more of the plane it shows than the body fills."""
+
+CALIBRATION_SD_PX = 0.68
+"""Of the light in which scenarios are filmed, `paper`: marks wander by so much."""
+
+GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
+"""Relative standard deviation by which the simulated tissue's constants are off together: all of a group of springs."""
+
+OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03, "friction": 0.03}
+"""And each by itself."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Template:
+    """A project: what is believed, what is simulated, and a needle.
+
+    believed: the scene that one writes down; it rests where it is drawn
+    truth: the scene of the simulated tissue, drawn where that rests: its constants are off, its marks and target the
+        same
+    entry_m, direction: where a needle enters the tissue, and its way to the target, each (dim,)
+    """
+
+    title: str
+    believed: Scene
+    truth: Scene
+    entry_m: Floats
+    direction: Floats
+
+    @property
+    def truth_all_seen(self) -> Scene:
+        """The simulated tissue as a calibration sees it: every mark measured, those inside, too."""
+        return replace(self.truth, marks=tuple(replace(mark, measured=True) for mark in self.truth.marks))
+
+
+def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int) -> Template:
+    """The project of a phantom; raises InputError where the simulated tissue would not hold its shape.
+
+    hues: of the marks, where they are given [degrees]; way: from the target to where the needle comes from, (dim,)
+    """
+    believed = scene_with_marks(phantom, hues)
+    network = believed.network
+    factors = _off(phantom, np.random.default_rng(seed))
+    which = parameters(network)
+    changed = scale_parameters(network, which, [factors[one.kind][one.index] for one in which])
+    try:
+        actual = replace(changed, positions=rest_shape(changed))
+    except NetworkError as error:
+        raise InputError(f"--seed {seed}: simulated tissue: {error}") from None
+    start = network.positions[network.index(phantom.target)]
+    out = way / np.linalg.norm(way)
+    entry = start + to_outside(network.positions, start, out) * out
+    return Template(title, believed, replace(believed, network=actual), entry, -out)
+
+
+def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
+    """The scene of a phantom: marks on its free nodes, those inside for scoring only; a camera where it is flat."""
+    network = phantom.network
+    lengths = np.linalg.norm(
+        network.positions[network.springs[:, 0]] - network.positions[network.springs[:, 1]], axis=1
+    )
+    diameter_m = float(np.round(MARK_SIZE * lengths.min(), 4))
+    nodes = [network.names[i] for i in network.free]
+    marks = tuple(
+        Mark(node, hues.get(node, HUES_DEG[k % len(HUES_DEG)]), diameter_m, measured=node in phantom.outer)
+        for k, node in enumerate(nodes)
+    )
+    return Scene(
+        network=network,
+        marks=marks,
+        target=Target(phantom.target, 1e-3 * RADIUS_MM),
+        cameras=(_camera(network.positions),) if network.dim == 2 else (),
+        spring_groups=phantom.groups,
+    )
+
+
+def _camera(positions: Floats) -> PlaneCamera:
+    """Squarely before the plane, with room for motion around the body."""
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    scale = float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2))
+    middle = np.round(0.5 * (low + high), 3)
+    return fronto_parallel_camera(
+        "front", SIZE_PX, (scale, scale), (float(middle[0]), float(middle[1])), calibration_sd_px=CALIBRATION_SD_PX
+    )
+
+
+def _off(phantom: Phantom, rng: np.random.Generator) -> dict[str, Floats]:
+    """Logs of the factors on each constant of the simulated tissue, by kind, (n_springs,) or (n_nodes,)."""
+    names = sorted(set(phantom.groups))
+    group = np.array([names.index(one) for one in phantom.groups])
+    factors = {}
+    for kind in KINDS:
+        if kind in OF_SPRINGS:
+            together, n = rng.normal(0.0, GROUP_SD[kind], len(names))[group], len(group)
+        else:
+            together, n = np.full(phantom.network.n_nodes, rng.normal(0.0, GROUP_SD[kind])), phantom.network.n_nodes
+        factors[kind] = together + rng.normal(0.0, OWN_SD[kind], n)
+    return factors

@@ -1,0 +1,77 @@
+"""Small oscillations against closed forms: one mass, a row of masses, and what a long motion shows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import four_mass_phantom, integrate_adaptive, oscillations, pack, rest_shape
+from tests.dynamics.conftest import build_network
+
+K, M, C, D = 80.0, 0.2, 0.3, 0.5
+
+
+def row_of_masses(n: int, dim: int, **changes):
+    """Masses in line between two anchors, all springs stretched to twice their length."""
+    x = np.zeros((n + 2, dim))
+    x[:, 0] = 0.1 * np.arange(n + 2)
+    springs = [(i, i + 1) for i in range(n + 1)]
+    return build_network(x, springs, (0, n + 1), rest_lengths=0.05, **changes)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_row_of_masses_has_the_textbooks_frequencies_and_damping(dim: int) -> None:
+    """w_j = 2 sqrt(s / m) sin(j pi / 2 (n + 1)): s = k along the row, s = T / l = k / 2 across it.
+
+    The damping ratio is (c w_j / k + d / (m w_j)) / 2 along it; across it no dashpot acts: the second part alone.
+    """
+    n = 4
+    network = row_of_masses(n, dim, damping=C, drag=D)
+    found = oscillations(network, network.positions)
+    sines = 2.0 * np.sin(np.arange(1, n + 1) * np.pi / (2 * (n + 1)))
+    along, across = np.sqrt(K / M) * sines, np.sqrt(0.5 * K / M) * sines
+    w = np.concatenate([along, *[across] * (dim - 1)])
+    ratio = 0.5 * (D / (M * w) + np.where(np.arange(len(w)) < n, C * w / K, 0.0))
+    order = np.argsort(w)
+    np.testing.assert_allclose(found.frequencies_hz, w[order] / (2.0 * np.pi), rtol=1e-9)
+    np.testing.assert_allclose(found.damping_ratios, ratio[order], rtol=1e-7)
+    assert not len(found.decays_s)
+
+
+def test_a_mass_in_honey_creeps_back_with_both_roots_of_its_equation() -> None:
+    """M z² + d z + s = 0 with d far above 2 sqrt(m s): z = (-d ± sqrt(d² - 4 m s)) / 2 m."""
+    network = row_of_masses(1, 2, drag=40.0)
+    found = oscillations(network, network.positions)
+    roots = [(-40.0 + sign * np.sqrt(1600.0 - 4 * M * s)) / (2 * M) for s in (2 * K, K) for sign in (-1, 1)]
+    assert not len(found.frequencies_hz)
+    np.testing.assert_allclose(found.decays_s, np.sort(-1.0 / np.array(roots))[::-1], rtol=1e-9)
+
+
+def test_two_masses_afloat_have_their_one_oscillation_and_no_motion_as_a_whole() -> None:
+    """w² = 2 k / m; drifting along, across and turning are none."""
+    network = build_network([[0.0, 0.0], [0.1, 0.0]], [(0, 1)])
+    found = oscillations(network, network.positions)
+    np.testing.assert_allclose(found.frequencies_hz, [np.sqrt(2 * K / M) / (2 * np.pi)], rtol=1e-9)
+    assert not len(found.decays_s)
+
+
+def test_friction_is_left_out() -> None:
+    network = row_of_masses(3, 2, friction=0.05)
+    assert oscillations(network, network.positions).damping_ratios == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_small_motion_of_the_phantom_is_a_sum_of_its_oscillations() -> None:
+    """Equal samples of a sum of exponentials obey the recurrence whose roots are exp(z dt); DOP853 moves it."""
+    network = replace(four_mass_phantom(), friction=np.zeros(7))
+    rest = rest_shape(network)[network.free]
+    found = oscillations(network, rest_shape(network))
+    w, ratio = 2.0 * np.pi * found.frequencies_hz, found.damping_ratios
+    z = -ratio * w + 1j * w * np.sqrt(1.0 - ratio**2)
+    dt = 0.05
+    recurrence = np.poly(np.exp(np.concatenate([z, z.conj()]) * dt)).real[::-1]
+    pushed = rest + 1e-6 * np.random.default_rng(1).normal(size=rest.shape)
+    start = pack(pushed, np.zeros_like(pushed))
+    moved = integrate_adaptive(network, start, dt * np.arange(len(recurrence)), rtol=1e-12, atol=1e-18)
+    off = moved[:, : rest.size] - rest.ravel()
+    assert len(recurrence) == 2 * rest.size + 1
+    assert np.abs(recurrence @ off).max() < 2e-6 * (np.abs(recurrence) @ np.abs(off)).max()

@@ -1,0 +1,123 @@
+"""The bound of a body at rest: closed forms, SciPy's Riccati equation, and the recursion that it is the end of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_discrete_are
+from scipy.optimize import brentq
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, pack, rest_shape
+from estimators import ForceMode, TissueModel, accumulated_noise, posterior_bound, resting_bound
+from experiments.simulation.bodies.body import Scale
+from experiments.simulation.bodies.chains import chain
+
+MARK = 1e-6 * np.eye(2)
+QUIET = ForceMode(white=0.3, poke=1e-9, lasting_s=1.0)
+POKED = ForceMode(white=0.05, poke=5.0, lasting_s=0.2)
+
+
+def held(masses: int = 1) -> MassSpringNetwork:
+    """Masses of 0.5 kg, each between four springs of 20 N/m without tension: 80 rad²/s² along either axis."""
+    names, positions, springs = [], [], []
+    for k in range(masses):
+        middle = np.array([5.0 * k, 0.0])
+        names += [f"mass{k}", *(f"{end}{k}" for end in "EWNS")]
+        positions += [middle, *(middle + end for end in np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]]))]
+        springs += [(5 * k, 5 * k + i) for i in range(1, 5)]
+    n = len(names)
+    return MassSpringNetwork(
+        names=tuple(names),
+        positions=np.array(positions),
+        masses=np.full(n, 0.5),
+        fixed=np.arange(n) % 5 > 0,
+        drag=np.zeros(n),
+        friction=np.zeros(n),
+        springs=np.array(springs),
+        stiffness=np.full(len(springs), 20.0),
+        rest_lengths=np.ones(len(springs)),
+        damping=np.zeros(len(springs)),
+        gravity=np.zeros(2),
+    )
+
+
+def test_of_many_frames_a_second_it_is_kalman_and_bucys() -> None:
+    """Of x'' = -w² x + white noise of density q, seen with noise of density r: p11 = sqrt(2 r p12), p12 as below.
+
+    The steady Riccati equation of two states, solved by hand; frames every 0.1 ms change it by 2e-3.
+    """
+    dt, w2, q = 1e-4, 80.0, 0.3**2
+    r = 1e-3 * dt
+    p12 = r * (np.sqrt(w2**2 + q / r) - w2)
+    found = resting_bound(held(), {"mass0": 1e-3 * np.eye(2)}, dt, QUIET)
+    np.testing.assert_allclose(np.diag(found)[:2], np.sqrt(2.0 * r * p12), rtol=3e-3)
+    np.testing.assert_allclose([found[0, 2], found[1, 3]], p12, rtol=3e-3)
+
+
+def test_it_solves_the_riccati_equation_of_the_phantom() -> None:
+    """SciPy's solution by Schur vectors, 1e-5; pokes on the outer masses, no friction."""
+    network = replace(four_mass_phantom(), friction=np.zeros(7))
+    model = TissueModel(network, OUTER)
+    A, density = model.linearised(rest_shape(network), POKED)
+    rows = [i for node in OUTER for i in range(model.dim_x)[network.coordinates(node)]]
+    H = np.eye(model.dim_x)[rows]
+    F, Q = expm(A / 30.0), accumulated_noise(A, density, 1.0 / 30.0)
+    before = solve_discrete_are(F.T, H.T, Q, 1e-6 * np.eye(len(rows)))
+    K = before @ H.T @ np.linalg.inv(H @ before @ H.T + 1e-6 * np.eye(len(rows)))
+    expected = before - K @ H @ before
+    found = resting_bound(network, dict.fromkeys(OUTER, MARK), 1.0 / 30.0, POKED, poked=OUTER)
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-5)
+
+
+def test_the_bound_of_a_long_rest_is_this_one() -> None:
+    """`posterior_bound` of 20 s at rest, other derivatives and another start: the hidden mass's sigma to 1 %."""
+    network = replace(four_mass_phantom(), friction=np.zeros(7))
+    rest = rest_shape(network)[network.free]
+    n = 600
+    states = np.tile(pack(rest, np.zeros_like(rest)), (n, 1))
+    start = np.diag(np.repeat([1e-4, 1e-2], len(states[0]) // 2))
+    marks = [dict.fromkeys(OUTER, MARK)] * n
+    place = network.coordinates(HIDDEN)
+    last = posterior_bound(network, states, np.arange(n) / 30.0, marks, QUIET, start)[-1, place, place]
+    found = resting_bound(network, dict.fromkeys(OUTER, MARK), 1.0 / 30.0, QUIET)[place, place]
+    assert np.sqrt(np.trace(found)) == pytest.approx(np.sqrt(np.trace(last)), rel=0.01)
+
+
+def test_what_no_mark_sees_is_known_only_as_well_as_an_hour_of_shaking_leaves_it() -> None:
+    """Undamped, its variance grows by q / 2 w² a second and coordinate; the other mass is the same as alone."""
+    network = held(2)
+    found = resting_bound(network, {"mass0": MARK}, 1.0 / 30.0, QUIET)
+    unseen = np.diag(found)[2:4]
+    frames = 2.0 ** np.ceil(np.log2(3600.0 * 30.0))
+    np.testing.assert_allclose(unseen, 0.3**2 / (2.0 * 80.0) * frames / 30.0, rtol=1e-3)
+    alone = resting_bound(held(), {"mass0": MARK}, 1.0 / 30.0, QUIET)
+    np.testing.assert_allclose(np.diag(found)[:2], np.diag(alone)[:2], rtol=1e-6)
+
+
+def test_a_rigid_chain_that_hangs_has_one() -> None:
+    """Links of 1e5 N/m and more, its end seen: the hidden joint to better than its reach, and not exactly."""
+    body = chain(2, 0, Scale(), 0.1)
+    marks = dict.fromkeys(body.marked, body.mark_sd_m**2 * np.eye(body.network.dim))
+    hidden = body.network.coordinates(body.hidden[0])
+    variance = np.trace(resting_bound(body.network, marks, 1.0 / 60.0, POKED, poked=body.marked)[hidden, hidden])
+    assert 1e-5 < np.sqrt(variance) < 0.1 * body.size_m
+
+
+def test_dry_friction_is_the_drag_of_its_own_speed() -> None:
+    """Under white noise of density q² a held mass moves at v² = q² m / 2 d along each axis, d = drag + friction / v.
+
+    The root of that equation by SciPy, v of both axes and with the speed of 5 mm/s at which friction builds up.
+    """
+    white, mass, drag, friction = 0.3, 0.5, 0.2, 0.05
+
+    def excess(d: float) -> float:
+        return drag + friction / np.sqrt(white**2 * mass / d + 5e-3**2) - d
+
+    one = np.arange(5) == 0
+    rough = replace(held(), drag=np.where(one, drag, 0.0), friction=np.where(one, friction, 0.0))
+    smooth = replace(rough, friction=np.zeros(5), drag=np.where(one, brentq(excess, drag, 20.0), 0.0))
+    found, expected = (resting_bound(body, {"mass0": 1e-2 * np.eye(2)}, 0.1, QUIET) for body in (rough, smooth))
+    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-6)
+    slippery = resting_bound(replace(rough, friction=np.zeros(5)), {"mass0": 1e-2 * np.eye(2)}, 0.1, QUIET)
+    assert found[0, 0] < 0.98 * slippery[0, 0]

@@ -1,0 +1,202 @@
+"""`softaim check`: what it says of a scene, against closed forms and scenes each of which lacks one thing."""
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from dynamics import build_network, four_mass_phantom, independent_uncertainty, parameters
+from estimators import FilterSettings
+from experiments.formats.recording import MarkRow, write_marks_csv
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene, write_scene
+from experiments.formats.scene.target import Target
+from experiments.projects.check import checked
+from experiments.projects.report import check_lines, check_report, missing
+from tests.experiments.command import softaim
+from vision import fronto_parallel_camera
+
+K, M, G = 400.0, 0.1, 9.81
+
+
+def hanging(**changes) -> Scene:
+    """Two masses on a cord from a hook, the upper one hidden, the lower one marked."""
+    network = build_network(
+        ["hook", "T", "M"],
+        [[0.0, 0.0], [0.0, -0.1], [0.0, -0.2]],
+        [("hook", "T"), ("T", "M")],
+        stiffness=K,
+        masses=[0.0, M, M],
+        gravity=[0.0, -G],
+        fixed=["hook"],
+        damping=0.2,
+        rest_lengths="as drawn",
+    )
+    marks = (Mark("M", 0.0, 0.01), Mark("T", 120.0, 0.01, measured=False))
+    camera = fronto_parallel_camera("front", (320, 240), (1.5, 1.5), (0.0, -0.1))
+    return replace(Scene(network, marks, Target("T", 0.005), (camera,)), **changes)
+
+
+def report_of(scene: Scene, tmp_path, **options):
+    write_scene(scene, tmp_path / "scene.toml")
+    return check_report(checked(tmp_path / "scene.toml", **options))
+
+
+def lacking(scene: Scene, tmp_path) -> list[str]:
+    write_scene(scene, tmp_path / "scene.toml")
+    return [one.what for one in missing(checked(tmp_path / "scene.toml"))]
+
+
+def test_it_says_where_the_scene_rests_and_how_it_oscillates(tmp_path) -> None:
+    """T sags by 2 m g / k, M by m g / k more. Along the cord w² = (3 ± sqrt 5) / 2 k / m, damped by c w / 2 k."""
+    report = report_of(hanging(), tmp_path)
+    sag = 1e3 * M * G / K
+    assert report["rest"] == {
+        "offset_mm": pytest.approx(3 * sag),
+        "node": "M",
+        "target_offset_mm": pytest.approx(2 * sag),
+        "drawn": False,
+    }
+    w = np.sqrt((3 - np.sqrt(5)) / 2 * K / M)
+    motion = report["motion"]
+    k = int(np.argmin(np.abs(np.array(motion["frequencies_hz"]) - w / (2 * np.pi))))
+    assert motion["frequencies_hz"][k] == pytest.approx(w / (2 * np.pi), rel=1e-6)
+    assert motion["damping_ratios"][k] == pytest.approx(0.2 * w / (2 * K), rel=1e-4)
+    assert motion["slowest_decay_s"] is None
+
+
+def test_it_says_how_steps_and_marks_are(tmp_path) -> None:
+    """RK4 is stable up to 2.6 / w of the stiffest motion, w² = (3 + sqrt 5) / 2 k / m, and 4 k / m at most."""
+    report = report_of(hanging(), tmp_path)
+    assert 2600.0 / np.sqrt(4 * K / M) <= report["steps"]["stable_ms"] <= 2600.0 / np.sqrt((3 + 5**0.5) / 2 * K / M)
+    assert report["steps"]["filter_ms"] <= 0.5 * report["steps"]["stable_ms"]
+    assert not report["steps"]["implicit"]
+    assert report["information_share"] == {"M": 1.0}
+    sigma = report["target_sigma_mm"]
+    assert 0.0 < sigma["bound_quiet"] < min(sigma["bound_pushed"], sigma["filter_quiet"])
+    assert sigma["frames_per_s"] == pytest.approx(30.0)
+
+
+def test_finer_marks_and_more_of_them_lower_the_bound(tmp_path) -> None:
+    coarse, fine, often = (
+        report_of(hanging(), tmp_path, **options)["target_sigma_mm"]
+        for options in ({"sd_mm": 2.0}, {"sd_mm": 0.5}, {"sd_mm": 0.5, "frames_per_s": 120.0})
+    )
+    assert coarse["marks_mm"] == pytest.approx(2.0)
+    assert often["frames_per_s"] == pytest.approx(120.0)
+    assert often["bound_quiet"] < fine["bound_quiet"] < coarse["bound_quiet"]
+
+
+def test_a_recordings_rate_and_marks_are_its_own(tmp_path) -> None:
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    write_scene(hanging(), folder / "scene.toml")
+    times = np.arange(10) / 50.0
+    rows = [[MarkRow("M", np.array([0.0, -0.2]), 3e-4 if k else 5e-2)] for k in range(10)]
+    write_marks_csv(folder / "marks.csv", times, rows, dim=2)
+    sigma = check_report(checked(folder))["target_sigma_mm"]
+    assert sigma["frames_per_s"] == pytest.approx(50.0)
+    assert sigma["marks_mm"] == pytest.approx(0.3)
+
+
+def complete() -> Scene:
+    """A scene that lacks nothing."""
+    network = four_mass_phantom()
+    marks = tuple(Mark(node, 0.0, 0.03, measured=node != "M2") for node in ("M1", "M2", "M3", "M4"))
+    camera = fronto_parallel_camera("front", (640, 480), (1.25, 1.25), (0.0, 0.19))
+    return Scene(
+        network,
+        marks,
+        Target("M2", 0.005),
+        (camera,),
+        uncertainty=independent_uncertainty(parameters(network, ("stiffness",)), 0.02),
+        settings=replace(FilterSettings(), quiet=replace(FilterSettings().quiet, white=0.05)),
+    )
+
+
+def test_a_complete_scene_lacks_nothing(tmp_path) -> None:
+    assert lacking(complete(), tmp_path) == []
+    assert check_lines(checked(tmp_path / "scene.toml"))[-1] == ("missing", "nothing")
+
+
+LACKS = {
+    "constants were not identified": lambda s: replace(s, uncertainty=None),
+    "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
+    "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),
+    "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),
+    "the target M2 has no mark": lambda s: replace(s, marks=tuple(m for m in s.marks if m.node != "M2")),
+    "1 free node without any mark, M4": lambda s: replace(s, marks=s.marks[:3]),
+    "1 mark not found in its picture or rows: M3": lambda s: replace(
+        s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
+    ),
+    "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4)),
+    "rest lengths do not fit the drawing": lambda s: replace(
+        s, network=replace(s.network, rest_lengths=1.1 * s.network.rest_lengths)
+    ),
+    "rest lengths are the distances drawn": lambda s: replace(
+        s, network=replace(s.network, rest_lengths=spans(s.network))
+    ),
+}
+
+
+def spans(network):
+    return np.linalg.norm(network.positions[network.springs[:, 0]] - network.positions[network.springs[:, 1]], axis=1)
+
+
+@pytest.mark.parametrize("words", LACKS)
+def test_what_is_missing_is_said_alone(words: str, tmp_path) -> None:
+    found = lacking(LACKS[words](complete()), tmp_path)
+    assert [line for line in found if line.startswith(words)], found
+    assert len(found) == 1
+
+
+def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
+    """A long soft cord below a marked mass that is as good as fixed: what swings at its end is anybody's guess."""
+    network = build_network(
+        ["hook", "M", "T"],
+        [[0.0, 0.0], [0.0, -0.05], [0.0, -0.35]],
+        [("hook", "M"), ("M", "T")],
+        stiffness=[2e4, 15.0],
+        masses=[0.0, 2.0, 0.02],
+        gravity=[0.0, -G],
+        fixed=["hook"],
+    )
+    scene = Scene(network, (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False)), Target("T", 0.005), ())
+    assert any(line.startswith("the marks are too few or too far to carry") for line in lacking(scene, tmp_path))
+
+
+def test_the_command_prints_writes_and_draws(tmp_path, capsys) -> None:
+    write_scene(complete(), tmp_path / "scene.toml")
+    assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    subjects = [line.split()[0] for line in told.splitlines() if line[:1].strip()]
+    assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "missing", "Picture"]
+    picture = cv2.imread(str(tmp_path / "out" / "check.png"))
+    assert picture is not None
+    assert picture.std() > 10.0
+    kept = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
+    assert softaim("check", tmp_path / "scene.toml", "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {"out": None, **kept}
+
+
+def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:
+    """A mass on two springs in line, pressed together: it buckles, and nothing is there to stop it."""
+    network = build_network(
+        ["A", "B", "T", "M"],
+        [[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.1, 0.0]],
+        [("A", "T"), ("B", "T"), ("T", "M")],
+        stiffness=[100.0, 100.0, 100.0],
+        masses=0.1,
+        gravity=[0.0, 0.0, -1e-9],
+        fixed=["A", "B"],
+        rest_lengths=[0.15, 0.15, 0.1],
+    )
+    write_scene(Scene(network, (Mark("M", 0.0, 0.01),), Target("T", 0.005), ()), tmp_path / "scene.toml")
+    code = softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out")
+    err = capsys.readouterr().err
+    assert code == 2
+    assert err.startswith(f"softaim: {tmp_path / 'scene.toml'}: network: rest shape: expected")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

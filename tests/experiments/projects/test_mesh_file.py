@@ -1,0 +1,127 @@
+"""Meshes of one's own: what the files say is what the network has, and faults are told by file, row and column."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynamics import rest_shape
+from experiments.errors import InputError
+from experiments.formats.scene.scene import read_scene
+from experiments.projects.mesh_file import read_mesh
+from tests.experiments.command import softaim
+
+PLANE = """name,x_mm,y_mm,mass_kg,fixed,hue_deg,target
+A,0,0,0,yes,,
+B,100,0,0,yes,,
+C,0,60,0.005,,0,
+D,100,60,0.005,,120,
+E,50,30,0.008,,,yes
+"""
+SPACE = """name,x_mm,y_mm,z_mm,fixed
+A,0,0,0,yes
+B,60,0,0,yes
+C,0,60,0,yes
+D,60,60,0,yes
+E,0,0,50,
+F,60,0,50,
+G,0,60,50,
+H,60,60,50,
+I,30,30,20,
+"""
+SPRINGS = """from,to,stiffness_N_m,damping_N_s_m,group
+A,C,150,0.3,side
+B,D,150,0.3,side
+A,E,120,0.2,inner
+B,E,120,0.2,inner
+C,E,120,0.2,inner
+D,E,120,0.2,inner
+C,D,100,0.2,side
+"""
+
+
+def mesh_of(folder: Path, nodes: str, springs: str | None = None, young: float = 5e3):
+    (folder / "nodes.csv").write_text(nodes)
+    if springs is not None:
+        (folder / "springs.csv").write_text(springs)
+    return read_mesh(folder / "nodes.csv", None if springs is None else folder / "springs.csv", young)
+
+
+def test_a_flat_mesh_with_its_own_springs(tmp_path) -> None:
+    mesh = mesh_of(tmp_path, PLANE, SPRINGS)
+    network = mesh.phantom.network
+    assert network.names == ("A", "B", "C", "D", "E")
+    assert network.fixed.tolist() == [True, True, False, False, False]
+    np.testing.assert_allclose(network.masses[2:], [0.005, 0.005, 0.008])
+    np.testing.assert_allclose(network.stiffness, [150, 150, 120, 120, 120, 120, 100])
+    np.testing.assert_allclose(network.damping, [0.3, 0.3, 0.2, 0.2, 0.2, 0.2, 0.2])
+    assert mesh.phantom.groups == ("side", "side", "inner", "inner", "inner", "inner", "side")
+    assert (mesh.phantom.target, mesh.phantom.outer, mesh.hues) == ("E", ("C", "D"), {"C": 0.0, "D": 120.0})
+    np.testing.assert_allclose(rest_shape(network), network.positions, atol=1e-9)
+
+
+def test_a_mesh_in_space_is_joined_marked_and_aimed_at_by_the_program(tmp_path) -> None:
+    """Without springs, hues and target: triangulated, marks on corners of the hull, the node in the middle meant."""
+    mesh = mesh_of(tmp_path, SPACE)
+    assert mesh.phantom.target == "I"
+    assert mesh.phantom.outer == ("E", "F", "G", "H")
+    assert mesh.hues == {}
+    pairs = {tuple(pair) for pair in mesh.phantom.network.springs.tolist()}
+    assert (4, 8) in pairs
+    assert not any(j < 4 for _, j in pairs)
+    stiffer = mesh_of(tmp_path, SPACE, young=1e4).phantom.network
+    np.testing.assert_allclose(stiffer.stiffness, 2.0 * mesh.phantom.network.stiffness)
+
+
+def test_a_project_of_a_mesh(tmp_path) -> None:
+    (tmp_path / "nodes.csv").write_text(PLANE)
+    assert softaim("new", tmp_path / "made", "--kind", "mesh", "--nodes", tmp_path / "nodes.csv") == 0
+    scene = read_scene(tmp_path / "made" / "scene.toml")
+    hues = {mark.node: (mark.hue_deg, mark.measured) for mark in scene.marks}
+    assert hues["C"] == (0.0, True)
+    assert hues["D"] == (120.0, True)
+    assert not hues["E"][1]
+    assert scene.target.node == "E"
+
+
+@pytest.mark.parametrize(
+    ("nodes", "springs", "message"),
+    [
+        (PLANE.replace("C,0,60", "A,0,60"), None, 'nodes.csv: row 4: name: expected a name of its own, found "A"'),
+        (PLANE.replace("B,100", ",100"), None, 'nodes.csv: row 3: name: expected a name, found ""'),
+        (PLANE.replace("0.005,,0,", "-1,,0,"), None, "nodes.csv: row 4: mass_kg: expected more than 0, found -1"),
+        (
+            PLANE.replace("0.005,,0,", "0.005,,red,"),
+            None,
+            "nodes.csv: row 4: hue_deg: expected 0 or more and less than 360",
+        ),
+        (PLANE.replace("0,yes,,", "0,yes,5,", 1), None, "nodes.csv: row 2: hue_deg: expected nothing for an anchor"),
+        (PLANE.replace("0,yes,,", "0,no,,", 1), None, 'nodes.csv: row 2: fixed: expected yes or nothing, found "no"'),
+        (PLANE.replace("8,,,yes", "8,,,").replace("0,yes,,", "0,yes,,yes", 1), None, "target: expected nothing for an"),
+        (
+            PLANE.replace("120,\n", "120,yes\n"),
+            None,
+            "nodes.csv: row 6: target: expected one target, found a second one",
+        ),
+        (
+            PLANE.replace("0.005,,120", "0.005,yes,").replace("0.005,,0", "0.005,yes,"),
+            None,
+            "expected two or more free nodes",
+        ),
+        ("name,x_mm\nA,1\n", None, "nodes.csv: row 1: expected one column y_mm, found none"),
+        ("", None, "nodes.csv: expected columns x_mm, y_mm, name, found an empty file"),
+        (PLANE, "from,to\nA,Q\n", 'springs.csv: row 2: to: no node named "Q"'),
+        (PLANE, "from,to\nC,C\n", "springs.csv: row 2: to: expected another node than in from, found"),
+        (PLANE, "from,to\nA,C\nC,A\n", "springs.csv: row 3: to: expected each pair once, found"),
+        (PLANE, "from,to\nA,C\n", 'springs.csv: node "D": expected at least one spring, found none'),
+        (PLANE.replace("0.005", "5.0"), None, "nodes.csv: rest_length A-C: expected to rest"),
+        (PLANE, "from,to\n", "springs.csv: expected a row for each spring, found none"),
+        (PLANE, "from,to,stiffness_N_m\nA,C,0\n", "springs.csv: row 2: stiffness_N_m: expected more than 0, found 0"),
+        (PLANE, "from,to,damping_N_s_m\nA,C,-1\n", "springs.csv: row 2: damping_N_s_m: expected 0 or more, found -1"),
+    ],
+)
+def test_faults_are_told_by_file_row_and_column(nodes, springs, message, tmp_path) -> None:
+    with pytest.raises(InputError) as fault:
+        mesh_of(tmp_path, nodes, springs)
+    assert message in str(fault.value)
+    assert "\n" not in str(fault.value)
