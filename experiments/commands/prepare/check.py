@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force
+from experiments.commands.options import Force, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_lines
 
@@ -22,19 +22,21 @@ def check(
     sd_mm: Annotated[
         float | None, typer.Option("--sd-mm", min=1e-6, help="Error of a mark, an axis; default: as the camera sees.")
     ] = None,
+    vector: Vector = None,
     force: Force = False,
 ) -> Answer:
     """Say of a scene where it rests, how it moves, how well its target can be known, and what is missing."""
     import json
 
-    from experiments.plots.check import write_check_picture
+    from experiments.plots.check import check_figure
+    from experiments.plots.style import write_picture
     from experiments.projects.check import checked
     from experiments.projects.report import check_lines, check_report
 
     def look() -> tuple[dict[str, object], list[tuple[str, str]]]:
         done = checked(scene, frames_per_s=fps, sd_mm=sd_mm, advance=run.stage("check"))
         if folder is not None:
-            write_check_picture(done, folder)
+            write_picture(check_figure(done), folder / "check.png", vector)
             (folder / "check.json").write_text(json.dumps(check_report(done), indent=2) + "\n", encoding="utf-8")
         return check_report(done), check_lines(done)
 

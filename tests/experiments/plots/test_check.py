@@ -7,6 +7,7 @@ from experiments.formats.scene.scene import write_scene
 from experiments.plots.check import check_figure
 from experiments.projects.check import checked
 from experiments.projects.project import Kind, project
+from tests.experiments.plots.printed import check_printed
 from tests.experiments.projects.test_check import hanging
 
 
@@ -17,7 +18,9 @@ def names_in(ax) -> list[str]:
 def test_a_flat_body_is_shown_with_its_names_and_both_shapes(tmp_path) -> None:
     write_scene(hanging(), tmp_path / "scene.toml")
     done = checked(tmp_path / "scene.toml")
-    body, shares = check_figure(done).axes
+    figure = check_figure(done)
+    check_printed(figure)
+    body, shares = figure.axes
     assert sorted(names_in(body)) == ["M", "T", "hook"]
     low, high = body.get_ylim()
     assert low < 1e3 * done.rest[:, 1].min()
@@ -29,7 +32,9 @@ def test_a_flat_body_is_shown_with_its_names_and_both_shapes(tmp_path) -> None:
 def test_a_body_in_space_is_seen_obliquely_too(tmp_path) -> None:
     """Of nodes behind each other one is named from the front; from aside more are."""
     write_scene(project(Kind.BREAST, masses=20).believed, tmp_path / "scene.toml")
-    front, oblique, shares = check_figure(checked(tmp_path / "scene.toml", sd_mm=0.5)).axes
+    figure = check_figure(checked(tmp_path / "scene.toml", sd_mm=0.5))
+    check_printed(figure)
+    front, oblique, shares = figure.axes
     assert len(names_in(oblique)) >= len(names_in(front)) >= 20
     assert len(shares.patches) == 12
     assert np.isclose(sum(bar.get_width() for bar in shares.patches), 100.0)
