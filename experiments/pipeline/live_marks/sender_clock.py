@@ -47,7 +47,7 @@ class SenderClock:
         if self._last is not None and (why := self._refusal(self._last, now)) is not None:
             first = now if self._other is None or self._refusal(self._other[1], now) is not None else self._other[0]
             self._other = (first, now)
-            if first is now or arrival_s - first.arrival_s < self._settings.blocked_s:
+            if arrival_s - first.arrival_s < self._settings.blocked_s:
                 raise OrderError(why)
             self._took_s.clear()
             self.restarts += 1
