@@ -194,7 +194,7 @@ def _of_node(p, i):  # type: ignore[no-untyped-def]
     return NodeConstants(row[0], row[1])
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
     """Write the force on each node [N] into `force`, (n_nodes, dim, n_points); pull, square: scratch, (n_points,)."""
     n_nodes, dim, n_points = x.shape
@@ -232,7 +232,7 @@ def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
                 force[j, d, q] -= f
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def state_rate(  # type: ignore[no-untyped-def]
     state, outside, free, inverse_mass, x, v, force, springs, of_springs, of_nodes, weight
 ):
@@ -256,7 +256,7 @@ def state_rate(  # type: ignore[no-untyped-def]
     return rate
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # type: ignore[no-untyped-def]
     """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
 
@@ -307,7 +307,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
     return np.ascontiguousarray(start.T)
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] by the free coordinates into arrays (n_half, n_half).
 

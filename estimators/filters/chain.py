@@ -15,6 +15,10 @@ KEPT = 64
 """Transition matrices that are kept, at most: it bounds the memory of a camera whose times are all different."""
 
 
+ROUNDED = 13
+"""Decimals of a time step: at one rate steps differ in the last digits of the clock, and each would have its matrix."""
+
+
 class ModeChain:
     """A Markov chain in continuous time, each of whose states is in one of some modes; in branches that never mix.
 
@@ -113,7 +117,8 @@ class ModeChain:
         return total
 
     def _transition(self, dt: float) -> Floats:
-        """exp(rates dt); frames of one camera take some few different times, whose matrices are kept."""
+        """exp(rates dt); frames of one camera take few different times, but for rounding; their matrices are kept."""
+        dt = round(dt, ROUNDED)
         if (known := self._transitions.get(dt)) is None:
             if len(self._transitions) >= KEPT:
                 self._transitions.clear()

@@ -3,13 +3,14 @@
 What may enter: what turns an estimate into advice on the needle; a rule of advice is a line of `RULES` in `advice.py`.
 """
 
-from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, TargetPath, advise, guide, path_times
+from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, advise, guide, path_times
 from estimators.guidance.breathing import Breath, Breathing, BreathingSettings
 from estimators.guidance.hit_probability import Aim, best_aim, hit_probability
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Hit, Insertion, Needle
 from estimators.guidance.needle_tracking import Arrival, NeedleNoise, NeedleTracker
 from estimators.guidance.obstacles import Obstacle, ball, clearances
+from estimators.guidance.path import PathParts, TargetPath, path_by_tables, path_near_rest
 from estimators.guidance.planning import (
     Plan,
     PlannedNeedle,
@@ -39,6 +40,7 @@ __all__ = [
     "NeedleTracker",
     "Obstacle",
     "Outlook",
+    "PathParts",
     "PathSource",
     "Plan",
     "PlannedNeedle",
@@ -55,6 +57,8 @@ __all__ = [
     "health_fault",
     "hit_probability",
     "needle_displacement",
+    "path_by_tables",
+    "path_near_rest",
     "path_times",
     "plan",
 ]

@@ -18,6 +18,7 @@ from estimators.arrays import Floats
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
+from estimators.guidance.path import TargetPath
 from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
 
@@ -37,25 +38,6 @@ class Advice(StrEnum):
     """Turn the needle to the aim, or draw it back: then a hit is probable."""
     NO_GUIDANCE = "NO_GUIDANCE"
     """The estimate is not healthy: there is no advice on the needle."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetPath:
-    """Predicted target: times [s], (k,), increasing, two or more; means [m] (k, dim); covs [m²] (k, dim, dim)."""
-
-    times_s: Floats
-    means: Floats
-    covs: Floats
-
-    def __post_init__(self) -> None:
-        k, dim = self.means.shape
-        if k < 2 or self.times_s.shape != (k,) or self.covs.shape != (k, dim, dim):
-            raise ValueError(
-                f"path: expected two or more times, means (k, dim), covs (k, dim, dim), "
-                f"found {self.times_s.shape}, {self.means.shape}, {self.covs.shape}"
-            )
-        if not (np.diff(self.times_s) > 0.0).all():
-            raise ValueError(f"path times_s: expected times that rise, found {self.times_s}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,10 +198,12 @@ def guide(
     needle: Needle | None = None,
     settings: AdviceSettings | None = None,
     now_s: float | None = None,
+    path_at: Callable[[Floats], TargetPath] | None = None,
 ) -> Guidance:
     """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
 
-    The path is predicted only for a healthy estimate: it takes far longer than all the rest.
+    The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
+    times or more of them [s]; None: the filter's `predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -228,8 +212,8 @@ def guide(
     if fault is not None:
         return Guidance(Advice.NO_GUIDANCE, fault)
     times = path_times(estimate, insertion, needle, settings, now_s)
-    path = TargetPath(times, *filter_.predict_path(times))
-    return advise(path, insertion, lesion, needle=needle, settings=settings)
+    path = TargetPath(times, *filter_.predict_path(times)) if path_at is None else path_at(times)
+    return advise(path, insertion, lesion, needle=needle, settings=settings, now_s=now_s)
 
 
 def advise(
@@ -257,7 +241,7 @@ def advise(
         raise ValueError(
             f"path: expected to reach from {now_s} to {starts[-1]} s, found {path.times_s[0]} to {path.times_s[-1]} s"
         )
-    predicted = (path.times_s, path.means, path.covs)
+    predicted = (path.times_s, path.means, *path.parts)
     line = (insertion.entry, insertion.axis, insertion.speed_m_s, insertion.depth_m, needle.reach_m)
     sampled = needle.sampled
     to_ball = lesion.to_ball

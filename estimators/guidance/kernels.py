@@ -282,7 +282,7 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
     """Interval and time at which a tip that leaves at `start` first is as deep as it should be; (-1, inf) if never."""
-    times, means, _covs = path
+    times, means = path[0], path[1]
     entry, axis, speed, depth, reach = needle
     n = times.shape[0]
     j = min(max(int(np.searchsorted(times, start)) - 1, 0), n - 2)
@@ -312,13 +312,14 @@ def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # 
 
     Gives arrivals (k,), depths (k,), where the target is then, (k, d), and the probabilities of a hit, (k,).
 
-    path: times (n,), means (n, d), covs (n, d, d) of the target
+    path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means from that of all
+        (n, c, d), covs (n, c, d, d)
     needle: entry (d,), axis (d,), speed, depth now, reach from the tip back to the notch's middle
     spread: variance of the tip in every direction, and by squared depth across the needle
     aimed: the needle is first turned about its entry to where the target will be
     Never arrived: inf, and p 0.
     """
-    times, means, covs = path
+    times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle
     k, d = starts.shape[0], means.shape[1]
     arrivals, depths, targets, p = np.full(k, inf), np.full(k, inf), np.full((k, d), inf), np.zeros(k)
@@ -332,14 +333,19 @@ def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # 
         deep = max(wanted, depth)
         share = (at - times[j]) / (times[j + 1] - times[j])
         cov, offset = np.empty((d, d)), np.empty(d)
-        for a in range(d):
-            offset[a] = entry[a] + (deep - reach) * way[a] - mean[a]
-            for b in range(d):
-                cov[a, b] = (1.0 - share) * covs[j, a, b] + share * covs[j + 1, a, b]
-                cov[a, b] += spread[0] + spread[1] * deep * deep if a == b else 0.0
-                cov[a, b] -= spread[1] * deep * deep * way[a] * way[b]
+        for c in range(weights.shape[1]):
+            weight = (1.0 - share) * weights[j, c] + share * weights[j + 1, c]
+            if weight == 0.0:
+                continue
+            for a in range(d):
+                offset[a] = entry[a] + (deep - reach) * way[a] - mean[a]
+                offset[a] -= (1.0 - share) * aside[j, c, a] + share * aside[j + 1, c, a]
+                for b in range(d):
+                    cov[a, b] = (1.0 - share) * covs[j, c, a, b] + share * covs[j + 1, c, a, b]
+                    cov[a, b] += spread[0] + spread[1] * deep * deep if a == b else 0.0
+                    cov[a, b] -= spread[1] * deep * deep * way[a] * way[b]
+            p[i] += weight * hit(offset, cov, way, to_ball, length, core)
         arrivals[i], depths[i] = at, wanted
         for a in range(d):
             targets[i, a] = mean[a]
-        p[i] = hit(offset, cov, way, to_ball, length, core)
     return arrivals, depths, targets, p

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
 from estimators.identification.filter_pass import Frames, is_linear, likeliest_start, steps
-from estimators.identification.stretch import affordable, frame_seconds
+from estimators.identification.newton import minimum
+from estimators.identification.stretch import affordable, frame_seconds, liveliest
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
@@ -25,10 +25,20 @@ PRIOR_LOG_SD = np.log(2.0)
 its cost in docs/settings.md."""
 
 MOST_PASSES = 60
-"""Limit of the iteration: the simplex closes to its tolerances in about fifty passes."""
+"""Limit of the iteration: Newton's method needs ten to twenty-five passes, a part's by its share."""
 
 FEW_PASSES = 25
-"""Passes for which there is time at least, where frames are left out for it: the simplex is then near its end."""
+"""Passes for which there is time at least, where frames are left out for it: the search is then near its end."""
+
+PART = 0.25
+"""Share of the frames, the liveliest in a row, by which the levels are found before all of them are used: numerical."""
+
+PART_FRAMES = 100
+"""Frames from which on a part of so many is used: numerical."""
+
+TOLERANCE = 1.0
+"""Of the log posterior that the last step may promise; numerical: it then ends well within a standard error, and a
+likelihood is uneven by half of that, so that smaller steps mean nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,21 +100,30 @@ def linear_log_likelihood(
 class _Cost:
     """Minus the log posterior of noise levels, in logs by the levels before, (3,).
 
-    State: passes done; the least cost and where it was.
+    share: of all frames that it passes through
+    State: passes done, those before it included, a pass of all frames as one; the least cost and where it was.
     """
 
-    def __init__(self, run: Callable[[Floats], float], advance: Callable[[float], None]) -> None:
-        self._run, self._advance = run, advance
-        self.passes = 0
+    def __init__(
+        self, run: Callable[[Floats], float], advance: Callable[[float], None], share: float = 1.0, passes: float = 0.0
+    ) -> None:
+        self._run, self._advance, self.share = run, advance, share
+        self.passes = passes
         self.least, self.best = np.inf, np.zeros(len(NAMES))
 
     def __call__(self, logs: Floats) -> float:
-        self.passes += 1
-        self._advance(min(1.0, self.passes / MOST_PASSES))
+        if self.passes >= MOST_PASSES:
+            raise OutOfPassesError
+        self.passes += self.share
         cost = prior_cost(logs) - self._run(logs)
+        self._advance(min(1.0, self.passes / FEW_PASSES))
         if cost < self.least:
             self.least, self.best = cost, np.array(logs)
         return cost
+
+
+class OutOfPassesError(Exception):
+    """As many passes as are allowed are done."""
 
 
 def prior_cost(logs: Floats) -> float:
@@ -148,8 +167,10 @@ def tune_noise(
     try:
         frame_s = frame_seconds(lambda some: run(none, some), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
-        cost = _Cost(lambda logs: run(logs, used), lambda share: advance(max(share, limit.share)))
+        told = lambda share: advance(max(share, limit.share))  # noqa: E731
+        cost, some = _Cost(lambda logs: run(logs, used), told), liveliest(used, int(PART * len(used)))
         cost_before = cost(none)
+        of_part = _Cost(lambda logs: run(logs, some), told, PART, 1.0) if len(some) >= PART_FRAMES else None
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
@@ -158,8 +179,7 @@ def tune_noise(
         raise IdentificationError("expected levels under which the filter stays finite, found others")
     log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
     try:
-        _search(cost)
-        log_sd = _standard_errors(cost)
+        log_sd = _search(cost, of_part)
     except OutOfTimeError:
         finished = False
     values = start * np.exp(cost.best)
@@ -177,18 +197,22 @@ def tune_noise(
     )
 
 
-def _search(cost: _Cost) -> None:
-    n = len(cost.best)
-    simplex = np.vstack([np.zeros(n), 0.3 * np.eye(n)])
-    options = {"initial_simplex": simplex, "xatol": 0.01, "fatol": 0.05, "maxfev": MOST_PASSES - 2 * n - 1}
-    minimize(cost, np.zeros(n), method="Nelder-Mead", options=options)
+def _search(cost: _Cost, of_part: _Cost | None) -> Floats:
+    """Standard errors of the logs about the least cost, (3,), by the curvature along each axis; see `cost` for that.
 
-
-def _standard_errors(cost: _Cost) -> Floats:
-    """By the curvature along each axis of the search."""
-    step, least, best = 0.1, cost.least, cost.best
-    curvature = np.array([cost(best + step * e) + cost(best - step * e) - 2.0 * least for e in np.eye(len(best))])
-    return np.asarray(step / np.sqrt(np.maximum(curvature, (step / PRIOR_LOG_SD) ** 2)))
+    of_part: as cost, by a part of the frames, which is searched first; None: all of them from the start
+    """
+    least = np.full(len(cost.best), PRIOR_LOG_SD**-2.0)
+    start, curvature = np.zeros(len(least)), None
+    try:
+        if of_part is not None:
+            found = minimum(of_part, start, least, tolerance=TOLERANCE)
+            cost.passes = of_part.passes
+            start, curvature = found.x, least + (found.curvature - least) / of_part.share
+        found = minimum(cost, start, least, tolerance=TOLERANCE, curvature=curvature)
+    except OutOfPassesError:
+        return np.full(len(least), PRIOR_LOG_SD)
+    return np.asarray(1.0 / np.sqrt(found.curvature))
 
 
 def with_noise_levels(settings: FilterSettings, values: Floats) -> FilterSettings:

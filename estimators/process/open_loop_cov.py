@@ -12,6 +12,9 @@ from estimators.filters.exponential import small_expm
 from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
+KEPT = 64
+"""Kinds of frames, by their interval and by what is seen, whose matrices are kept, at most: it bounds the memory."""
+
 
 class OpenLoopCovariance:
     """Covariance of the open loop's target, linearised about the rest shape.
@@ -43,7 +46,7 @@ class OpenLoopCovariance:
         self._target = np.zeros((network.dim, len(self.cov)))
         self._target[:, [*range(len(hidden)), *range(self._n, self._n + self._m)]] = matrix[:, [*hidden, *driven]]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
-        self._frame: tuple[tuple[bool, float, frozenset[str]], tuple[Floats, Floats, Floats]] | None = None
+        self._frames: dict[tuple[bool, float, frozenset[str]], tuple[Floats, Floats, Floats]] = {}
 
     @property
     def target_cov(self) -> Floats:
@@ -53,9 +56,11 @@ class OpenLoopCovariance:
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
         """Go on by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
         key = dt > 0.0, round(dt, 9), frozenset(noise)
-        if self._frame is None or self._frame[0] != key:
-            self._frame = key, self._matrices(dt, noise)
-        F, G, Q = self._frame[1]
+        if key not in self._frames:
+            if len(self._frames) >= KEPT:
+                self._frames.clear()
+            self._frames[key] = self._matrices(dt, noise)
+        F, G, Q = self._frames[key]
         R = np.zeros((self._m, self._m))
         for node, cov in noise.items():
             place = self._places[node]

@@ -24,7 +24,7 @@ def roots_each(covs):  # type: ignore[no-untyped-def]
     return roots, all_definite
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def forward_solved(L, B):  # type: ignore[no-untyped-def]
     """L^-1 B of a lower triangular L (n, n): (n, m)."""
     n, m = B.shape
@@ -41,7 +41,7 @@ def forward_solved(L, B):  # type: ignore[no-untyped-def]
     return X
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def gains(roots, predicted_covs, F, after_covs):  # type: ignore[no-untyped-def]
     """Of each mode the smoother's gain G = (F L)' P^-1, by the root L of its mix, and G (P - P_after) G': (k, n, n).
 
@@ -83,7 +83,7 @@ def gains(roots, predicted_covs, F, after_covs):  # type: ignore[no-untyped-def]
     return G, M, True
 
 
-@njit(cache=True, nogil=True, fastmath=FASTMATH)
+@njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def met(means, roots, mix_means, mix_roots, N, pull):  # type: ignore[no-untyped-def]
     """Each mode i before, met by the likelihood of each mode j after: log weights (k, k), means, covariances.
 

@@ -8,11 +8,14 @@ backwards, as adjoint of the cycles, and only its rows for the target are kept.
 
 Differs from `TissueFilter.predict_path`: springs are taken as straight, friction as a dashpot of F / sqrt(slip² + v²)
 for a speed v out of a few; second moments are carried exactly where the filter matches moments cycle by cycle.
+
+Constants in error, which a filter considers, are forces beside the model's: what each direction's force about the mean
+path makes of the target in the cycles that follow is added to what becomes of the error of now.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
@@ -33,50 +36,74 @@ docs/settings.md. The sigma points of `predict_path` stand some standard deviati
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FastPredictionTables:
-    """Tables of a filter's predictions for n_times times, cycle_s [s] apart from its state's own on.
+class SpeedTables:
+    """Tables at one typical speed of the nodes.
 
-    rest: the network's state at rest, (n_state,)
-    first: what the first moment in each state of the chain makes of the target's mean, (n_speeds, n_times dim,
-        n_states dim_x)
-    second: what its second moment, the lower triangle, makes of the target's, (n_speeds, n_times pairs, n_states n_low)
-    noise: and what the odds of now do, (n_speeds, n_times pairs, n_states)
-    pushed: by how much a force on each free coordinate held for a cycle moves the target so many cycles after it began
-        [m/N], (n_speeds, n_times, dim, n_free dim)
+    first: what the first moment in each state of the chain makes of the target's mean, (n_times dim, n_states dim_x)
+    second: what its second moment, the lower triangle, makes of the target's, (n_times pairs, n_states n_low)
+    noise: and what the odds of now do, (n_times pairs, n_states)
+    pushed: by how much forces on the free coordinates, held in each of the cycles ahead, move the target [m/N],
+        (n_times dim, (n_times - 1) n_free dim)
+    step: what a cycle without forces makes of the network's state about rest, (n_state, n_state)
+    quiet: what so many cycles in which nobody pokes make of the target's mean, (n_times, dim, dim_x)
+    quiet_noise: and what they add to its covariance [m²], (n_times, dim, dim)
     """
 
-    cycle_s: float
-    rest: Floats
-    target: TargetMap
     first: Floats
     second: Floats
     noise: Floats
     pushed: Floats
-
-    @property
-    def n_times(self) -> int:
-        """How many times the tables reach, the first of them now."""
-        return self.pushed.shape[1]
+    step: Floats
+    quiet: Floats
+    quiet_noise: Floats
 
 
-def fast_prediction_tables(tissue: TissueFilter, horizon_s: float) -> FastPredictionTables:
+@dataclass(frozen=True, slots=True, eq=False)
+class FastPredictionTables:
+    """Tables of a filter's predictions for n_times times, cycle_s [s] apart from its state's own on.
+
+    rest: the network's state at rest, (n_state,); shape: of all nodes then [m], (n_nodes, dim)
+    undisturbed: probability that nobody pokes in the cycles until then, by the state of now, (n_times, n_states)
+    speeds: typical ones for which there are tables [m/s], (n_speeds,): a single one where there is no friction
+    made: tables by the place of their speed
+    """
+
+    tissue: TissueFilter
+    cycle_s: float
+    n_times: int
+    rest: Floats
+    shape: Floats
+    target: TargetMap
+    undisturbed: Floats
+    speeds: Floats
+    made: dict[int, SpeedTables] = field(default_factory=dict)
+
+    def at(self, level: int) -> SpeedTables:
+        """Tables for one of the speeds, by its place; made where it is asked for first."""
+        if level not in self.made:
+            self.made[level] = _tables(self.tissue, float(self.speeds[level]), self.shape, self.n_times)
+        return self.made[level]
+
+
+def fast_prediction_tables(tissue: TissueFilter, horizon_s: float, *, at_once: bool = True) -> FastPredictionTables:
     """Tables of a filter, as far ahead as this [s]; its belief does not matter, its network and settings do.
 
-    Raises ValueError for a filter that considers unknown constants: what they will make of the error is left out here.
+    at_once: for all speeds now, as a live loop needs it; if not, for each speed when it first occurs
     """
     model, settings = tissue.model, tissue.settings
-    if model.n_constants:
-        raise ValueError(
-            f"fast_prediction_tables: expected a filter without unknown constants, found {model.n_constants} directions"
-        )
     cycle = settings.mix_s
     n_times = int(np.ceil(horizon_s / cycle * (1.0 - 1e-6))) + 1
     shape = rest_shape(model.network)
-    made = [_tables(tissue, speed, shape, n_times) for speed in SPEEDS_M_S]
-    first, second, noise, pushed = (np.array(each) for each in zip(*made, strict=True))
     rest = np.zeros(model.network.n_state)
     rest[: len(rest) // 2] = shape[model.network.free].ravel()
-    return FastPredictionTables(cycle, rest, tissue.target, first, second, noise, pushed)
+    speeds = np.array(SPEEDS_M_S if model.network.friction.any() else SPEEDS_M_S[:1])
+    tables = FastPredictionTables(
+        tissue, cycle, n_times, rest, shape, tissue.target, _undisturbed(tissue, n_times), speeds
+    )
+    if at_once:
+        for level in range(len(speeds)):
+            tables.at(level)
+    return tables
 
 
 def predict_fast(
@@ -87,42 +114,100 @@ def predict_fast(
     push: a known force on the free nodes [N], held in each cycle ahead, (k - 1, n_free, dim)
     Raises ValueError before the filter's first frame and for a push of another shape.
     """
+    now = moments_now(tables, tissue)
+    means, covs = moments_ahead(tables, now)
+    if push is not None:
+        forces = np.asarray(push, dtype=float)
+        if forces.size != now.tables.pushed.shape[1] or len(forces) != tables.n_times - 1:
+            raise ValueError(f"push: expected shape ({tables.n_times - 1}, n_free, dim), found {forces.shape}")
+        means = means + (now.tables.pushed @ forces.ravel()).reshape(means.shape)
+    return now.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64), means, covs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MomentsNow:
+    """A filter's belief about rest, state of the chain by state, each by its odds, and the tables for its speed.
+
+    time_s: of the belief [s]; odds (n_states,); first (n_states, dim_x), second (n_states, dim_x, dim_x): moments
+    columns (n_states, dim_x, r): of the error, what directions that are considered make of it
+    forced: what their forces will have made of the target until each time of the tables, (n_times, dim, r)
+    """
+
+    time_s: float
+    tables: SpeedTables
+    odds: Floats
+    first: Floats
+    second: Floats
+    columns: Floats
+    forced: Floats
+
+
+def moments_now(tables: FastPredictionTables, tissue: TissueFilter) -> MomentsNow:
+    """The belief of a filter as its tables need it; raises ValueError before the filter's first frame."""
     if tissue.time_s is None:
         raise ValueError("predict_fast: expected a filter after its first frame, found no time")
-    modes = tissue.mixture.beliefs()
+    mixture, modes = tissue.mixture, tissue.mixture.beliefs()
     n, half = len(tables.rest), len(tables.rest) // 2
     away = modes.means.copy()
     away[:, :n] -= tables.rest
-    mean, var = tissue.mixture.x[half:n], np.diagonal(tissue.mixture.P)[half:n]
+    mean, var = mixture.x[half:n], np.diagonal(mixture.P)[half:n]
     speed = np.sqrt(2.0 * float(mean @ mean + SPREAD * var.sum()) / half)
-    level = int(np.abs(np.log(np.maximum(SPEEDS_M_S, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
-    dim, k = len(tables.target.constant), tables.n_times
-    low = _lower(away.shape[1])
-    covs_now, columns = modes.covs, tissue.mixture.columns
-    if columns.shape[2]:  # an error of the calibration moves as any error of the state
-        covs_now = covs_now + columns @ columns.swapaxes(1, 2)
-    # a state's moments are those of its mode, in all branches
-    chain = tissue.mixture.chain
-    by_branch = chain.odds.reshape(chain.n_branches, -1)
-    second = (covs_now + away[:, :, None] * away[:, None, :])[:, low[0], low[1]]
-    first, S = (
-        np.einsum("bs,bsi->si", by_branch, each.reshape(chain.n_branches, chain.n_modes, -1)[:, chain.of_state])
-        for each in (away, second)
+    own = tables.at(
+        int(np.abs(np.log(np.maximum(tables.speeds, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
     )
-    odds = chain.state_odds
-    means = (tables.first[level] @ first.ravel()).reshape(k, dim)
-    second_moments = tables.second[level] @ S.ravel() + tables.noise[level] @ odds
+    columns = mixture.columns
+    # what is considered moves as any error of the state does, and is pushed besides by what is `forced`
+    second = modes.covs + columns @ columns.swapaxes(1, 2) + away[:, :, None] * away[:, None, :]
+    chain = mixture.chain
+    odds = chain.odds.reshape(chain.n_branches, -1)
+
+    def by_state(each: Floats) -> Floats:
+        """Of what each mode of each branch has, that of the states: of its mode, in all branches."""
+        own_modes = each.reshape(chain.n_branches, chain.n_modes, *each.shape[1:])[:, list(chain.of_state)]
+        return np.asarray(np.einsum("bs,bs...->s...", odds, own_modes))
+
+    forced = _forced(tables, own, tissue, mixture.x[:n] - tables.rest)
+    return MomentsNow(tissue.time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced)
+
+
+def moments_ahead(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, Floats]:
+    """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target at the times of the tables."""
+    dim, k = len(tables.target.constant), tables.n_times
+    low = _lower(now.first.shape[1])
+    away = (now.tables.first @ now.first.ravel()).reshape(k, dim)
+    moments = now.tables.second @ now.second[:, low[0], low[1]].ravel() + now.tables.noise @ now.odds
     a, b = _lower(dim)
     covs = np.empty((k, dim, dim))
-    covs[:, a, b] = second_moments.reshape(k, len(a)) - means[:, a] * means[:, b]
+    covs[:, a, b] = moments.reshape(k, len(a)) - away[:, a] * away[:, b]
     covs[:, b, a] = covs[:, a, b]
-    if push is not None:
-        means = means + _moved_by(tables.pushed[level], np.asarray(push, dtype=float), half)
-    return (
-        tissue.time_s + tables.cycle_s * np.arange(k, dtype=np.float64),
-        means + tables.target.position(tables.rest),
-        covs,
-    )
+    r = now.forced.shape[2]
+    if r:
+        columns = now.tables.first @ now.columns.reshape(-1, r)
+        covs += forced_cov(columns.reshape(k, dim, r), now.forced)
+    return away + tables.target.position(tables.rest), covs
+
+
+def forced_cov(columns: Floats, forced: Floats) -> Floats:
+    """What forces of directions add to a covariance in which their columns are, (k, dim, dim): both (k, dim, r)."""
+    across = columns @ forced.swapaxes(1, 2)
+    return across + across.swapaxes(1, 2) + forced @ forced.swapaxes(1, 2)
+
+
+def _forced(tables: FastPredictionTables, own: SpeedTables, tissue: TissueFilter, away: Floats) -> Floats:
+    """`MomentsNow.forced`: forces about the path on which the mean state goes back to rest, (n_state,) from it now."""
+    model, k = tissue.model, tables.n_times
+    found = np.zeros((k, len(tables.target.constant), model.n_columns))
+    if not model.n_constants:
+        return found
+    states = np.empty((k, len(away)))
+    for time in range(k):
+        states[time] = away
+        away = own.step @ away
+    forces = model.constant_forces(states + tables.rest)
+    held = 0.5 * (forces[1:] + forces[:-1])
+    moved = own.pushed @ held.swapaxes(1, 2).reshape(own.pushed.shape[1], -1)
+    found[:, :, : model.n_constants] = moved.reshape(k, -1, model.n_constants)
+    return found
 
 
 @cache
@@ -132,18 +217,20 @@ def _lower(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return rows, columns
 
 
-def _moved_by(pushed: Floats, push: Floats, half: int) -> Floats:
-    k, dim, _ = pushed.shape
-    if push.size != (k - 1) * half or len(push) != k - 1:
-        raise ValueError(f"push: expected shape ({k - 1}, n_free, dim), found {push.shape}")
-    forces, moved = push.reshape(k - 1, half), np.zeros((k, dim))
-    for cycle in range(k - 1):
-        moved[cycle + 1 :] += pushed[1 : k - cycle] @ forces[cycle]
-    return moved
+def _undisturbed(tissue: TissueFilter, n_times: int) -> Floats:
+    """Probability that the chain is in states in which nobody pokes now and after each cycle, (n_times, n_states)."""
+    settings = tissue.settings
+    quiet = np.isin(settings.of_state, settings.quiet_modes)
+    M = small_expm(settings.rates * settings.mix_s)
+    staying = np.zeros((n_times, len(quiet)))
+    staying[0] = quiet
+    for k in range(1, n_times):
+        staying[k] = quiet * (M @ staying[k - 1])
+    return staying
 
 
-def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """The four tables of `FastPredictionTables` at one speed [m/s]: backwards from the target, cycle by cycle."""
+def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> SpeedTables:
+    """The tables at one speed [m/s]: backwards from the target, cycle by cycle."""
     model, settings = tissue.model, tissue.settings
     cycle, n = settings.mix_s, model.network.n_state
     forces, of_state = settings.modes, list(settings.of_state)
@@ -182,18 +269,31 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
     firsts = np.array(first).swapaxes(1, 2).reshape(n_times * dim, -1)
     packed = (np.array(second)[..., low[0], low[1]] * twice).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
     noises = np.array(noise).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
-    return firsts, packed, noises, _answers(rate, model.mass, tissue.target, cycle, n_times)
+    quiet, quiet_noise = [y_now := first[0][0]], [np.zeros((dim, dim))]
+    for _ in range(n_times - 1):
+        quiet_noise.append(quiet_noise[-1] + y_now @ Qs[0] @ y_now.T)
+        quiet.append(y_now := y_now @ Fs[0])
+    return SpeedTables(
+        firsts,
+        packed,
+        noises,
+        _answers(rate, model.mass, tissue.target, cycle, n_times),
+        small_expm(rate * cycle),
+        np.array(quiet),
+        np.array(quiet_noise),
+    )
 
 
 def _answers(A: Floats, mass: Floats, target: TargetMap, cycle: float, n_times: int) -> Floats:
-    """Displacement of the target so many cycles after a force held for one began, (n_times, dim, n_free dim)."""
-    n, half = len(A), len(mass)
+    """`SpeedTables.pushed`, of a network that moves by A, (n_state, n_state), about rest."""
+    n, half, dim = len(A), len(mass), len(target.constant)
     held = np.zeros((n + half, n + half))
     held[:n, :n], held[half:n, n:] = A, np.diag(1.0 / mass)
     moved = small_expm(held * cycle)
     F, now = moved[:n, :n], moved[:n, n:]
-    found = np.zeros((n_times, len(target.constant), half))
+    found = np.zeros((n_times, dim, n_times - 1, half))
     for k in range(1, n_times):
-        found[k] = target.linear(now)
+        for cycle_of in range(n_times - k):
+            found[cycle_of + k, :, cycle_of] = target.linear(now)
         now = F @ now
-    return found
+    return found.reshape(n_times * dim, -1)

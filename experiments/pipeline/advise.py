@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from estimators import Advice, GaussianMixture, Guidance, guide, hit_probability
+from dynamics import rest_shape
+from estimators import (
+    Advice,
+    GaussianMixture,
+    Guidance,
+    TissueFilter,
+    fast_prediction_tables,
+    guide,
+    hit_probability,
+    path_near_rest,
+)
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
@@ -17,6 +28,12 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
+
+ASIDE_M = 0.05
+"""The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
+
+MOST_S = 30.0
+"""A needle that takes longer does not arrive [s]; chosen."""
 
 SURE_M = 1e-9
 """Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
@@ -51,12 +68,13 @@ def advise(
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
     times, guidance = [], []
+    tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
+    path_at = partial(path_near_rest, tables, line.filter)
+    asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     for k, (frame, step) in enumerate(each_frame(line, recording)):
         estimate = step.estimates[FILTER]
         times.append(estimate.time_s)
-        guidance.append(
-            guide(line.filter, estimate, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings)
-        )
+        guidance.append(asked(line.filter, estimate, plan.insertion, plan.lesion))
         if watch is not None:
             watch.take(frame, line, step, guidance[-1])
         advance((k + 1) / n_frames)
@@ -106,6 +124,15 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
         found[f"{name}told"] = float(told[of].mean()) if of.any() else None
         found[f"{name}came_true"] = float(true[of].mean()) if of.any() else None
     return found
+
+
+def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
+    """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
+    network, needle = tissue.model.network, plan.insertion
+    rest = tissue.target.position(rest_shape(network)[network.free].ravel())
+    way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
+    way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
+    return plan.settings.horizon_s + way_s + plan.settings.stale_s
 
 
 def header(dim: int) -> list[str]:

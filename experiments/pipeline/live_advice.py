@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dynamics import rest_shape
 from estimators import (
     Advice,
     Breathing,
@@ -21,29 +20,21 @@ from estimators import (
     TissueFilter,
     advise,
     fast_prediction_tables,
-    guide,
     health_fault,
-    predict_fast,
+    path_by_tables,
 )
 from experiments.formats.needle_file import NeedlePlan
-from experiments.pipeline.advise import header, row
+from experiments.pipeline.advise import header, reach_s, row
 
 SETTLED_S = 0.5
 """The breath is learnt from so long after the first tracked frame on [s]: the first ones have large errors; chosen."""
-
-ASIDE_M = 0.05
-"""The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
-
-MOST_S = 30.0
-"""A needle that takes longer does not arrive [s]; chosen."""
 
 
 class LiveAdvice:
     """What is to be done with a needle, asked at each frame and while none comes, and written to advice.csv at once.
 
     Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
-    moment's. The path is the filter's, by tables, or the breath's; of a filter that considers unknown constants, for
-    which there are no tables, its own, which takes far longer.
+    moment's. The path is the filter's, by tables, or the breath's.
     origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
     State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice.
     """
@@ -52,13 +43,12 @@ class LiveAdvice:
         self.plan = plan
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
-        self._tables = None if tissue.model.n_constants else fast_prediction_tables(tissue, reach_s(plan, tissue))
+        self._tables = fast_prediction_tables(tissue, reach_s(plan, tissue))
         self._breathing = Breathing(self._dim)
         self._learn_s = np.inf
         self._last: TargetEstimate | None = None
         self.origin_s = 0.0
-        if self._tables is not None:
-            self._compiled(self._tables)
+        self._compiled(self._tables)
         self._file = rows.open("w", encoding="utf-8", newline="")
         self._csv = csv.writer(self._file)
         self._csv.writerow(header(self._dim))
@@ -94,15 +84,12 @@ class LiveAdvice:
         fault = health_fault(estimate, now_s, tissue.seen_s, plan.settings)
         if fault is not None:
             return Guidance(Advice.NO_GUIDANCE, fault)
-        if self._tables is None:
-            held = tissue, estimate, plan.insertion, plan.lesion
-            return guide(*held, needle=plan.needle, settings=plan.settings, now_s=now_s)
         path = self._path(tissue, self._tables)
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 
     def _path(self, tissue: TissueFilter, tables: FastPredictionTables) -> TargetPath:
         if self._breathing.breath() is None or tissue.time_s is None:
-            return TargetPath(*predict_fast(tables, tissue))
+            return path_by_tables(tables, tissue)
         times = tissue.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64)
         return TargetPath(times, *self._breathing.predict(times))
 
@@ -117,15 +104,6 @@ class LiveAdvice:
 def own_time_s(time_s: float, origin_s: float) -> float:
     """A time on the clock [s] in the time of a source that is nought at origin_s, which files have to a nanosecond."""
     return round(time_s - origin_s, 9) if origin_s else time_s
-
-
-def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
-    network, needle = tissue.model.network, plan.insertion
-    rest = tissue.target.position(rest_shape(network)[network.free].ravel())
-    way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
-    way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
-    return plan.settings.horizon_s + way_s + plan.settings.stale_s
 
 
 def words(guided: Guidance) -> str:

@@ -167,8 +167,8 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
     assert np.max(off[:60]) > 5e-3
 
 
-def test_a_filter_with_unknown_constants_is_asked_itself(tmp_path, plan):
-    """No tables are made for it: its row is that of `guide`, to the last digit."""
+def test_a_filter_with_unknown_constants_has_tables_too(tmp_path, plan):
+    """At rest, where they are exact but for friction: aim and covariance are those of `guide`, 0.05 mm and 15 %."""
     network = four_mass_phantom()
     unsure = independent_uncertainty(parameters(network, ("stiffness",))[:1], 0.1)
     tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=unsure)
@@ -181,8 +181,8 @@ def test_a_filter_with_unknown_constants_is_asked_itself(tmp_path, plan):
     exact = guide(
         tissue, tissue.predict_at(5 / 30.0), plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings
     )
-    assert said.probability == exact.probability
-    np.testing.assert_array_equal(said.aim, exact.aim)
+    np.testing.assert_allclose(said.aim, exact.aim, atol=5e-5)
+    assert np.sqrt(np.trace(said.cov) / np.trace(exact.cov)) == pytest.approx(1.0, abs=0.15)
 
 
 def test_tables_reach_as_far_as_the_needle_and_no_further_than_they_must(plan):

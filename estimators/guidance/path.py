@@ -1,0 +1,136 @@
+"""The predicted path of the target that advice rests on: by tables where they hold, else by the filter.
+
+Most of the time nobody pokes, and seldom somebody will before the needle arrives. One Gaussian that covers both is too
+wide for the first and too narrow for the second: of a tissue that stays quiet it gave 73 % for hits of which 96 % came
+true. So the path has two parts: nobody pokes until then, and all else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics import all_positions
+from estimators.arrays import Floats
+from estimators.process.target import TargetMap
+from estimators.tissue.fast_prediction import (
+    FastPredictionTables,
+    MomentsNow,
+    forced_cov,
+    moments_ahead,
+    moments_now,
+)
+from estimators.tissue.filter import TissueFilter
+
+TURNED = 0.35
+"""Angle by which a spring may be turned from its direction at rest for the tables to hold [rad]; measured:
+docs/guidance.md, "The predicted path"."""
+
+ALL = 1e-6
+"""Probability of a part below which it is left out: rounding would be most of it; numerical."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathParts:
+    """A path as a Gaussian mixture at each time: weights (k, c), means [m] (k, c, dim), covs [m²] (k, c, dim, dim)."""
+
+    weights: Floats
+    means: Floats
+    covs: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetPath:
+    """Predicted target: times [s], (k,), increasing, two or more; means [m] (k, dim); covs [m²] (k, dim, dim).
+
+    mixture: the same in parts, by which hits are judged; None: it is a Gaussian
+    """
+
+    times_s: Floats
+    means: Floats
+    covs: Floats
+    mixture: PathParts | None = None
+
+    def __post_init__(self) -> None:
+        k, dim = self.means.shape
+        if k < 2 or self.times_s.shape != (k,) or self.covs.shape != (k, dim, dim):
+            raise ValueError(
+                f"path: expected two or more times, means (k, dim), covs (k, dim, dim), "
+                f"found {self.times_s.shape}, {self.means.shape}, {self.covs.shape}"
+            )
+        if not (np.diff(self.times_s) > 0.0).all():
+            raise ValueError(f"path times_s: expected times that rise, found {self.times_s}")
+
+    @property
+    def parts(self) -> tuple[Floats, Floats, Floats]:
+        """Weights (k, c), each part's mean from that of all [m] (k, c, dim), and covariances [m²] (k, c, dim, dim)."""
+        if self.mixture is None:
+            k, dim = self.means.shape
+            return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
+        return self.mixture.weights, self.mixture.means - self.means[:, None], self.mixture.covs
+
+
+def path_by_tables(tables: FastPredictionTables, tissue: TissueFilter) -> TargetPath:
+    """The path in parts, at all times of the tables; raises ValueError before the filter's first frame."""
+    now = moments_now(tables, tissue)
+    means, covs = moments_ahead(tables, now)
+    mixture = _parts(means, covs, *_undisturbed(tables, now, tables.target))
+    return TargetPath(now.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64), means, covs, mixture)
+
+
+def path_near_rest(tables: FastPredictionTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
+    """The path until the last of these times [s], (k,): by tables as far as they hold, else by the filter itself."""
+    if tissue.time_s != times_s[0] or not _is_near_rest(tables, tissue):
+        return TargetPath(times_s, *tissue.predict_path(times_s))
+    n = int(np.ceil((times_s[-1] - times_s[0]) / tables.cycle_s - 1e-6)) + 1
+    if n > tables.n_times:
+        return TargetPath(times_s, *tissue.predict_path(times_s))
+    path = path_by_tables(tables, tissue)
+    weights, away, covs = path.parts
+    some = slice(max(n, 2))
+    mixture = PathParts(weights[some], path.means[some, None] + away[some], covs[some])
+    return TargetPath(path.times_s[some], path.means[some], path.covs[some], mixture)
+
+
+def _is_near_rest(tables: FastPredictionTables, tissue: TissueFilter) -> bool:
+    """Whether no spring is turned by more than `TURNED` from its direction at rest."""
+    network = tissue.model.network
+    half = network.n_state // 2
+    now = all_positions(network, tissue.mixture.x[:half].reshape(-1, network.dim))
+    i, j = network.springs.T
+    springs, at_rest = now[j] - now[i], tables.shape[j] - tables.shape[i]
+    lengths = np.linalg.norm(springs, axis=1) * np.linalg.norm(at_rest, axis=1)
+    return bool(((springs * at_rest).sum(axis=1) >= np.cos(TURNED) * lengths).all())
+
+
+def _undisturbed(tables: FastPredictionTables, now: MomentsNow, target: TargetMap) -> tuple[Floats, Floats, Floats]:
+    """Probability that nobody pokes until each time, (k,), and mean [m] and covariance [m²] of the target then."""
+    own, staying = now.tables, tables.undisturbed
+    weights = staying @ now.odds
+    shares = staying / np.maximum(weights, np.finfo(float).tiny)[:, None]
+    first, second = (np.einsum("ks,s...->k...", shares, each) for each in (now.first, now.second))
+    away = np.einsum("kdi,ki->kd", own.quiet, first)
+    moments = np.einsum("kdi,kij,kej->kde", own.quiet, second, own.quiet, optimize=True)
+    covs = moments - away[:, :, None] * away[:, None, :] + own.quiet_noise
+    if now.forced.shape[2]:
+        columns = np.einsum("kdi,ks,sir->kdr", own.quiet, shares, now.columns, optimize=True)
+        covs += forced_cov(columns, now.forced)
+    return weights, away + target.position(tables.rest), covs
+
+
+def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:
+    """A part of known weight (k,), mean (k, dim) and covariance (k, dim, dim), and what is left of the whole."""
+    others = 1.0 - weights
+    weights, others = np.where(others < ALL, 1.0, weights), np.where(others < ALL, 0.0, others)
+    weights, others = np.where(weights < ALL, 0.0, weights), np.where(weights < ALL, 1.0, others)
+    w, o = weights[:, None], np.maximum(others, ALL)[:, None]
+    apart = own - means
+    spread = apart[:, :, None] * apart[:, None, :]
+    left_means = means - w / o * apart
+    left = (covs - w[:, :, None] * (own_covs + spread)) / o[:, :, None] - (w / o)[:, :, None] ** 2 * spread
+    left_means = np.where(others[:, None] > 0.0, left_means, means)
+    left = np.where(others[:, None, None] > 0.0, left, covs)
+    return PathParts(
+        np.stack([weights, others], axis=1), np.stack([own, left_means], axis=1), np.stack([own_covs, left], axis=1)
+    )

@@ -1,0 +1,119 @@
+"""The path in two parts, nobody pokes until then and all else: each against the filter, and a hit by both."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER
+from estimators import (
+    FilterSettings,
+    GaussianMixture,
+    MarkMeasurement,
+    Needle,
+    PathParts,
+    TargetPath,
+    TissueFilter,
+    advise,
+    fast_prediction_tables,
+    hit_probability,
+    path_by_tables,
+    path_near_rest,
+)
+from tests.estimators.guidance.straight_down import DISC, DOWN, NOW_S
+
+FRAME_S = 1.0 / 30.0
+NEVER_S = 1e12
+
+
+def resting(phantom, settings=None, shift=0.0, **known):
+    """A filter after 20 frames of a phantom at rest, its outer marks seen so far aside [m]."""
+    tissue, rng = TissueFilter(phantom, HIDDEN, OUTER, settings, **known), np.random.default_rng(1)
+    for k in range(20):
+        tissue.predict(k * FRAME_S)
+        places = [phantom.positions[phantom.index(node)] + [shift, 0.0] + rng.normal(0.0, 1e-3, 2) for node in OUTER]
+        tissue.update([MarkMeasurement(node, at, 1e-6 * np.eye(2)) for node, at in zip(OUTER, places, strict=True)])
+    return tissue
+
+
+@pytest.fixture(scope="module")
+def tissue(phantom):
+    return resting(phantom)
+
+
+@pytest.fixture(scope="module")
+def tables(tissue):
+    return fast_prediction_tables(tissue, 1.0)
+
+
+def test_both_parts_together_are_the_whole(tissue, tables):
+    """First and second moments of the mixture at each time, by their definition: rounding."""
+    path = path_by_tables(tables, tissue)
+    weights, means, covs = path.mixture.weights, path.mixture.means, path.mixture.covs
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-12)
+    whole = np.einsum("kc,kcd->kd", weights, means)
+    np.testing.assert_allclose(whole, path.means, atol=1e-12)
+    second = covs + means[..., :, None] * means[..., None, :]
+    own = np.einsum("kc,kcde->kde", weights, second) - whole[:, :, None] * whole[:, None, :]
+    np.testing.assert_allclose(own, path.covs, atol=1e-9 * path.covs.max())
+    assert (np.linalg.eigvalsh(covs[5:, 1]) > 0.0).all()
+
+
+def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phantom, tissue, tables):
+    """The same belief under a chain that never leaves its quiet states: means within 0.2 sigma, sigmas within 10 %."""
+    settings = FilterSettings(calm_s=NEVER_S, between_s=NEVER_S, unstruck_s=NEVER_S)
+    knowing = TissueFilter(phantom, HIDDEN, OUTER, settings)
+    knowing.predict(tissue.time_s)
+    for own, f in zip(knowing.mixture.filters, tissue.mixture.filters, strict=True):
+        own.x, own.P = f.x, f.P
+    quiet = np.isin(np.arange(len(settings.modes)), settings.quiet_modes)
+    knowing.mixture.mu = np.where(quiet, tissue.mixture.mu, 0.0) / tissue.mixture.mu[quiet].sum()
+    path = path_by_tables(tables, tissue)
+    exact, covs = knowing.predict_path(path.times_s)
+    sigma, own = (np.sqrt(np.trace(c, axis1=1, axis2=2)) for c in (covs, path.mixture.covs[:, 0]))
+    assert (np.linalg.norm(path.mixture.means[:, 0] - exact, axis=1)[1:] < 0.2 * sigma[1:]).all()
+    np.testing.assert_allclose(own[1:], sigma[1:], rtol=0.1)
+    # while the whole, in which somebody may poke, is much wider
+    assert np.sqrt(np.trace(path.covs[-1])) > 2.0 * sigma[-1]
+
+
+def test_calm_stays_calm_with_the_probability_of_a_poisson_process(tissue, tables):
+    """exp(-t (1 / calm_s + 1 / unstruck_s)); of pokes of 0.3 s one in 18 begins and ends unseen within a cycle."""
+    chain, settings = tissue.mixture.chain, tissue.settings
+    before, chain.odds = chain.odds, np.eye(len(chain.odds))[0]
+    path = path_by_tables(tables, tissue)
+    chain.odds = before
+    expected = np.exp(-(path.times_s - path.times_s[0]) * (1.0 / settings.calm_s + 1.0 / settings.unstruck_s))
+    np.testing.assert_allclose(1.0 - path.mixture.weights[:, 0], 1.0 - expected, rtol=0.06)
+
+
+def test_a_hit_is_judged_part_by_part():
+    """By `hit_probability` of the mixture where the needle arrives; a Gaussian of its moments gives less."""
+    times = NOW_S + FRAME_S * np.arange(121)
+    means, variances = np.array([[0.0, 0.04], [-0.009, 0.04]]), np.array([1e-6, 64e-6])
+    parts = GaussianMixture(np.array([0.9, 0.1]), means, variances[:, None, None] * np.eye(2))
+    mean = parts.weights @ parts.means
+    away = parts.means - mean
+    cov = np.einsum("c,cde->de", parts.weights, parts.covs + away[:, :, None] * away[:, None, :])
+    mixture = PathParts(*(np.tile(each, (121, *[1] * each.ndim)) for each in (parts.weights, parts.means, parts.covs)))
+    needle = Needle()
+    path = TargetPath(times, np.tile(mean, (121, 1)), np.tile(cov, (121, 1, 1)), mixture)
+    found = advise(path, DOWN, DISC, needle=needle)
+    deep = found.depth_m + DOWN.depth_m
+    tip = GaussianMixture.gaussian(DOWN.entry + deep * DOWN.axis, needle.tip_cov(DOWN.axis, deep))
+    expected = hit_probability(parts, tip, DOWN.axis, DISC, needle=needle)
+    assert found.probability == pytest.approx(expected, abs=1e-9)
+    assert found.probability > advise(replace(path, mixture=None), DOWN, DISC, needle=needle).probability + 0.1
+
+
+def test_tables_are_used_near_rest_and_as_far_as_they_reach_else_the_filter(phantom, tissue, tables):
+    times = tissue.time_s + FRAME_S * np.arange(20)
+    near = path_near_rest(tables, tissue, times)
+    assert near.mixture is not None
+    np.testing.assert_allclose(near.times_s, times, atol=1e-9)
+    far = tissue.time_s + FRAME_S * np.arange(40)
+    assert path_near_rest(tables, tissue, far).mixture is None
+    pushed = resting(phantom, shift=0.12)
+    turned = path_near_rest(fast_prediction_tables(pushed, 1.0), pushed, times)
+    assert turned.mixture is None
+    np.testing.assert_array_equal(turned.means, pushed.predict_path(times)[0])
