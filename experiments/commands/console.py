@@ -145,8 +145,9 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
 
 def insertion_lines(report: Mapping[str, Any]) -> list[str]:
     """What `softaim advise` states of hits in the same worlds and what came true, from summary.json."""
-    of = report["advise"]
-    lines = []
+    of, lines = report["advise"], []
+    if not any(of["advice"].values()):
+        return []
     for words, key in (("at any time", ""), ("on GO", "go_")):
         told, true = of[f"{key}told"], of[f"{key}came_true"]
         if told is None:

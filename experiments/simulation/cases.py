@@ -69,7 +69,7 @@ class Case:
     deepest_m: at which a needle is drawn back or has missed [m]
     steer_m_s: how fast the robot may move the needle's line sideways [m/s]
     warm_s, patience_s: marks are seen for so long before the needle may start, and it must be there so long after [s]
-    strength: of the scenario's pokes and breathing, by what they are
+    strength: of the scenario's pokes and breathing, by what they are; advice: whether it is asked for, too
     """
 
     scenario: Scenario
@@ -85,6 +85,7 @@ class Case:
     warm_s: float = 3.0
     patience_s: float = 10.0
     strength: float = 1.0
+    advice: bool = True
 
     def __repr__(self) -> str:
         return f"Case(scenario={self.scenario.scene or self.scenario.title!r}, seed={self.seed})"

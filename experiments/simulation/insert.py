@@ -63,7 +63,7 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[Advised, ...]]:
         lambda: Waiting(world, warm),
     )
     tried = tuple(attempt(world, make(), state) for make in makers)
-    return tried, advised(world, warm, state)
+    return tried, advised(world, warm, state) if case.advice else ()
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:

@@ -28,6 +28,9 @@ def insert(
     radius_mm: Annotated[
         float | None, typer.Option("--radius-mm", help="Of the lesion; default: the needle's, the scene's, or 5.")
     ] = None,
+    advice: Annotated[
+        bool, typer.Option("--advice/--no-advice", help="Without: policies alone, in a third of the time.")
+    ] = True,
     strength: Annotated[float, typer.Option("--strength", min=0.01, help="Factor on pokes and breathing.")] = 1.0,
     processes: Processes = None,
     scheduler: Scheduler = None,
@@ -54,7 +57,7 @@ def insert(
         radius_m=None if radius_mm is None else 1e-3 * radius_mm,
         strength=strength,
     )
-    case = case if seed is None else replace(case, seed=seed)
+    case = replace(case, seed=case.seed if seed is None else seed, advice=advice)
     with run.folder(out, force=force, inputs=[scenario_file(scenario), scene_file(read), scene, needle]) as folder:
         run.use(case.given, before="insert")
         workers = workers_for(runs, Workers(processes, scheduler))
