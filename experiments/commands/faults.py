@@ -20,6 +20,7 @@ FORMS = (
 """What typer says, and what is said in its place."""
 
 EXPECTED = (
+    (r"(?:Value error, )?'.*' is not one of (.*)", r"one of \1"),
     (r".*valid integer.*", "a whole number"),
     (r".*valid (?:number|float).*", "a number"),
     (r".*greater than or equal to (\S+)", r"\1 or more"),
