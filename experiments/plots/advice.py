@@ -19,7 +19,6 @@ from experiments.plots.style import (
     BLUE,
     GREEN,
     GREY,
-    HALO,
     ORANGE,
     PAGE_MM,
     PURPLE,
@@ -96,7 +95,8 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
         name = str(advice).replace("_", " ")
         told = f"{name}: {words} ({sum(held)} frames)"
         across = ax.get_yaxis_transform()
-        ax.text(0.004, lane + 0.45, told, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, path_effects=HALO)
+        paper = {"fc": "white", "ec": "none", "pad": 0.2}
+        ax.text(0.004, lane + 0.45, told, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, bbox=paper)
     changes = [
         0.5 * (a + b)
         for a, b, before, after in zip(times, times[1:], done.guidance, done.guidance[1:], strict=False)

@@ -43,7 +43,7 @@ from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track, write_tables
 from experiments.plots.path import ellipse
-from experiments.plots.style import OURS, TRUE
+from experiments.plots.style import OURS, PAGE_MM, TRUE, grid_figure, legend_below, styled, write_picture
 from experiments.plots.track import write_track_plots
 from experiments.studies.real_balls import FILMS, followed
 
@@ -273,13 +273,14 @@ def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str,
     return figures
 
 
+@styled
 def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
     """Filter's estimates of the withheld ball, with 2-sigma ellipses, against where it was seen, over the film."""
     camera = seen.recording.scene.cameras[0]
     with seen.recording.open_frames() as frames:
         image = next(iter(frames)).image[..., ::-1]
-    figure = Figure(figsize=(12, 9), layout="constrained")
-    for ax, run, offset_s in zip(figure.subplots(2, 2).ravel(), runs, OFFSETS_S, strict=True):
+    figure, axes = grid_figure(PAGE_MM, 90.0, nrows=2, ncols=2)
+    for ax, run, offset_s in zip(axes.ravel(), runs, OFFSETS_S, strict=True):
         ax.imshow(image)
         hidden = withheld_frames(run.times_s, offset_s)
         places = camera.project(np.array([step.marks[0].position for step in seen.steps]))
@@ -288,12 +289,13 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
             np.array([e.mean for e in run.estimates(FILTER)]), np.array([e.cov for e in run.estimates(FILTER)])
         )
         for k in np.flatnonzero(hidden)[2::4]:
-            ax.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=1.0))
-            ax.plot(*np.stack([means[k], places[k]]).T, color=OURS, lw=0.6)
-        ax.plot(*means[hidden].T, ".", color=OURS, ms=4, label="filter, mark withheld")
-        ax.plot(*places[hidden].T, ".", color=TRUE, ms=3, label="seen")
+            ax.add_patch(ellipse(means[k], covs[k], 2.0, ec=OURS, fc="none", lw=0.6))
+            ax.plot(*np.stack([means[k], places[k]]).T, color=OURS, lw=0.4)
+        ax.plot(*means[hidden].T, ".", color=OURS, ms=2.5, label="filter, mark withheld, with 2-sigma ellipses")
+        ax.plot(*places[hidden].T, ".", color=TRUE, ms=2, label="seen")
         ax.set(xlim=(-0.5, image.shape[1] - 0.5), ylim=(620, 430), title=f"withheld 0.3 s from {offset_s:g} s on")
-    figure.axes[0].legend(loc="lower left")
+        ax.set(xlabel="u [px]", ylabel="v [px]")
+    legend_below(figure, axes[0, 0], 2)
     return figure
 
 
@@ -323,7 +325,7 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
             "withheld": withheld,
         }
         (folder / "report.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-        withheld_figure(seen, runs).savefig(folder / "withheld.png", dpi=90)
+        write_picture(withheld_figure(seen, runs), folder / "withheld.png")
     return figures
 
 

@@ -11,7 +11,6 @@ a body without anchors. Last figures: docs/zoo.md.
 from __future__ import annotations
 
 import argparse
-import io
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,6 +20,7 @@ from experiments.engine.progress import run_bar
 from experiments.engine.workers import add_worker_options, chosen_workers, workers_for
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
+from experiments.plots.style import saved
 from experiments.studies.lungs.estimate import SEEN, Inner, errors_table, inner_landmarks
 from experiments.studies.lungs.landmarks import Lung, read_lungs
 from experiments.studies.lungs.model import LungConstants
@@ -56,9 +56,7 @@ def main(arguments: Iterable[str] | None = None) -> int:
             rewrite_page("lungs table", page)
         if given.out is not None:
             with output_folder(given.out, force=given.force, inputs=[given.folder]) as folder:
-                picture = io.BytesIO()
-                lungs_figure(errors).savefig(picture, dpi=110, format="png")
-                write_whole(folder / "lungs.png", picture.getvalue())
+                write_whole(folder / "lungs.png", saved(lungs_figure(errors), "png"))
                 write_whole(folder / "errors.csv", errors.to_csv(index=False))
                 write_whole(folder / "table.md", page)
     except InputError as error:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from estimators import coverage
+from experiments.plots.style import GREY, OURS, PAGE_MM, VERMILLION, grid_figure, legend_below, styled
 from experiments.studies.lungs.estimate import SEEN, Inner
 
 HEAD = (
@@ -63,19 +63,20 @@ def _covered(table: pd.DataFrame) -> str:
     return f"{100 * coverage(table['nees'].to_numpy(), 3):.1f} %" if _complete(table, "nees") else ""
 
 
+@styled
 def lungs_figure(errors: pd.DataFrame) -> Figure:
     """Mean error of the inner landmarks through the breath, a panel for each number of seen ones."""
-    figure = Figure(figsize=(11, 3.6), layout="constrained")
-    lines = {"nothing_mm": ("nothing done", "0.6"), "spline_mm": ("thin-plate spline", "#b5352c")}
-    lines |= {"filter_mm": ("filter", "#1f5fa8")}
-    for axes, seen in zip(np.atleast_1d(figure.subplots(1, len(SEEN), sharey=True)), SEEN, strict=True):
+    figure, grid = grid_figure(PAGE_MM, 62.0, ncols=len(SEEN), sharey=True)
+    lines = {"nothing_mm": ("nothing done", GREY, "s"), "spline_mm": ("thin-plate spline", VERMILLION, "^")}
+    lines |= {"filter_mm": ("filter", OURS, "o")}
+    for axes, seen in zip(grid[0], SEEN, strict=True):
         own = errors[errors["seen"] == seen]
-        for column, (label, color) in lines.items():
+        for column, (label, color, mark) in lines.items():
             if _complete(own, column):
                 means = own.groupby("phase")[column].mean()
-                axes.plot([0, *means.index], [0.0, *means], "o-", color=color, label=label)
-        axes.set(title=f"seen of each lung: {seen}", xlabel="phase: 0 inhaled, last exhaled")
+                axes.plot([0, *means.index], [0.0, *means], mark, ls="-", color=color, label=label)
+        axes.set(title=f"seen of each lung: {seen}", xlabel="phase, 0 inhaled, last exhaled [–]")
         axes.grid(lw=0.3)
     figure.axes[0].set_ylabel("mean error of landmarks inside [mm]")
-    figure.axes[0].legend()
+    legend_below(figure, figure.axes[0], 3)
     return figure

@@ -11,7 +11,6 @@ by MuJoCo, in the extra `dev`. Last figures: docs/zoo.md.
 from __future__ import annotations
 
 import argparse
-import io
 import sys
 from collections.abc import Iterable
 from dataclasses import asdict, replace
@@ -24,6 +23,7 @@ from experiments.engine.study import run_study
 from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
+from experiments.plots.style import saved
 from experiments.simulation.bodies.zoo import BODIES
 from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
 from experiments.studies.zoo.page import rewrite_page
@@ -36,12 +36,10 @@ def write_results(table: pd.DataFrame, folder: Path) -> str:
     """Write runs.csv, cells.csv, table.md and zoo.png; the table as text."""
     cells = cells_of(table)
     page = markdown(cells)
-    picture = io.BytesIO()
-    zoo_figure(cells).savefig(picture, dpi=110, format="png")
     write_whole(folder / "runs.csv", table.to_csv(index=False))
     write_whole(folder / "cells.csv", pd.DataFrame([asdict(cell) for cell in cells]).to_csv(index=False))
     write_whole(folder / "table.md", page)
-    write_whole(folder / "zoo.png", picture.getvalue())
+    write_whole(folder / "zoo.png", saved(zoo_figure(cells), "png"))
     return page
 
 
