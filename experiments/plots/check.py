@@ -91,10 +91,8 @@ def _network(ax: Axes, done: SceneCheck, view: View) -> None:
         label = "marks" if measured else "marks for scoring only"
         for k, mark in enumerate(marks):
             colour = hsv_to_rgb((mark.hue_deg / 360.0, 0.9, 0.85))
-            colours = {"mfc": colour} if measured else {"mec": colour}
-            ax.plot(
-                *at[network.index(mark.node)], "o", ms=5.5, ls="", label=label if k == 0 else None, **(style | colours)
-            )
+            (line,) = ax.plot(*at[network.index(mark.node)], "o", ms=5.5, ls="", label=label if k == 0 else None)
+            line.set(**style, **({"mfc": colour} if measured else {"mec": colour}))
     _target(ax, done, at, view)
     _names(ax, done, at, view)
     # both shapes are in the picture, which is as wide as high: a body that sags far is seen to
