@@ -11,6 +11,7 @@ advice: what `guide` does in two parts: one second of the target's path, at 30 t
 over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
 live_frame: all that a live loop adds to a frame for it: the breath's fit, 1.5 s of path by tables, advice from it on 4
 starts; and the path by tables alone.
+recording: advice, noise levels and the smoother on a recording, by its frames: `bench_recording`.
 detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
@@ -65,6 +66,7 @@ from estimators import (
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.simulate import film, scene_of, true_motion
+from experiments.studies.bench_recording import recording
 
 Report = dict[str, dict[str, float]]
 FRAME_S = 1.0 / 30.0
@@ -81,6 +83,8 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     advance(0.5)
     report["advice"] = advice()
     advance(0.6)
+    report["recording"] = recording()
+    advance(0.65)
     report["detect"] = detect()
     advance(0.7)
     report["loop_640x480"] = loop_640x480()
