@@ -99,6 +99,7 @@ from estimators.guidance import (
     needle_displacement,
     path_by_tables,
     path_near_rest,
+    path_reach_s,
     path_times,
     plan,
 )
@@ -247,6 +248,7 @@ __all__ = [
     "normalised_error_squared",
     "path_by_tables",
     "path_near_rest",
+    "path_reach_s",
     "path_times",
     "pit_normal",
     "pit_squared",

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynamics import all_positions
+from dynamics import all_positions, rest_shape
 from estimators.arrays import Floats
+from estimators.guidance.needle import Insertion, Needle
+from estimators.guidance.settings import AdviceSettings
 from estimators.process.target import TargetMap
 from estimators.tissue.fast_prediction import (
     FastPredictionTables,
@@ -29,6 +31,13 @@ docs/guidance.md, "The predicted path"."""
 
 ALL = 1e-6
 """Probability of a part below which it is left out: rounding would be most of it; numerical."""
+
+
+ASIDE_M = 0.05
+"""The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
+
+MOST_S = 30.0
+"""A needle that takes longer does not arrive [s]; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +78,15 @@ class TargetPath:
             k, dim = self.means.shape
             return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
         return self.mixture.weights, self.mixture.means - self.means[:, None], self.mixture.covs
+
+
+def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
+    """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
+    network = tissue.model.network
+    rest = tissue.target.position(rest_shape(network)[network.free].ravel())
+    way_m = float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M + needle.reach_m - insertion.depth_m
+    way_s = min(max(way_m, 0.0) / insertion.speed_m_s, MOST_S)
+    return settings.horizon_s + way_s + settings.stale_s
 
 
 def path_by_tables(tables: FastPredictionTables, tissue: TissueFilter) -> TargetPath:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from dynamics import rest_shape
 from estimators import (
     Advice,
     GaussianMixture,
@@ -20,6 +19,7 @@ from estimators import (
     guide,
     hit_probability,
     path_near_rest,
+    path_reach_s,
 )
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -28,12 +28,6 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
-
-ASIDE_M = 0.05
-"""The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
-
-MOST_S = 30.0
-"""A needle that takes longer does not arrive [s]; chosen."""
 
 SURE_M = 1e-9
 """Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
@@ -127,12 +121,8 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
 
 
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
-    network, needle = tissue.model.network, plan.insertion
-    rest = tissue.target.position(rest_shape(network)[network.free].ravel())
-    way_m = float(np.linalg.norm(rest - needle.entry)) + ASIDE_M + plan.needle.reach_m - needle.depth_m
-    way_s = min(max(way_m, 0.0) / needle.speed_m_s, MOST_S)
-    return plan.settings.horizon_s + way_s + plan.settings.stale_s
+    """How far ahead the path must be predicted for a plan [s]."""
+    return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 
 
 def header(dim: int) -> list[str]:

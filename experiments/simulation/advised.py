@@ -9,11 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 
 from dynamics import NeedleMotion
-from estimators import Advice, Guidance, ReliabilityBin, clopper_pearson, guide, reliability_bins
+from estimators import (
+    Advice,
+    Guidance,
+    ReliabilityBin,
+    clopper_pearson,
+    fast_prediction_tables,
+    guide,
+    path_near_rest,
+    path_reach_s,
+    reliability_bins,
+)
 from experiments.arrays import Floats
 from experiments.simulation.closed_loop import hits, tip_error
 from experiments.simulation.policies import Warm
@@ -46,13 +57,16 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[Advised, ...]:
     first, every = round(case.warm_s * case.frames_per_s), max(1, round(EVERY_S * case.frames_per_s))
     until_s = world.knots.interval_s * (len(world.knots.forces) - 1)
     away = NeedleMotion(world.entry, np.zeros(world.network.dim), case.straight.axis, -1.0)
+    reach_s = path_reach_s(tissue, case.straight, plan.needle, plan.settings)
+    path_at = partial(path_near_rest, fast_prediction_tables(tissue, reach_s, at_once=False), tissue)
+    asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     found = []
     for k in range(first, case.n_frames - 1):
         now = world.frame_s(k)
         tissue.predict(now)
         estimate = tissue.update(world.marks(k, state))
         if (k - first) % every == 0:
-            guidance = guide(tissue, estimate, case.straight, plan.lesion, needle=plan.needle, settings=plan.settings)
+            guidance = asked(tissue, estimate, case.straight, plan.lesion)
             found.append(inserted(world, guidance, (now, until_s), state, rng.normal(size=world.network.dim)))
         state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), punctured=False)
     return tuple(found)
