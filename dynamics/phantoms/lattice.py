@@ -60,6 +60,7 @@ def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.
 def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: float) -> float:
     """One stiffness for all springs of a lattice, as stiff on the whole as an elastic body [N/m].
 
+    positions: of the nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
     young: Young's modulus [Pa] of a body in space; of a sheet in the plane, that times its thickness [N/m]
     By [vangelder1998] a spring of length l has k = E V / l², V of the simplices that it borders. Summed over springs,
     k l² is n E V of the whole body, n the edges of a simplex; equal stiffnesses share that out alike. Stretched alike
@@ -117,7 +118,7 @@ def volume(positions: Floats) -> float:
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Which nodes are corners of the convex hull of all, (n_nodes,)."""
+    """Which nodes at these positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,)."""
     corners = np.zeros(len(positions), dtype=bool)
     corners[ConvexHull(positions).vertices] = True
     return corners

@@ -203,7 +203,7 @@ def guide(
     """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
 
     The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
-    times or more of them [s]; None: the filter's `predict_path`
+    times [s], (n,), or more of them; None: the filter's `TissueFilter.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
