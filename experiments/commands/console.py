@@ -87,6 +87,18 @@ def marks_table(ours: Row) -> Table:
     return table
 
 
+def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
+    """One row a kind of mark: share of the picture that its keys take in, by the marks' own size; frames amiss."""
+    table = Table(title=f"What the keys take in, of {n_frames} frames")
+    for head in ("marks", "keys", "of the picture", "least", "most", "by the marks' size", "too few", "flooded"):
+        table.add_column(head, justify="left" if head in ("marks", "keys") else "right")
+    for row in kinds:
+        shares = [f"{row[key]:.2%}" for key in ("share_median", "share_least", "share_most")]
+        amiss = [f"{row[key]:.1%}" for key in ("frames_too_few", "frames_flooded")]
+        table.add_row(", ".join(row["marks"]), row["keys"], *shares, f"{row['by_marks']:.2f}", *amiss)
+    return table
+
+
 def advice_line(counts: Mapping[str, int]) -> str:
     """How many frames had which advice."""
     frames = sum(counts.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -61,21 +62,29 @@ class WorstFrames:
         if not kinds:
             return None
         kinds.sort(key=lambda kind: (SEVERE.index(Status(kind[0])), -self._stills[kind].count))
-        tiles = [self._captioned(kind) for kind in kinds[:MOST_TILES]]
-        across = min(2, len(tiles))
-        tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % across)
-        rows = [np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)]
-        return np.vstack(rows)
+        return side_by_side([self._captioned(kind) for kind in kinds])
 
     def _captioned(self, kind: tuple[str, str]) -> Image:
-        still, line = self._stills[kind], text_height(1.0)
-        width = still.picture.shape[1]
-        what = f"{kind[0]}, {kind[1]}" if kind[1] else kind[0]
+        still = self._stills[kind]
         frames = "frame" if still.count == 1 else "frames"
-        caption = np.zeros((CAPTION_LINES * line + 6, width, 3), dtype=np.uint8)
-        for k, text in enumerate(wrapped(f"{still.count} {frames}: {what}", width - 8.0, 1.0)[:CAPTION_LINES]):
-            draw_text(caption, text, (4.0, 2.0 + k * line), LIGHT, 1.0)
-        return np.vstack([caption, still.picture])
+        return captioned(still.picture, f"{still.count} {frames}: {', '.join(word for word in kind if word)}")
+
+
+def captioned(picture: Image, text: str) -> Image:
+    """A picture, no wider than a tile, below a line or two of text."""
+    tile, line = _tile(picture), text_height(1.0)
+    caption = np.zeros((CAPTION_LINES * line + 6, tile.shape[1], 3), dtype=np.uint8)
+    for k, words in enumerate(wrapped(text, tile.shape[1] - 8.0, 1.0)[:CAPTION_LINES]):
+        draw_text(caption, words, (4.0, 2.0 + k * line), LIGHT, 1.0)
+    return np.vstack([caption, tile])
+
+
+def side_by_side(tiles: Sequence[Image]) -> Image:
+    """Pictures of one size on a sheet, two a row, the first MOST_TILES of them."""
+    shown = list(tiles[:MOST_TILES])
+    across = min(2, len(shown))
+    shown += [np.zeros_like(shown[0])] * (-len(shown) % across)
+    return np.vstack([np.hstack(shown[k : k + across]) for k in range(0, len(shown), across)])
 
 
 def _fault(mark: MarkDrawn) -> str:

@@ -2,24 +2,65 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Fps
+from experiments.commands.options import Force, Fps
 from experiments.commands.run import Answer, Run
 
 
 def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
-    at: Annotated[str, typer.Option("--at", help="U,V: a place on a mark [px].", show_default=False)],
+    at: Annotated[str | None, typer.Option("--at", help="U,V: a place on a mark [px]; learn its keys.")] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="Which frame, counted from 0.")] = 0,
     fps: Fps = None,
+    scene: Annotated[
+        Path | None, typer.Option("--scene", help="Without --at: what its keys take in, all over.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
+    film: Annotated[
+        bool, typer.Option("--film", help="Write film.avi to --out, too: what is taken in painted.")
+    ] = False,
+    force: Force = False,
 ) -> Answer:
-    """Learn the hue of a kind of mark from one place in a picture: the keys for its table in scene.toml."""
+    """Learn a mark's hue from one place in a picture, or see what a scene's keys take in over a film."""
+    if at is not None:
+        return _learned(source, at, frame, fps)
+    return _taken(run, source, scene, out, film=film, fps=fps, force=force)
+
+
+def _learned(source: str, at: str, frame: int, fps: float | None) -> Answer:
     from experiments.pipeline.hue import hue_lines
 
     lines = hue_lines(source, at, frame, fps)
     keys = {key: float(value) for key, _, value in (line.partition(" = ") for line in lines)}
     return Answer(keys, lambda: print(*lines, sep="\n"))
+
+
+def _taken(
+    run: Run, source: str, scene: Path | None, out: Path | None, *, film: bool, fps: float | None, force: bool
+) -> Answer:
+    from experiments.commands.console import sentence, taken_table
+    from experiments.commands.terminal import print_table
+    from experiments.errors import InputError
+    from experiments.film.taken import taken_over, verdicts
+
+    if out is None:
+        if film:
+            raise InputError.at("--film", "--out DIR beside it", "none")
+        done = taken_over(source, scene, None, fps=fps)
+    else:
+        with run.folder(out, force=force, inputs=[Path(source), scene]) as folder:
+            done = taken_over(source, scene, folder, film=film, fps=fps)
+    figures, told = done.figures(), verdicts(done)
+
+    def show() -> None:
+        print_table(taken_table(figures, len(done.times_s)))
+        print(*(sentence(one) for one in told), sep="\n", end="\n" if told else "")
+        if out is not None:
+            print(f"Table and pictures in {out}")
+
+    return Answer({"out": out, "frames": len(done.times_s), "kinds": figures, "verdicts": told}, show)

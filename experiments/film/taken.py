@@ -1,0 +1,237 @@
+"""What the keys of marks' hues take in over a film: shares of pixels frame by frame, painted into the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.film.film import FILM
+from experiments.film.overlay import hue_colour, scale_of
+from experiments.film.strokes import darken, draw_text, text_height
+from experiments.film.worst import captioned, side_by_side
+from experiments.formats.outputs import write_whole
+from experiments.formats.scene.scene import Scene
+from experiments.formats.tables import write_table
+from experiments.pipeline.frame_sources import open_source
+from vision import NOMINAL_FPS, EveryFrame, Frame, MarkHue, VideoWriter
+from vision.arrays import Image, Picture
+from vision.detection.palette import classes_of, palette_of
+from vision.detection.settings import DETECTION
+
+TABLE, STILL = "hue.csv", "hue.png"
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Marks of one hue: their nodes, what counts as their colour, pixels of them all and least of the smallest [px]."""
+
+    nodes: tuple[str, ...]
+    hue: MarkHue
+    area_px: float
+    least_px: float
+
+    @property
+    def keys(self) -> str:
+        """The hue in words."""
+        return f"hue {self.hue.hue_deg:g} ± {self.hue.half_width_deg:g}"
+
+
+@dataclass(slots=True, eq=False)
+class Taken:
+    """What each kind's keys take in. State: pixels by kind, a row a frame; the frames of least and of most pixels."""
+
+    kinds: tuple[Kind, ...]
+    size_px: tuple[int, int]
+    times_s: list[float] = field(default_factory=list)
+    pixels: list[list[int]] = field(default_factory=list)
+    stills: dict[tuple[int, str], tuple[int, float, Image]] = field(default_factory=dict)
+
+    def take(self, time_s: float, pixels: Sequence[int], picture: Image) -> None:
+        """Count a frame; keep it where it has the least or the most of a kind."""
+        self.times_s.append(time_s)
+        self.pixels.append(list(pixels))
+        for k, n in enumerate(pixels):
+            for what, better in (("least", -1), ("most", 1)):
+                known = self.stills.get((k, what))
+                if known is None or better * n > better * known[0]:
+                    self.stills[k, what] = n, time_s, picture
+
+    def figures(self) -> list[dict[str, Any]]:
+        """By kind: its marks and keys, share of the picture taken in, by the marks' own size, frames amiss."""
+        whole = self.size_px[0] * self.size_px[1]
+        counts = np.array(self.pixels, dtype=float)
+        most = DETECTION.components.max_picture_share
+        return [
+            {
+                "marks": list(kind.nodes),
+                "keys": kind.keys,
+                "share_median": float(np.median(counts[:, k]) / whole),
+                "share_least": float(counts[:, k].min() / whole),
+                "share_most": float(counts[:, k].max() / whole),
+                "by_marks": float(np.median(counts[:, k]) / kind.area_px),
+                "frames_too_few": float((counts[:, k] < kind.least_px).mean()),
+                "frames_flooded": float((counts[:, k] > most * whole).mean()),
+            }
+            for k, kind in enumerate(self.kinds)
+        ]
+
+
+def kinds_of(scene: Scene) -> tuple[Kind, ...]:
+    """Marks by their hue, as large as they are seen at rest."""
+    camera, network = scene.cameras[0], scene.network
+    shapes = {
+        mark.node: camera.disc_shape(network.positions[network.index(mark.node)], mark.diameter_m / 2.0)
+        for mark in scene.marks
+    }
+    areas = {node: np.pi * abs(float(np.linalg.det(shape))) for node, shape in shapes.items()}
+    hues = dict.fromkeys(mark.hue for mark in scene.marks)
+    least = DETECTION.outline.min_share
+    kinds = []
+    for hue in hues:
+        nodes = tuple(mark.node for mark in scene.marks if mark.hue == hue)
+        own = [areas[node] for node in nodes]
+        kinds.append(Kind(nodes, hue, sum(own), least * min(own)))
+    return tuple(kinds)
+
+
+def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int]) -> Image:
+    """A frame in grey, what each kind takes in its hue, shares in words; classes: of its pixels, numbered from 1."""
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
+    darken(picture, 0.0, len(picture))
+    for k, kind in enumerate(taken.kinds):
+        picture[classes == k + 1] = hue_colour(kind.hue.hue_deg)
+    scale = scale_of(picture)
+    line = text_height(scale)
+    darken(picture, 0.0, len(pixels) * line + 8.0)
+    for k, (kind, n) in enumerate(zip(taken.kinds, pixels, strict=True)):
+        text = f"{kind.keys}: {100.0 * n / classes.size:.2f} %, {n / kind.area_px:.1f} times {', '.join(kind.nodes)}"
+        draw_text(picture, text, (5.0 * scale, 4.0 + k * line), hue_colour(kind.hue.hue_deg), scale)
+    return picture
+
+
+def taken_over(
+    source: str,
+    scene_path: Path | None,
+    folder: Path | None,
+    *,
+    film: bool = False,
+    fps: float | None = None,
+) -> Taken:
+    """What the keys take in in each frame of a film, folder of pictures or recording; written to a folder if given.
+
+    folder: exists, for hue.csv, hue.png and, with film, film.avi. Raises InputError.
+    """
+    scene, frames = open_source(source, scene_path, live=False, fps=fps if fps is not None else NOMINAL_FPS)
+    with frames:
+        if scene is None or not scene.cameras:
+            raise InputError.at("hue", "--at U,V, or --scene scene.toml with a camera", "neither")
+        if not isinstance(frames, EveryFrame):
+            raise InputError.at(source, "a film, a folder of pictures or a recording, or --at", "a camera")
+        taken = _taken(frames, scene, folder if film else None)
+    if folder is not None:
+        _write(taken, folder)
+    return taken
+
+
+def _taken(frames: EveryFrame, scene: Scene, folder: Path | None) -> Taken:
+    taken = Taken(kinds_of(scene), scene.cameras[0].size_px)
+    palette = palette_of(tuple(kind.hue for kind in taken.kinds))
+    with nullcontext() if folder is None else _Writer(folder / FILM) as writer:
+        for frame in frames:
+            height, width = frame.image.shape[:2]
+            if (width, height) != taken.size_px:
+                raise InputError.at(
+                    "scene: camera[0].size_px", f"[{width}, {height}], as the frames have", str(list(taken.size_px))
+                )
+            classes = classes_of(frame.image, palette, 1)
+            counted = np.bincount(classes.ravel(), minlength=len(taken.kinds) + 1)[1:].tolist()
+            picture = painted(frame.image, classes, taken, counted)
+            taken.take(frame.exposure_s, counted, picture)
+            if writer is not None:
+                writer.write(frame, picture)
+    if not taken.times_s:
+        raise InputError("hue: expected frames, found none")
+    return taken
+
+
+class _Writer:
+    """A film whose rate the first two frames tell. State: the first, until the second comes; the open writer."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._first: tuple[float, Image] | None = None
+        self._writer: VideoWriter | None = None
+
+    def write(self, frame: Frame, picture: Image) -> None:
+        if self._writer is not None:
+            self._writer.write(picture)
+        elif self._first is None:
+            self._first = frame.exposure_s, picture
+        else:
+            self._begin(1.0 / max(frame.exposure_s - self._first[0], 1e-3), picture)
+
+    def _begin(self, fps: float, *pictures: Image) -> None:
+        assert self._first is not None
+        height, width = self._first[1].shape[:2]
+        self._writer = VideoWriter(self.path, (width, height), fps)
+        for picture in (self._first[1], *pictures):
+            self._writer.write(picture)
+
+    def __enter__(self) -> _Writer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_fault: object) -> None:
+        if self._writer is None and self._first is not None and kind is None:
+            self._begin(NOMINAL_FPS)
+        if self._writer is not None:
+            (self._writer.close if kind is None else self._writer.discard)()
+
+
+def _write(taken: Taken, folder: Path) -> None:
+    whole = taken.size_px[0] * taken.size_px[1]
+    write_table(
+        folder / TABLE,
+        ["frame", "time_s", "marks", "hue_deg", "pixels", "share"],
+        (
+            [str(i), f"{time_s:.9f}", " ".join(kind.nodes), f"{kind.hue.hue_deg:g}", str(n), f"{n / whole:.9g}"]
+            for i, (time_s, pixels) in enumerate(zip(taken.times_s, taken.pixels, strict=True))
+            for kind, n in zip(taken.kinds, pixels, strict=True)
+        ),
+    )
+    tiles = [
+        captioned(picture, f"{what} of {taken.kinds[k].keys}, at {time_s:.2f} s")
+        for (k, what), (_, time_s, picture) in taken.stills.items()
+    ]
+    write_whole(folder / STILL, cv2.imencode(".png", side_by_side(tiles))[1].tobytes())
+
+
+def verdicts(taken: Taken) -> list[str]:
+    """A sentence for each kind of which more or less is taken in than there should be."""
+    told = []
+    for figures, kind in zip(taken.figures(), taken.kinds, strict=True):
+        names = f"mark{'s' * (len(kind.nodes) > 1)} {', '.join(kind.nodes)}: {kind.keys}"
+        flooded, few, times = (float(figures[key]) for key in ("frames_flooded", "frames_too_few", "by_marks"))
+        if flooded > 0.0:
+            told.append(
+                f"{names} takes in more of the picture than marks can in {100.0 * flooded:.0f} % of frames: "
+                "narrow half_width_deg or raise min_saturation"
+            )
+        elif few > 0.0:
+            told.append(
+                f"{names} takes in less than one mark must show, {kind.least_px:.0f} px, in {100.0 * few:.0f} % of "
+                "frames: learn its keys there, softaim hue FILM --at U,V --frame N"
+            )
+        elif times > DETECTION.centers.max_area:
+            told.append(
+                f"{names} takes in {times:.1f} times as much as its marks are: other things are of this hue, or "
+                "diameter_mm or the scale of the camera is wrong"
+            )
+    return told

@@ -1,0 +1,116 @@
+"""What keys take in over a film: counted against discs of known area, painted where they are."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.film.overlay import hue_colour
+from tests.experiments.command import softaim
+from vision import Disc, Lighting, VideoWriter, draw_frame
+
+SCENE = """
+version = 1
+[network]
+gravity_m_s2 = [0.0, 0.0]
+[[network.node]]
+name = "A"
+position_mm = [0.0, 0.0]
+mass_kg = 0.1
+fixed = true
+[[network.node]]
+name = "M"
+position_mm = [100.0, 0.0]
+mass_kg = 0.1
+[[network.spring]]
+between = ["A", "M"]
+stiffness_N_m = 50.0
+rest_length_mm = 100.0
+[[mark]]
+node = "M"
+hue_deg = 130.0
+diameter_mm = 24.0
+[target]
+node = "M"
+radius_mm = 5.0
+[[camera]]
+name = "front"
+size_px = [320, 240]
+plane_to_px = [[1.0, 0.0, 50.0], [0.0, -1.0, 90.0], [0.0, 0.0, 1.0]]
+"""
+AREA = np.pi * 12.0**2
+
+
+@pytest.fixture
+def film(tmp_path: Path) -> Path:
+    """Four frames: a green disc of 12 px in the first two, none in the third, half the picture in the last."""
+    rng = np.random.default_rng(1)
+    path = tmp_path / "green.avi"
+    disc = Disc(np.array([150.0, 90.0]), (12.0, 12.0), 130.0)
+    wall = Disc(np.array([160.0, 120.0]), (150.0, 100.0), 130.0)
+    with VideoWriter(path, (320, 240), 25.0) as writer:
+        for discs in ([disc], [disc], [], [wall]):
+            writer.write(draw_frame((320, 240), discs, Lighting(), rng))
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return path
+
+
+def test_shares_are_those_of_the_discs_drawn(film, tmp_path, capsys) -> None:
+    out = tmp_path / "out"
+    assert softaim("hue", film, "--scene", tmp_path / "scene.toml", "--out", out, "--film", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    rows = pd.read_csv(out / "hue.csv")
+    assert rows["marks"].tolist() == ["M"] * 4
+    assert rows["pixels"][:2].tolist() == pytest.approx([AREA] * 2, rel=0.1)
+    assert rows["pixels"][2] == 0
+    assert rows["share"][3] == pytest.approx(np.pi * 150.0 * 100.0 / (320 * 240), rel=0.03)
+    assert rows["time_s"].diff()[1:].tolist() == pytest.approx([0.04] * 3)
+    (kind,) = told["kinds"]
+    assert (kind["frames_too_few"], kind["frames_flooded"]) == (0.25, 0.25)
+    assert kind["by_marks"] == pytest.approx(1.0, abs=0.1)
+    (verdict,) = told["verdicts"]
+    assert verdict.startswith("mark M: hue 130 ± 18 takes in more of the picture than marks can in 25 % of frames: narrow")
+
+
+def test_taken_pixels_are_painted_where_they_are_and_the_rest_is_grey(film, tmp_path) -> None:
+    out = tmp_path / "out"
+    assert softaim("hue", film, "--scene", tmp_path / "scene.toml", "--out", out, "--film") == 0
+    capture = cv2.VideoCapture(str(out / "film.avi"))
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(25.0)
+    frames = [capture.read()[1] for _ in range(4)]
+    assert not capture.read()[0]
+    assert np.abs(frames[0][90, 150].astype(int) - hue_colour(130.0)).max() < 25
+    assert np.ptp(frames[0][200, 20].astype(int)) < 12
+    sheet = cv2.imread(str(out / "hue.png"))
+    assert sheet is not None
+    assert sheet.shape[1] == 640  # the least and the most, side by side
+
+
+def test_a_film_in_which_a_mark_is_missing_is_told_of(film, tmp_path, capsys) -> None:
+    (tmp_path / "blue.toml").write_text(SCENE.replace("hue_deg = 130.0", "hue_deg = 240.0"))
+    assert softaim("hue", film, "--scene", tmp_path / "blue.toml") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    least = 0.2 * AREA
+    assert f"takes in less than one mark must show, {least:.0f} px, in 100 % of frames" in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--film", "--scene", "scene.toml"], "--film: expected --out DIR beside it, found none"),
+        ([], "hue: expected --at U,V, or --scene scene.toml with a camera, found neither"),
+        (
+            ["--scene", "wide.toml"],
+            "scene: camera[0].size_px: expected [320, 240], as the frames have, found [640, 240]",
+        ),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(film, tmp_path, monkeypatch, capsys, words, said) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wide.toml").write_text(SCENE.replace("[320, 240]", "[640, 9]"))
+    assert softaim("hue", film, *words) == 2
+    assert capsys.readouterr().err.strip() == f"softaim: {said}"
