@@ -19,19 +19,17 @@ from statistics import median
 import numpy as np
 
 import vision
-from estimators import Guidance, MarkMeasurement, TargetEstimate, after_frame
+from estimators import Guidance, TargetEstimate, after_frame
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_source_events, report_swap
 from experiments.pipeline.frame_sources import open_source
-from experiments.pipeline.line import FILTER, Line
+from experiments.pipeline.line import FILTER, Film, Line, Watcher, warm_up
 from experiments.pipeline.live_advice import LiveAdvice, own_time_s, words
 from experiments.pipeline.live_marks.opening import is_mark_source, open_mark_source
 from experiments.pipeline.live_marks.receiver import LiveMarks, MarksFrame, MarkSource
-from vision.detection.rim_search import detect_by_rim
-from vision.tracking.appearance import AppearanceModel
 
 ADVICE = "advice.csv"
 
@@ -59,6 +57,7 @@ class Session:
     """One live run.
 
     needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
+    watch: is shown each frame, what it gave and the advice
     State: the line, rows of estimates.csv written so far; frames, statuses, rows without a frame, late frames counted;
     the advice.
     """
@@ -70,12 +69,14 @@ class Session:
         show: Callable[[str], None],
         *,
         needle: NeedlePlan | None = None,
+        watch: Watcher | None = None,
         clock: Callable[[], float] = time.monotonic,
         settings: LiveSettings = LIVE_DEFAULTS,
     ) -> None:
-        _warm_up(scene)
+        warm_up(scene)
         self.settings = settings
-        self.line = Line(scene, baseline=False)
+        self.line = Line(scene, baseline=False, explain=watch is not None)
+        self.watch = watch
         self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE))
         self._clock = clock
         self.n_frames = self.n_coasted = self.n_unused = 0
@@ -117,6 +118,8 @@ class Session:
         self.latencies_ms.append(latency_ms)
         self.n_frames += 1
         self._show(status_text(self._own(estimate), self.interval_s, latency_ms, advised))
+        if self.watch is not None:
+            self.watch.take(None if isinstance(frame, MarksFrame) else frame, self.line, step, advised)
         return True
 
     def _fits(self, frame: vision.Frame) -> bool:
@@ -183,28 +186,6 @@ class Session:
         return median(self._intervals_s) if self._intervals_s else None
 
 
-def _warm_up(scene: Scene) -> None:
-    """Compile and load all that the first frame would have to wait for."""
-    line = Line(scene, baseline=False)
-    positions = scene.network.positions[[scene.network.index(node) for node in scene.measured_nodes]]
-    plain = np.eye(scene.network.dim)
-    marks = [MarkMeasurement(node, x, 1e-6 * plain) for node, x in zip(scene.measured_nodes, positions, strict=True)]
-    for k in range(2):
-        line.take(k / 30.0, marks)
-    if not scene.cameras:
-        return
-    camera = scene.cameras[0]
-    discs = [vision.Disc(center, (8.0, 8.0), scene.marks[0].hue_deg) for center in camera.project(positions)]
-    image = vision.draw_frame(camera.size_px, discs, vision.Lighting(), np.random.default_rng(0))
-    line.see(3 / 30.0, image)
-    one = vision.Expected("", np.array([60.0, 60.0]), np.eye(2), 0.0, vision.Outline(8.0 * np.eye(2), 0.05))
-    appearance = AppearanceModel(0.0)
-    appearance.remember(image, one.center_px, vision.Outline(8.0 * np.eye(2), 0.05))
-    for another in (False, True):
-        appearance.place(image, one, another=another)
-    detect_by_rim(image, one)
-
-
 def status_text(
     estimate: TargetEstimate, interval_s: float | None, latency_ms: float, advised: Guidance | None = None
 ) -> str:
@@ -252,12 +233,13 @@ def live(
     duration_s: float | None = None,
     fps: float | None = None,
     needle_path: Path | None = None,
+    film: Callable[[Scene, NeedlePlan | None], Film] | None = None,
 ) -> Followed:
     """Track the target live until the source ends, the duration is over or Ctrl-C; write estimates.csv.
 
     begin: opens the folder that rows are written to as they come; begun: called when frames are used. While no frame
     comes the target is predicted; events of the source are reported on standard error. With a needle's file there is
-    advice on it, too, in the status line and in advice.csv. Raises InputError.
+    advice on it, too, in the status line and in advice.csv. film: makes the film of the run. Raises InputError.
     """
     name = f"--source {vision.shown_source(source)}"
     scene, frames = _open(source, scene_path, fps)
@@ -273,7 +255,8 @@ def live(
                     begun()
                 show(text)
 
-            session = Session(scene, folder / "estimates.csv", shown, needle=plan)
+            watch = None if film is None else film(scene, plan)
+            session = Session(scene, folder / "estimates.csv", shown, needle=plan, watch=watch)
             try:
                 follow(session, frames, np.inf if duration_s is None else duration_s)
             except KeyboardInterrupt:
@@ -285,6 +268,8 @@ def live(
             finally:
                 report_source_events(frames)
                 session.close()
+                if watch is not None:
+                    watch.finish(folder)
             refused = dict(frames.refused) if isinstance(frames, LiveMarks) else None
             if not session.n_frames:
                 raise InputError.at(

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.commands.options import Force, Fps, SceneFile
+from experiments.commands.options import Force, Fps, SceneFile, WithFilm
 from experiments.commands.run import Answer, Run
 
 if TYPE_CHECKING:
+    from experiments.formats.needle_file import NeedlePlan
     from experiments.formats.scene.scene import Scene
 
 
@@ -32,10 +33,13 @@ def live(
     duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,
+    film: WithFilm = False,
     force: Force = False,
 ) -> Answer:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
     from experiments.errors import InputError
+    from experiments.film.film import FILM
+    from experiments.film.live_film import LiveFilm
     from experiments.pipeline.live import ADVICE
     from experiments.pipeline.live import live as followed
 
@@ -47,7 +51,22 @@ def live(
             run.use(used, before="track")
             yield folder
 
-    done = followed(source, scene, begin, begun=run.begun, duration_s=duration, fps=fps, needle_path=needle)
+    films: list[LiveFilm] = []
+
+    def filmed(used: Scene, plan: NeedlePlan | None) -> LiveFilm:
+        films.append(LiveFilm(used, path.with_name(f"{path.name}-film"), plan))
+        return films[-1]
+
+    done = followed(
+        source,
+        scene,
+        begin,
+        begun=run.begun,
+        duration_s=duration,
+        fps=fps,
+        needle_path=needle,
+        film=filmed if film else None,
+    )
 
     def show() -> None:
         refused = "".join(f", {n} {kind}" for kind, n in (done.refused or {}).items())
@@ -61,4 +80,9 @@ def live(
         if done.advice is not None:
             print(f"Advice in {path / ADVICE}: {', '.join(f'{name} {n}' for name, n in done.advice.items())}")
 
-    return Answer({"out": path, **asdict(done)}, show, None if done.fault is None else InputError(done.fault))
+        for one in films:
+            print(f"Film in {path / FILM}: {one.n_written} frames, {one.n_dropped} dropped")
+
+    fault = done.fault or next((f"film: {one.fault}" for one in films if one.fault is not None), None)
+    written = {"film": [{"frames": one.n_written, "dropped": one.n_dropped} for one in films]} if film else {}
+    return Answer({"out": path, **asdict(done), **written}, show, None if fault is None else InputError(fault))

@@ -72,7 +72,9 @@ def test_shares_are_those_of_the_discs_drawn(film, tmp_path, capsys) -> None:
     assert (kind["frames_too_few"], kind["frames_flooded"]) == (0.25, 0.25)
     assert kind["by_marks"] == pytest.approx(1.0, abs=0.1)
     (verdict,) = told["verdicts"]
-    assert verdict.startswith("mark M: hue 130 ± 18 takes in more of the picture than marks can in 25 % of frames: narrow")
+    assert verdict.startswith(
+        "mark M: hue 130 ± 18 takes in more of the picture than marks can in 25 % of frames: narrow"
+    )
 
 
 def test_taken_pixels_are_painted_where_they_are_and_the_rest_is_grey(film, tmp_path) -> None:
@@ -111,6 +113,6 @@ def test_a_film_in_which_a_mark_is_missing_is_told_of(film, tmp_path, capsys) ->
 )
 def test_what_cannot_be_shown_is_refused(film, tmp_path, monkeypatch, capsys, words, said) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "wide.toml").write_text(SCENE.replace("[320, 240]", "[640, 9]"))
+    (tmp_path / "wide.toml").write_text(SCENE.replace("[320, 240]", "[640, 240]"))
     assert softaim("hue", film, *words) == 2
     assert capsys.readouterr().err.strip() == f"softaim: {said}"

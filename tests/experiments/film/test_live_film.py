@@ -1,0 +1,136 @@
+"""The film of a live run: whole at the end, in pieces after a kill, and never in the way of the loop."""
+
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import experiments.film.live_film
+from experiments.errors import InputError
+from experiments.film.live_film import WAITING, LiveFilm
+from experiments.formats.scenario import read_scenario
+from experiments.pipeline.line import Line
+from experiments.pipeline.live import Session
+from experiments.pipeline.recorder import join
+from experiments.simulation.simulate import film, scene_of, true_motion
+from tests.experiments.command import softaim
+from vision import Frame
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    scenario = read_scenario("webcam").model_copy(update={"duration_s": 2.5})
+    rng = np.random.default_rng(1)
+    scene = scene_of(scenario)
+    truth = true_motion(scene.network, scenario, rng)
+    images = film(scenario, scene, truth, rng)
+    return [Frame(k, float(t), image) for k, (t, image) in enumerate(zip(truth.times_s, images, strict=True))]
+
+
+def line() -> Line:
+    return Line(scene_of(read_scenario("webcam")), baseline=False, explain=True)
+
+
+def taken(one: LiveFilm, frames: list[Frame]) -> None:
+    """Hand over frames, each when the thread has written the one before."""
+    own = line()
+    for k, frame in enumerate(frames):
+        one.take(frame, own, own.see(frame.exposure_s, frame.image))
+        while one.n_written + one.n_dropped <= k and one.fault is None:
+            threading.Event().wait(1e-3)
+
+
+def count(path: Path) -> int:
+    capture, n = cv2.VideoCapture(str(path)), 0
+    while capture.read()[0]:
+        n += 1
+    return n
+
+
+def test_the_film_is_joined_at_the_end_and_nothing_else_is_left(frames, tmp_path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    one = LiveFilm(line().scene, tmp_path / "out-film")
+    taken(one, frames)
+    one.finish(out)
+    assert one.fault is None
+    assert (one.n_written, one.n_dropped) == (len(frames), 0)
+    assert count(out / "film.avi") == len(frames)
+    assert cv2.VideoCapture(str(out / "film.avi")).get(cv2.CAP_PROP_FPS) == pytest.approx(30.0, rel=0.01)
+    assert (out / "worst.png").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_a_kill_leaves_is_joined_but_for_the_last_second(frames, tmp_path) -> None:
+    """The thread is left where it stands, as SIGKILL would; two whole seconds are on the disk."""
+    growing = tmp_path / "out-film"
+    taken(LiveFilm(line().scene, growing), frames)
+    assert len(list((growing / "segments").glob("0*.avi"))) >= 2
+    n_frames = join(growing)
+    assert n_frames >= 60
+    assert count(growing / "video.avi") == n_frames
+
+
+def test_the_loop_never_waits_and_the_oldest_frames_go(frames, tmp_path, monkeypatch) -> None:
+    held = threading.Event()
+    draw = experiments.film.live_film.drawn
+
+    def slow(image: np.ndarray, overlay: object) -> np.ndarray:
+        held.wait(60.0)
+        return draw(image, overlay)
+
+    monkeypatch.setattr(experiments.film.live_film, "drawn", slow)
+    out = tmp_path / "out"
+    out.mkdir()
+    one, own = LiveFilm(line().scene, tmp_path / "out-film"), line()
+    steps = [(frame, own.see(frame.exposure_s, frame.image)) for frame in frames[:30]]
+    one.take(steps[0][0], own, steps[0][1])
+    while one._waiting:  # until the thread holds the first
+        threading.Event().wait(1e-3)
+    for frame, step in steps[1:]:
+        one.take(frame, own, step)  # comes back although the thread stands still
+    assert one.n_dropped == 29 - WAITING
+    held.set()
+    one.finish(out)
+    assert one.n_written == 1 + WAITING
+    assert count(out / "film.avi") == 1 + WAITING
+
+
+def test_a_disk_that_is_full_ends_the_film_and_not_the_run(frames, tmp_path, monkeypatch) -> None:
+    def full(*_given: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(experiments.film.live_film.Recorder, "take", full)
+    one = LiveFilm(line().scene, tmp_path / "out-film")
+    session = Session(line().scene, tmp_path / "estimates.csv", lambda _text: None, watch=one)
+    for frame in frames[:10]:
+        assert session.take(frame)
+    one._thread.join(30.0)
+    session.take(frames[10])
+    assert session.n_frames == 11
+    assert "No space left" in str(one.fault)
+    session.close()
+
+
+def test_a_folder_in_which_a_killed_run_left_its_film_is_not_written_over(tmp_path) -> None:
+    (tmp_path / "out-film").mkdir()
+    with pytest.raises(InputError) as fault:
+        LiveFilm(line().scene, tmp_path / "out-film")
+    assert "softaim record --recover" in str(fault.value)
+
+
+@pytest.mark.slow
+def test_a_live_run_over_marks_writes_a_film_on_plain_ground(tmp_path, capsys) -> None:
+    rows = "".join(f"{k / 30.0:.6f},M1,{-200.0 + 0.1 * k:.3f},200.0,0.5\n" for k in range(30))
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    (folder / "marks.csv").write_text("time_s,node,x_mm,y_mm,sd_mm\n" + rows)
+    assert softaim("simulate", "webcam", "--no-film", "--out", tmp_path / "sim") == 0
+    scene = tmp_path / "sim" / "scene.toml"
+    out = tmp_path / "out"
+    assert softaim("live", "--source", folder / "marks.csv", "--scene", scene, "--out", out, "--film") == 0
+    assert "Film in" in capsys.readouterr().out
+    assert count(out / "film.avi") > 5
+    assert not (tmp_path / "out-film").exists()
