@@ -19,11 +19,11 @@ from experiments.film.strokes import (
     Colour,
     darken,
     draw_dashes,
+    draw_line,
     draw_segments,
     draw_text,
     draw_word,
     ellipse_points,
-    segments_of,
     text_height,
     text_width,
 )
@@ -121,8 +121,7 @@ def drawn(image: Image, overlay: Overlay) -> Image:
     if overlay.needle is not None:
         _needle(canvas, overlay.needle, scale)
     _target(canvas, overlay, scale)
-    _names(canvas, overlay, scale)
-    _words(canvas, overlay, scale)
+    _names(canvas, overlay, scale, _words(canvas, overlay, scale))
     return canvas
 
 
@@ -153,7 +152,7 @@ def _network(canvas: Image, overlay: Overlay, scale: float) -> None:
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
     for place, fixed in zip(nodes, overlay.fixed, strict=True):
         outline = place + size * corners if fixed else ellipse_points(place, size * np.eye(2))
-        draw_segments(canvas, segments_of(outline), SPRING, round(scale))
+        draw_line(canvas, outline, SPRING, round(scale))
 
 
 def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
@@ -168,10 +167,10 @@ def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
                 _rejected(canvas, mark.expected_px, mark.candidate_px, colour, scale)
     if mark.center_px is None:
         return
-    draw_segments(canvas, segments_of(ellipse_points(mark.center_px, mark.shape_px)), colour, 2 * thin)
+    draw_line(canvas, ellipse_points(mark.center_px, mark.shape_px), colour, 2 * thin)
     reach = within_95(mark.cov_px2)
     if reach is not None:
-        draw_segments(canvas, segments_of(ellipse_points(mark.center_px, reach)), colour, thin)
+        draw_line(canvas, ellipse_points(mark.center_px, reach), colour, thin)
     if mark.fate is Fate.REFUSED:
         cross = 1.2 * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
         draw_segments(canvas, mark.center_px + cross @ mark.shape_px.T, LIGHT, 2 * thin)
@@ -190,7 +189,7 @@ def _target(canvas: Image, overlay: Overlay, scale: float) -> None:
     draw_dashes(layer, ellipse_points(place, overlay.target_shape_px), 3.0 * scale, TARGET, thin)
     reach = within_95(overlay.target_cov_px2)
     if reach is not None:
-        draw_segments(layer, segments_of(ellipse_points(place, reach)), TARGET, 2 * thin)
+        draw_line(layer, ellipse_points(place, reach), TARGET, 2 * thin)
     plus = 5.0 * scale * np.array([[[-1.0, 0.0], [1.0, 0.0]], [[0.0, -1.0], [0.0, 1.0]]])
     draw_segments(layer, place + plus, TARGET, thin)
     if layer is not canvas:
@@ -200,7 +199,7 @@ def _target(canvas: Image, overlay: Overlay, scale: float) -> None:
 def _needle(canvas: Image, needle: NeedleDrawn, scale: float) -> None:
     thin = round(scale)
     draw_dashes(canvas, needle.ahead_px, 5.0 * scale, LIGHT, thin)
-    draw_segments(canvas, segments_of(needle.shaft_px), LIGHT, 3 * thin)
+    draw_line(canvas, needle.shaft_px, LIGHT, 3 * thin)
     if needle.aim_px is None:
         return
     reach = within_95(needle.aim_cov_px2)
@@ -210,20 +209,24 @@ def _needle(canvas: Image, needle: NeedleDrawn, scale: float) -> None:
     draw_segments(canvas, needle.aim_px + cross, LIGHT, thin)
 
 
-def _names(canvas: Image, overlay: Overlay, scale: float) -> None:
-    """Names of nodes and of marks, to the upper right of them."""
+def _names(canvas: Image, overlay: Overlay, scale: float, rows: tuple[float, float]) -> None:
+    """Names of nodes and of marks, to the upper right of them, between these rows."""
     up = text_height(scale)
+
+    def draw(name: str, right: float, above: float, colour: Colour) -> None:
+        draw_text(canvas, name, (right, min(max(above - up, rows[0]), rows[1] - up)), colour, scale)
+
     marked = {mark.name for mark in overlay.marks}
     for name, place in zip(overlay.names, overlay.nodes_px, strict=True):
         if name and name not in marked and _is_inside(canvas, place):
-            draw_text(canvas, name, (place[0] + 5.0 * scale, place[1] - up), LIGHT, scale)
+            draw(name, place[0] + 5.0 * scale, place[1], LIGHT)
     for mark in overlay.marks:
         place = mark.expected_px if mark.center_px is None else mark.center_px
         if place is None or not _is_inside(canvas, place):
             continue
         half = 0.75 * float(np.abs(mark.shape_px).sum(axis=1).max())
         text = mark.name if mark.fate is Fate.FOUND else f"{mark.name} {mark.fate}"
-        draw_text(canvas, text, (place[0] + half, place[1] - half - up), hue_colour(mark.hue_deg), scale)
+        draw(text, place[0] + half, place[1] - half, hue_colour(mark.hue_deg))
 
 
 def _is_inside(canvas: Image, place_px: Floats) -> bool:
@@ -231,8 +234,8 @@ def _is_inside(canvas: Image, place_px: Floats) -> bool:
     return bool(np.isfinite(place_px).all() and 0 <= place_px[0] < width and 0 <= place_px[1] < height)
 
 
-def _words(canvas: Image, overlay: Overlay, scale: float) -> None:
-    """The status and facts above, the advice below them; reasons at the lower edge, a line each."""
+def _words(canvas: Image, overlay: Overlay, scale: float) -> tuple[float, float]:
+    """The status and facts above, the advice below them; reasons at the lower edge, a line each; the rows between."""
     height, width = canvas.shape[:2]
     pad, line, large = 5.0 * scale, text_height(scale), 1.3 * scale
     room = width - 2.0 * pad
@@ -255,6 +258,7 @@ def _words(canvas: Image, overlay: Overlay, scale: float) -> None:
         darken(canvas, top, height)
     for k, text in enumerate(below):
         draw_text(canvas, text, (pad, top + k * line), LIGHT, scale)
+    return down + len(above) * line, top if below else float(height)
 
 
 def wrapped(text: str, room_px: float, scale: float) -> list[str]:

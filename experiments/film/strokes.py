@@ -19,6 +19,8 @@ Colour = tuple[int, int, int]
 DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Places are drawn to a sixteenth of a pixel."""
+NEAR_PX = 1e4
+"""Lines that go no further need not be cut: OpenCV's numbers hold that."""
 TEXT_PX = 16.0
 """Height of a line of text in a picture of 480 px [px]."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -33,17 +35,38 @@ def segments_of(points_px: Floats) -> Floats:
 
 def draw_segments(image: Image, segments: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
     """Draw pieces of lines, (n, 2, 2) [px], those parts that lie in the picture; edge: width of the dark edge [px]."""
-    inside = clipped(segments, image.shape[1::-1])
-    pieces = list(np.round(inside * 2**SHIFT).astype(np.int32))
-    if edge and pieces:
-        cv2.polylines(image, pieces, False, DARK, width + 2 * edge, cv2.LINE_AA, SHIFT)
-    if pieces:
-        cv2.polylines(image, pieces, False, colour, width, cv2.LINE_AA, SHIFT)
+    inside = segments if _is_near(segments) else clipped(segments, image.shape[1::-1])
+    if len(inside):
+        _draw(image, list(_fixed(inside)), colour, width, edge)
+
+
+def draw_line(image: Image, points_px: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
+    """Draw a line through points, (n, 2) [px], as `draw_segments` does."""
+    if _is_near(points_px):
+        _draw(image, [_fixed(points_px)], colour, width, edge)
+    else:
+        draw_segments(image, segments_of(points_px), colour, width, edge=edge)
+
+
+def _is_near(places: Floats) -> bool:
+    """Whether no place is far off, or not finite."""
+    return places.size > 0 and bool(np.abs(places).max() < NEAR_PX)
+
+
+def _fixed(places: Floats) -> Picture:
+    """Places as OpenCV takes parts of pixels."""
+    return np.round(places * 2**SHIFT).astype(np.int32)
+
+
+def _draw(image: Image, lines: Sequence[Picture], colour: Colour, width: int, edge: int) -> None:
+    if edge:
+        cv2.polylines(image, lines, False, DARK, width + 2 * edge, cv2.LINE_AA, SHIFT)
+    cv2.polylines(image, lines, False, colour, width, cv2.LINE_AA, SHIFT)
 
 
 def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour, width: int) -> None:
     """Draw a dashed line through points, (n, 2) [px]; its gaps are dark, so that it is seen on any ground."""
-    draw_segments(image, segments_of(points_px), DARK, width, edge=0)
+    draw_line(image, points_px, DARK, width, edge=0)
     draw_segments(image, dashed(points_px, dash_px), colour, width, edge=0)
 
 
@@ -72,8 +95,14 @@ def ellipse_points(center_px: Floats, shape_px: Floats) -> Floats:
     """Points around center + shape @ unit circle, closed, (n, 2): close enough that no corner is seen."""
     reach = float(np.abs(shape_px).max())
     n = int(np.clip(8.0 * np.sqrt(reach), 24, 1440)) if np.isfinite(reach) else 24
+    return np.asarray(center_px + _circle(n) @ shape_px.T, dtype=np.float64)
+
+
+@lru_cache(maxsize=256)
+def _circle(n: int) -> Floats:
+    """Points around the unit circle, closed, (n + 1, 2)."""
     angles = np.linspace(0.0, 2.0 * np.pi, n + 1)
-    return np.asarray(center_px + np.column_stack([np.cos(angles), np.sin(angles)]) @ shape_px.T, dtype=np.float64)
+    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def dashed(points_px: Floats, dash_px: float) -> Floats:

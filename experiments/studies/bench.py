@@ -14,7 +14,7 @@ starts; and the path by tables alone.
 recording: advice, noise levels and the smoother on a recording, by its frames: `bench_recording`.
 detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
-loop_640x480: from a frame in memory to the estimate, at 30 frames/s.
+loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same, filmed (`experiments.film.speed`).
 """
 
 from __future__ import annotations
@@ -63,10 +63,13 @@ from estimators import (
     positive_points,
     predict_fast,
 )
+from experiments.film.speed import film_640x480
 from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.simulate import film, scene_of, true_motion
 from experiments.studies.bench_recording import recording
+from vision.arrays import Image
 
 Report = dict[str, dict[str, float]]
 FRAME_S = 1.0 / 30.0
@@ -88,6 +91,8 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     report["detect"] = detect()
     advance(0.7)
     report["loop_640x480"] = loop_640x480()
+    advance(0.9)
+    report["film_640x480"] = film_640x480(*_filmed_webcam(60))
     advance(1.0)
     return report
 
@@ -321,16 +326,12 @@ def detect(n_frames: int = 60) -> dict[str, float]:
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:
     """The loop of the paper at 640x480: the frame is in memory, the estimate is out."""
-    scenario = read_scenario("webcam").model_copy(update={"duration_s": n_frames * FRAME_S})
-    rng = np.random.default_rng(scenario.seed)
-    scene = scene_of(scenario)
-    truth = true_motion(scene.network, scenario, rng)
-    images = list(film(scenario, scene, truth, rng))
+    scene, times_s, images = _filmed_webcam(n_frames)
     line = Line(scene, baseline=False)
     detect, filtered, total = [], [], []
-    for exposure_s, image in zip(truth.times_s, images, strict=True):
+    for exposure_s, image in zip(times_s, images, strict=True):
         began = time.perf_counter()
-        step = line.see(float(exposure_s), image)
+        step = line.see(exposure_s, image)
         total.append(time.perf_counter() - began)
         detect.append(step.detect_s)
         filtered.append(step.method_s[FILTER])
@@ -338,3 +339,12 @@ def loop_640x480(n_frames: int = 120) -> dict[str, float]:
     rest = [all_of_it - d - f for all_of_it, d, f in zip(total, detect, filtered, strict=True)]
     parts = {"detect_ms": detect, "filter_ms": filtered, "rest_ms": rest, "total_ms": total}
     return {key: 1e3 * float(np.median(seconds[warm])) for key, seconds in parts.items()}
+
+
+def _filmed_webcam(n_frames: int) -> tuple[Scene, list[float], list[Image]]:
+    """The scenario `webcam`: its scene, exposure times [s] and pictures."""
+    scenario = read_scenario("webcam").model_copy(update={"duration_s": n_frames * FRAME_S})
+    rng = np.random.default_rng(scenario.seed)
+    scene = scene_of(scenario)
+    truth = true_motion(scene.network, scenario, rng)
+    return scene, truth.times_s.tolist(), list(film(scenario, scene, truth, rng))
