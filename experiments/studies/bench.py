@@ -14,7 +14,7 @@ starts; and the path by tables alone.
 recording: advice, noise levels and the smoother on a recording, by its frames: `bench_recording`.
 detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
-loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same, filmed (`experiments.film.speed`).
+loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same, filmed.
 """
 
 from __future__ import annotations
