@@ -14,17 +14,7 @@ from functools import partial
 import numpy as np
 
 from dynamics import NeedleMotion
-from estimators import (
-    Advice,
-    Guidance,
-    ReliabilityBin,
-    clopper_pearson,
-    fast_prediction_tables,
-    guide,
-    path_near_rest,
-    path_reach_s,
-    reliability_bins,
-)
+from estimators import Advice, Guidance, ReliabilityBin, clopper_pearson, guide, path_near_rest, reliability_bins
 from experiments.arrays import Floats
 from experiments.simulation.closed_loop import hits, tip_error
 from experiments.simulation.policies import Warm
@@ -54,12 +44,11 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[Advised, ...]:
     plan = case.plan
     tissue.restore(warm.then)
     rng = np.random.default_rng([case.seed, 9])
+    path_at = partial(path_near_rest, warm.of_advice, tissue)
+    asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     first, every = round(case.warm_s * case.frames_per_s), max(1, round(EVERY_S * case.frames_per_s))
     until_s = world.knots.interval_s * (len(world.knots.forces) - 1)
     away = NeedleMotion(world.entry, np.zeros(world.network.dim), case.straight.axis, -1.0)
-    reach_s = path_reach_s(tissue, case.straight, plan.needle, plan.settings)
-    path_at = partial(path_near_rest, fast_prediction_tables(tissue, reach_s, at_once=False), tissue)
-    asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     found = []
     for k in range(first, case.n_frames - 1):
         now = world.frame_s(k)

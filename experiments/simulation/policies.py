@@ -25,9 +25,9 @@ from estimators import (
     compliance,
     fast_prediction_tables,
     health_fault,
+    path_reach_s,
     predict_fast,
 )
-from estimators.guidance.advice import PATH_STEP_S
 from estimators.process.target import target_map
 from estimators.tissue.filter import Snapshot
 from experiments.arrays import Floats
@@ -174,15 +174,13 @@ class Paper(Rest):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: its state, its last estimate, its tables, and the breath.
-
-    tables: None for a filter that considers unknown constants, which predicts by itself, far slower
-    """
+    """A filter after the warm-up: its state, its last estimate, the breath; tables of policies, and of advice."""
 
     tissue: TissueFilter
     then: Snapshot
     estimate: TargetEstimate
-    tables: FastPredictionTables | None
+    tables: FastPredictionTables
+    of_advice: FastPredictionTables
     breathing: Breathing
 
 
@@ -196,7 +194,6 @@ class Filtered:
         self.tissue.restore(warm.then)
         self._compliance = compliance(world.believed, world.case.given.target.point)
         self._error = world.case.plan.forces.error
-        self._horizon_s = horizon_s(world)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
         """Predict under the predicted push, take in the marks."""
@@ -237,14 +234,12 @@ class Ahead(Filtered):
         self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """By the breath, by the filter's tables, or by the filter itself, which does not know the coming pushes."""
-        breathes = self._breathing.breath() is not None
-        if self._tables is not None and not breathes:
+        """By the breath, or by the filter's tables."""
+        if self._breathing.breath() is None:
             return TargetPath(*predict_fast(self._tables, self.tissue, pushes))
-        cycle_s = PATH_STEP_S if self._tables is None else self._tables.cycle_s
-        n = int(np.ceil(self._horizon_s / cycle_s)) + 1 if self._tables is None else self._tables.n_times
-        times = self.estimate.time_s + cycle_s * np.arange(n, dtype=np.float64)
-        means, covs = (self._breathing.predict if breathes else self.tissue.predict_path)(times)
+        n = self._tables.n_times
+        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n, dtype=np.float64)
+        means, covs = self._breathing.predict(times)
         return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
@@ -269,8 +264,10 @@ class Waiting(Ahead):
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> FastPredictionTables:
-    """Of the filter of every world with this network, target, marks and settings, pickled: arrays do not compare."""
-    return fast_prediction_tables(TissueFilter(*pickle.loads(model)), ahead_s)
+    """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
+    network, target, marked, settings, uncertainty = pickle.loads(model)
+    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
+    return fast_prediction_tables(tissue, ahead_s, at_once=False)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
@@ -279,9 +276,11 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     That frame itself has not been seen yet.
     """
     case, given = world.case, world.case.given
-    model = (given.network, given.target.point, given.measured_nodes, given.settings)
-    tissue, paper = TissueFilter(*model, uncertainty=given.uncertainty), Paper(world)
-    tables = None if tissue.model.n_constants else _tables(pickle.dumps(model), horizon_s(world))
+    own = (given.network, given.target.point, given.measured_nodes, given.settings)
+    tissue, paper = TissueFilter(*own, uncertainty=given.uncertainty), Paper(world)
+    model = pickle.dumps((*own, given.uncertainty))
+    reach_s = path_reach_s(tissue, case.straight, case.plan.needle, case.plan.settings)
+    tables, of_advice = _tables(model, horizon_s(world)), _tables(model, reach_s)
     still = np.zeros(world.network.dim)
     state, outside = world.start, NeedleMotion(world.entry, still, case.plan.insertion.axis, -1.0)
     estimate, breathing = None, Breathing(world.network.dim)
@@ -295,4 +294,4 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
         state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
     if estimate is None:
         raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")
-    return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables, breathing)
+    return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables, of_advice, breathing)

@@ -132,18 +132,18 @@ def test_what_is_lost_is_not_seen(scenario: Path):
     assert attempt(world, Filtered(world, warm), state).miss_m < 0.01
 
 
-def test_a_filter_of_uncertain_constants_predicts_by_itself(scenario: Path, tmp_path: Path):
-    """Its path is that of `predict_path`; for it there are no tables."""
+def test_a_filter_of_uncertain_constants_predicts_with_their_errors(scenario: Path, tmp_path: Path):
+    """Half a second ahead its target is less certain than by exact constants, of the same marks."""
     believed = tmp_path / "believed.toml"
-    believed.write_text(HANGING)
-    world = world_of(case(scenario, scene_path=believed))
-    _, _, warm = warmed(world)
-    assert warm.tables is None
-    policy = Ahead(world, warm)
-    path = policy.path(np.zeros((1, 2, 3)))
-    means, covs = policy.tissue.predict_path(path.times_s)
-    np.testing.assert_allclose(path.means, means, atol=1e-12)
-    np.testing.assert_allclose(path.covs, covs, atol=1e-15)
+    text = HANGING.replace("poke_m_s2 = 3.0", "poke_m_s2 = 0.3")
+    believed.write_text(text.replace("stiffness = 0.1", "stiffness = 0.3"))
+    spread = []
+    for path in (None, believed):
+        world = world_of(case(scenario, scene_path=path))
+        _, _, warm = warmed(world)
+        ahead = Ahead(world, warm).path(np.zeros((warm.tables.n_times - 1, 2, 3)))
+        spread.append(np.sqrt(np.trace(ahead.covs[15])))
+    assert spread[1] > 1.02 * spread[0]
 
 
 def test_needles_hit_as_often_as_their_tips_are_near(scenario: Path, tmp_path: Path):
