@@ -78,8 +78,10 @@ class Run:
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
         """Note the scene of this run, and which steps were not done on it before this one: see `begun`."""
-        from experiments.pipeline.events import steps_left_out
+        from experiments.log import LOG
+        from experiments.pipeline.events import scene_line, steps_left_out
 
+        LOG.info("%s", scene_line(scene))
         self._scene = scene
         self._left_out = {} if before is None else steps_left_out(scene, before)
         self._told = False

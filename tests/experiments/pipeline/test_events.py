@@ -7,7 +7,7 @@ import pytest
 
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import with_step
-from experiments.pipeline.events import rest_line, rest_offsets, steps_left_out
+from experiments.pipeline.events import rest_line, rest_offsets, scene_line, steps_left_out
 from experiments.simulation.simulate import scene_of
 
 
@@ -82,6 +82,16 @@ def test_what_was_changed_by_hand_since_is_left_out_again(scene):
     assert "not identified since the network was changed after softaim tune" in changed["identify"]
     again = steps_left_out(with_step(tuned(scene), "identify", "1"), "track")
     assert "tuned before softaim identify, for other constants" in again["tune"]
+
+
+def test_what_is_assumed_is_one_line(scene):
+    """Of the phantom: four free nodes, three of them measured."""
+    assert scene_line(scene) == (
+        f"scene: 4 free nodes and {len(scene.network.springs)} springs in 2 dimensions, marks measured on M1, M3, M4, "
+        "target M2; constants exact; noise levels the usual; done: nothing"
+    )
+    done = with_step(tuned(with_step(scene, "at-rest", "1")), "identify", "1")
+    assert scene_line(done).endswith("noise levels its own; done: at-rest, tune, identify")
 
 
 def test_a_target_that_is_measured_is_said(scene):
