@@ -12,7 +12,12 @@ from experiments.projects.template import RADIUS_MM, Template
 
 MARK_SD_MM = 0.5
 FRAMES_PER_S = 30
-POKE_M_S2 = 10.0
+POKE_M_S2 = {2: 10.0, 3: 40.0}
+"""By dimension: a soft breast's masses are 40 g and well held, 40 m/s² is a push of 1 to 2 N."""
+
+HORIZON_S = 1.0
+"""Over which advice looks for a better start: five periods of a breast, and half the time of the usual two seconds."""
+
 SPEED_MM_S = 100.0
 
 KEYS = {
@@ -80,6 +85,7 @@ UNKNOWN = """
 
 def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: float, pokes: bool) -> str:
     """A scenario file with comments."""
+    strongest = POKE_M_S2[of.believed.network.dim]
     lines = [
         f"# {what}",
         "version = 1",
@@ -96,7 +102,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
             "acceleration_m_s2_sqrt_hz = 0.05",
             "",
             _with("[pokes]", "of a rod, on one of the nodes with measured marks at a time"),
-            _with(f"acceleration_m_s2 = {POKE_M_S2:.1f}", "the strongest, by the mass of its node"),
+            _with(f"acceleration_m_s2 = {strongest:.1f}", "the strongest, by the mass of its node"),
             _with("shortest_s = 0.1", "half a sine wave, from so short ..."),
             _with("longest_s = 0.4", "... to so long"),
             _with("pause_s = 1.5", "between two, on average"),
@@ -138,6 +144,7 @@ def needle_page(of: Template) -> str:
         "",
         "[advice]",
         _with("go = 0.9", "GO from this probability of a hit on"),
+        _with(f"horizon_s = {HORIZON_S}", "a start that is better is looked for so far ahead"),
     ]
     return "\n".join(lines) + "\n"
 

@@ -20,7 +20,7 @@ N_MASSES = {"plane": 5, "breast": 10}
 UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
 """Where the needle comes from, seen from the target, in the plane and in space."""
 
-STILL_S, MOVED_S = 2.0, 20.0
+STILL_S, CALIBRATION_S, SCORED_S = 2.0, 20.0, 10.0
 
 
 class Kind(StrEnum):
@@ -89,8 +89,8 @@ def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
         write_whole(folder / name, scene_page(scene, heading, after=after))
     recordings = {
         "still.toml": ("At rest, every mark seen", "truth/all_marks.toml", STILL_S, False),
-        "calibration.toml": ("Pushed about, every mark seen", "truth/all_marks.toml", MOVED_S, True),
-        "scenario.toml": ("Pushed about, the inside hidden", "truth/scene.toml", MOVED_S, True),
+        "calibration.toml": ("Pushed about, every mark seen", "truth/all_marks.toml", CALIBRATION_S, True),
+        "scenario.toml": ("Pushed about, the inside hidden", "truth/scene.toml", SCORED_S, True),
     }
     for k, (name, (what, tissue, seconds, pokes)) in enumerate(recordings.items(), start=1):
         text = scenario_page(of, what=what, scene=tissue, seed=seed + k, seconds=seconds, pokes=pokes)
