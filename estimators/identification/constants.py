@@ -17,6 +17,7 @@ from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
 from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, pass_through
+from estimators.identification.forces import Recorded
 from estimators.identification.groups import (
     ConstantGroup,
     constant_groups,
@@ -26,6 +27,7 @@ from estimators.identification.groups import (
     scale_groups,
     touched,
 )
+from estimators.identification.refined import Scaled, under_forces
 from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import from_starts, gauss_newton, starts
 from estimators.identification.stretch import affordable, frame_seconds, liveliest
@@ -213,11 +215,14 @@ def _identified(
     n_starts, used = _planned(search, frames, chosen.n_starts)
     expected = PASSES_A_START * (n_starts + 1)
 
-    def counted(theta: Floats, through: Frames) -> Pass:
+    def note() -> None:
         nonlocal passes
         share = passes / expected
         advance(min(0.99, max(problem.budget.share, share)))
         passes += 1
+
+    def counted(theta: Floats, through: Frames) -> Pass:
+        note()
         return search.at(theta, through)
 
     screened = liveliest(used, SCREENED)
@@ -228,7 +233,14 @@ def _identified(
     before = first.at_start
     if not np.isfinite(best.log_posterior):
         raise IdentificationError("expected constants under which the filter stays finite, found none")
-    if len(screened) < len(used):
+    refined = None
+    if not is_linear(problem.network, len(problem.nodes[0])):
+        scaled = Scaled(search.model, lambda model: search.directions(model, np.diag(search.sd)), search.sd, note)
+        seen = Recorded(used, search.nodes, search.settings, search.budget)
+        refined = under_forces(scaled, seen, best.theta)
+    if refined is not None:
+        best, before = refined.optimum, refined.given
+    elif len(screened) < len(used):
         try:
             before_all = counted(np.zeros(n), used)
             best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
@@ -236,8 +248,11 @@ def _identified(
         except OutOfTimeError:
             used = screened
     model = problem.model(best.theta)
-    scaled, residuals = residual_covariance(best.found, np.eye(n))
-    cov = scaled * np.outer(problem.sd, problem.sd)
+    by_prior, residuals = residual_covariance(best.found, np.eye(n))
+    if refined is not None:
+        reach = np.linalg.inv(best.precision)
+        by_prior = by_prior + reach @ refined.mean_cov @ reach
+    cov = by_prior * np.outer(problem.sd, problem.sd)
     wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
     after = problem.withheld(model, wide, used)
     given = problem.directions(problem.network, np.diag(problem.sd))

@@ -45,7 +45,7 @@ class ForceMode:
     lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]; choice
     jolt: acceleration noise on each node that may be poked, beside `white`: blows [m/s²/sqrt(Hz)]; source: the mode
     only: place among the marked nodes of the only one that is poked so; None: all are [1]; source: the scene
-    others: the pokes on the others then; source: the scene
+    others: the pokes on the others then, in turn on one only or on all; source: the scene
     """
 
     white: float
@@ -60,7 +60,8 @@ class ForceMode:
         sd, lasting = np.full(n_marked * dim, self.poke), np.full(n_marked * dim, self.lasting_s)
         if self.only is not None and self.others is not None:
             beside = np.arange(n_marked * dim) // dim != self.only
-            sd[beside], lasting[beside] = self.others.poke, self.others.lasting_s
+            of_others, while_others = self.others.pokes(n_marked, dim)
+            sd[beside], lasting[beside] = of_others[beside], while_others[beside]
         return sd, lasting
 
 

@@ -35,8 +35,11 @@ MOST_WORSE = 1.1
 """Ratio of the target's error without its mark, after to before, above which a scene is not written: a tenth is
 what recordings of a minute leave uncertain; chosen."""
 
+MOST_SHARED = 0.5
+"""Part of a constant's variance that goes with another's above which the two are not told apart; chosen."""
+
 NAMED = 4
-"""Constants named of such a combination, those that weigh most."""
+"""Constants named of such a combination, those that weigh most, and pairs named in a line, the strongest."""
 
 
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
@@ -175,6 +178,34 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     return combinations
 
 
+def confounded(found: IdentificationResult) -> list[Mapping[str, object]]:
+    """Pairs that the recording does not tell apart, strongest correlation first: constants, and means of whole kinds.
+
+    Of such a pair a combination is known better than either; an error of one goes into the other.
+    """
+    kinds = [group.kind for group in found.groups]
+    several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
+    rows = [*np.eye(len(kinds)), *(np.array([one == kind for one in kinds], dtype=float) for kind in several)]
+    names = [*(group_label(group) for group in found.groups), *(f"all {kind}" for kind in several)]
+    cov = np.array(rows) @ found.cov @ np.array(rows).T
+    sd = np.sqrt(np.diag(cov))
+    correlation = cov / np.outer(sd, sd)
+    n = len(kinds)
+    pairs = [(a, b) for a in range(len(names)) for b in range(a + 1, len(names)) if (a < n) == (b < n)]
+    together = [(a, b) for a, b in pairs if correlation[a, b] ** 2 > MOST_SHARED]
+    together.sort(key=lambda pair: -abs(correlation[pair]))
+    return [{"constants": [names[a], names[b]], "correlation": float(correlation[a, b])} for a, b in together]
+
+
+def hardly_determined(found: IdentificationResult) -> dict[str, list[str]]:
+    """By kind, the constants of whose variance before the recording more than `MAX_VARIANCE_LEFT` is left."""
+    names: dict[str, list[str]] = {}
+    for group, sd, prior_sd in zip(found.groups, found.sd, found.prior_sd, strict=True):
+        if sd**2 > MAX_VARIANCE_LEFT * prior_sd**2:
+            names.setdefault(group.kind, []).append(group_label(group))
+    return names
+
+
 def identification_report(found: IdentificationResult) -> dict[str, object]:
     """What `softaim identify --json` prints."""
     return {
@@ -186,6 +217,8 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
             for c in constants(found)
         ],
         "not_told": undetermined(found),
+        "not_told_apart": confounded(found),
+        "hardly_determined": hardly_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
         "residuals": {
             "explained": found.residuals.explained,
@@ -217,11 +250,29 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
         larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
         lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
+    lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
         lines += [f"The best within {minutes:g} minutes, by {found.n_frames} frames: --minutes for more"]
+    return lines
+
+
+def _known_badly(found: IdentificationResult) -> list[str]:
+    """Kinds of which the recording says little, and pairs that it does not tell apart, a line each."""
+    lines = []
+    if hardly := hardly_determined(found):
+        kinds = [group.kind for group in found.groups]
+        counts = ", ".join(f"{len(names)} of {kinds.count(kind)} {kind}" for kind, names in hardly.items())
+        lines += [f"Hardly determined, their values are mostly those of the scene given: {counts}"]
+    if pairs := confounded(found):
+        named = "; ".join(
+            f"{' and '.join(pair['constants'])} ({pair['correlation']:+.2f})"  # type: ignore[arg-type]
+            for pair in pairs[:NAMED]
+        )
+        more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""
+        lines += [f"Not told apart, by their correlation: {named}{more}"]
     return lines
 
 

@@ -4,16 +4,18 @@ import json
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
-from estimators import IdentificationSettings
+from estimators import ConstantGroup, IdentificationResult, IdentificationSettings, ResidualTest
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.pipeline.identify import confounded, fit_lines, hardly_determined
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import summary, track
 from experiments.simulation.simulate import scene_of
@@ -98,6 +100,59 @@ def test_identify_reports_to_programs(calibrated):
     assert all(0.0 < row["standard_error"] < 0.6 for row in report["constants"])
     assert 0 < len(report["not_told"]) < 38
     assert {"variance_left", "weights"} == set(report["not_told"][0])
+    assert all(len(pair["constants"]) == 2 for pair in report["not_told_apart"])
+    hardly = {name for names in report["hardly_determined"].values() for name in names}
+    assert {row["name"] for row in report["constants"] if row["standard_error"] > 0.4} <= hardly
+
+
+def test_what_is_not_told_apart_is_said():
+    """Drag and friction of one mass by a covariance of correlation -0.9, a stiffness beside them known to a tenth.
+
+    Drag keeps 81 % of the variance before, friction 36 %, stiffness 1 %; whole kinds have one constant each, no mean.
+    """
+    cov = np.diag([0.1**2 * 0.3**2, 0.9**2 * 0.5**2, 0.6**2 * 0.5**2])
+    cov[1, 2] = cov[2, 1] = -0.9 * np.sqrt(cov[1, 1] * cov[2, 2])
+    groups = tuple(ConstantGroup(kind, (0,), f"{kind} M1") for kind in ("stiffness", "drag", "friction"))
+    found = IdentificationResult(
+        network=four_mass_phantom(),
+        groups=groups,
+        change=np.zeros(3),
+        cov=cov,
+        prior_sd=np.array([0.3, 0.5, 0.5]),
+        uncertainty=None,
+        passes=3,
+        converged=True,
+        residuals=ResidualTest(1.0, 1.0, 100, 100.0, explained=True),
+        log_likelihood=1.0,
+        log_likelihood_before=0.0,
+        target_error_m=None,
+        target_error_before_m=None,
+        n_starts=1,
+        n_agreeing=1,
+        n_frames=100,
+        in_time=True,
+    )
+    (pair,) = confounded(found)
+    assert pair["constants"] == ["drag M1", "friction M1"]
+    assert pair["correlation"] == pytest.approx(-0.9)
+    assert hardly_determined(found) == {"drag": ["drag M1"]}
+    lines = fit_lines(found, 5.0)
+    assert "Hardly determined, their values are mostly those of the scene given: 1 of 1 drag" in lines
+    assert "Not told apart, by their correlation: drag M1 and friction M1 (-0.90)" in lines
+
+
+def test_whole_kinds_that_are_not_told_apart_are_said():
+    """Two drags and two frictions, each known to little, their sums to nothing: only the means of kinds correlate.
+
+    Within a kind errors are independent, of variance 1; across, correlated by -0.4: means by -0.8.
+    """
+    cov = np.eye(4)
+    cov[:2, 2:] = cov[2:, :2] = -0.4
+    names = [("drag", "M1"), ("drag", "M2"), ("friction", "M1"), ("friction", "M2")]
+    found = SimpleNamespace(groups=[ConstantGroup(kind, (0,), f"{kind} {node}") for kind, node in names], cov=cov)
+    (pair,) = confounded(found)
+    assert pair["constants"] == ["all drag", "all friction"]
+    assert pair["correlation"] == pytest.approx(-0.8)
 
 
 def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, capsys):

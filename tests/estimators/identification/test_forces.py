@@ -1,0 +1,179 @@
+"""Forces of a recording, found without truth, and scores that vanish on average where the constants are right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, rest_shape
+from estimators import Budget, FilterSettings, ForceMode, MarkMeasurement
+from estimators.identification.centring import score_moments, simulated
+from estimators.identification.filter_pass import pass_through
+from estimators.identification.forced_filter import Forces, Poke, forces_between
+from estimators.identification.forces import Recorded, find_forces, forced_pass, intervals, smoothed
+
+SD = 5e-4
+WHITE = 0.1
+SETTINGS = FilterSettings(quiet=ForceMode(WHITE, WHITE, 0.05), poked=ForceMode(WHITE, 2.0, 0.2))
+MASS, STIFFNESS, DRAG = 0.2, 40.0, 0.8
+
+
+def chain():
+    """Two masses in a row between two anchors, hung aslant."""
+    network = MassSpringNetwork(
+        names=("A", "near", "far", "B"),
+        positions=np.array([[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]]),
+        masses=np.full(4, MASS),
+        fixed=np.array([True, False, False, True]),
+        drag=np.array([0.0, 0.3, 0.3, 0.0]),
+        friction=np.zeros(4),
+        springs=np.array([[0, 1], [1, 2], [2, 3]]),
+        stiffness=np.full(3, 60.0),
+        rest_lengths=np.full(3, 0.09),
+        damping=np.full(3, 0.3),
+        gravity=np.array([0.0, -9.81]),
+    )
+    return replace(network, positions=rest_shape(network))
+
+
+@pytest.fixture(scope="module")
+def poked(driven):
+    """4 s at 30 frames/s: `near` is pushed along x at 1 s, `far` along y at 2.5 s, each for 0.3 s at up to 5 m/s²."""
+    network, rng = chain(), np.random.default_rng(5)
+    forces = MASS * WHITE * np.sqrt(120.0) * rng.normal(size=(4 * 120, 2, 2))
+    forces[120:156, 0, 0] += 5.0 * MASS * np.sin(np.linspace(0.0, np.pi, 36))
+    forces[300:336, 1, 1] += 5.0 * MASS * np.sin(np.linspace(0.0, np.pi, 36))
+    states = driven(network, pack(network.positions[1:3], np.zeros((2, 2))), forces)[::4]
+    cov = SD**2 * np.eye(2)
+    frames = []
+    for k, state in enumerate(states):
+        places = state[:4].reshape(2, 2) + rng.normal(0.0, SD, (2, 2))
+        frames.append((k / 30.0, [MarkMeasurement(n, p, cov) for n, p in zip(("near", "far"), places, strict=True)]))
+    return Recorded(frames, (("near", "far"), "far"), SETTINGS, Budget())
+
+
+def test_intervals_have_margins_and_are_joined():
+    poked = np.zeros(40, dtype=bool)
+    poked[[1, 10, 11, 15, 30, 39]] = True
+    assert intervals(poked) == [(1, 3), (8, 17), (28, 32), (37, 39)]
+
+
+def test_pokes_in_a_frame_and_their_mode():
+    """Two nodes at once, each at its own level; a third as where nobody pokes."""
+    forces = Forces(WHITE, pokes=(Poke(0, 3, 6, 1.0), Poke(2, 5, 9, 4.0), Poke(2, 9, 12, 3.0)))
+    assert forces.at(2) == ()
+    assert forces.at(5) == ((0, 1.0), (2, 4.0))
+    assert forces.at(9) == ((2, 4.0),)
+    (mode,) = forces_between(ForceMode(WHITE, 0.1, 0.05), 0.2, forces.at(5))
+    sd, lasting = mode.pokes(3, 2)
+    np.testing.assert_array_equal(sd, [1.0, 1.0, 0.1, 0.1, 4.0, 4.0])
+    np.testing.assert_array_equal(lasting, [0.2, 0.2, 0.05, 0.05, 0.2, 0.2])
+
+
+def test_who_was_poked_when_and_how_strongly(poked):
+    """Levels: of a half sine of 5 m/s² along one axis of two over its time, 5 / 2 = 2.5 m/s² an axis.
+
+    Intervals have margins in which nothing acts, so that the level is lower; the other node's is a fifth at most.
+    """
+    forces = find_forces(chain(), poked, None)
+    level = {(poke.place, poke.first): poke.level for poke in forces.pokes}
+    runs = sorted({(poke.first, poke.last) for poke in forces.pokes})
+    assert len(runs) == 2
+    for (first, last), node, start in zip(runs, (0, 1), (30, 75), strict=True):
+        assert start - 3 <= first <= start + 2
+        assert start + 7 <= last <= start + 13
+        assert 1.2 < level[node, first] < 3.0
+        assert level[1 - node, first] < 0.25 * level[node, first]
+    assert forces.white == pytest.approx(WHITE, rel=0.3)
+    assert forces.marks == pytest.approx(1.0, rel=0.1)
+
+
+def test_smoothed_forces_are_those_that_acted(poked):
+    """In the middle of each poke, 5 m/s² by the mass: to 1.5 N per kg."""
+    network = chain()
+    means, variances = smoothed(network, poked, find_forces(network, poked, None))
+    pokes = means[:, network.n_state :] / MASS
+    np.testing.assert_allclose(pokes[34], [5.0, 0.0, 0.0, 0.0], atol=1.5)
+    np.testing.assert_allclose(pokes[79], [0.0, 0.0, 0.0, 5.0], atol=1.5)
+    assert np.abs(pokes[60]).max() < 0.2
+    assert (variances > 0.0).all()
+
+
+def test_without_pokes_it_is_the_filter_of_the_bank(poked):
+    """In frames without a poke both filters have the same information on constants, but for the bank's odds: 20 %."""
+    network = chain()
+    calm = replace(poked, frames=poked.frames[:28])
+    uncertainty = independent_uncertainty((Parameter("stiffness", 1), Parameter("rest_length", 1)), [0.3, 0.05])
+    ours = forced_pass(network, uncertainty, calm, Forces(WHITE))
+    bank = pass_through(network, uncertainty, calm.frames, calm.nodes, replace(SETTINGS, test_sigmas=np.inf), Budget())
+    np.testing.assert_allclose(np.diag(ours.information), np.diag(bank.information), rtol=0.2)
+    assert ours.log_likelihood == pytest.approx(bank.log_likelihood, abs=5.0)
+
+
+def pendant():
+    """One mass on four equal springs at right angles: near its rest each axis is one linear oscillator with drag."""
+    return MassSpringNetwork(
+        names=("m", "L", "R", "D", "U"),
+        positions=np.array([[0.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]]),
+        masses=np.array([MASS, 1.0, 1.0, 1.0, 1.0]),
+        fixed=np.array([False, True, True, True, True]),
+        drag=np.array([DRAG, 0.0, 0.0, 0.0, 0.0]),
+        friction=np.zeros(5),
+        springs=np.array([[0, 1], [0, 2], [0, 3], [0, 4]]),
+        stiffness=np.full(4, 0.5 * STIFFNESS),
+        rest_lengths=np.full(4, 1.0),
+        damping=np.zeros(4),
+        gravity=np.zeros(2),
+    )
+
+
+def pendant_frames(rng, n_frames=61, dt=1.0 / 30.0):
+    """Marks of the mass under white noise alone, by the exact transition of its equations; no code of ours."""
+    A = np.array([[0.0, 1.0], [-STIFFNESS / MASS, -DRAG / MASS]])
+    h = dt / 20.0
+    F = expm(A * h)
+    state, frames, cov = np.zeros((2, 2)), [], SD**2 * np.eye(2)
+    for k in range(n_frames):
+        frames.append((k * dt, [MarkMeasurement("m", state[0] + rng.normal(0.0, SD, 2), cov)]))
+        for _ in range(20):
+            state = F @ state
+            state[1] += WHITE * np.sqrt(h) * rng.normal(size=2)
+    return frames
+
+
+def test_a_score_is_centred_where_forces_are_supposed_that_do_not_act():
+    """Drag at its true value, pokes supposed in a third of the frames, none acting: the score of drag has a mean.
+
+    Over 60 recordings that mean is above nought by more than 3 of its standard errors, and, less what 8 simulated
+    recordings of the first of them have for a mean, within 3 of theirs.
+    """
+    network, rng = pendant(), np.random.default_rng(2)
+    uncertainty = independent_uncertainty((Parameter("drag", 0),), [0.5])
+    forces = Forces(WHITE, pokes=tuple(Poke(0, k, k + 4, 4.0) for k in range(5, 60, 14)))
+    scores, first = [], None
+    for _ in range(60):
+        seen = Recorded(pendant_frames(rng), (("m",), "m"), SETTINGS, Budget())
+        first = seen if first is None else first
+        scores.append(forced_pass(network, uncertainty, seen, forces).gradient[0])
+    mean, error = np.mean(scores), np.std(scores, ddof=1) / np.sqrt(len(scores))
+    moments = score_moments(network, uncertainty, first, forces)
+    assert mean > 3.0 * error
+    assert abs(mean - moments.mean[0]) < 3.0 * np.hypot(error, np.sqrt(moments.mean_cov[0, 0]))
+    assert moments.mean_cov[0, 0] == pytest.approx(moments.cov[0, 0] / 8.0)
+
+
+def test_simulated_recordings_have_the_marks_of_the_true_one(poked):
+    """Times and nodes are the same; places differ by the noises: by 0.1 to 10 of the marks' standard deviations."""
+    network = chain()
+    lost = [(t, marks[:1] if k % 7 == 3 else marks) for k, (t, marks) in enumerate(poked.frames)]
+    seen = replace(poked, frames=lost)
+    first, second = simulated(network, seen, find_forces(network, seen, None), 2)
+    assert [(t, [m.node for m in marks]) for t, marks in first] == [(t, [m.node for m in marks]) for t, marks in lost]
+    for a, b in ((first, second), (first, lost)):
+        apart = [
+            m.position - n.position
+            for (_, one), (_, two) in zip(a, b, strict=True)
+            for m, n in zip(one, two, strict=True)
+        ]
+        assert 0.1 * SD < np.sqrt(np.mean(np.square(apart))) < 10.0 * SD
