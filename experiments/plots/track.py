@@ -31,7 +31,7 @@ def write_track_plots(
     """Draw the pictures of a track into a folder that exists; the files written.
 
     path.png; with truth error.png and sigma.png, without it motion.png in their place; consistency.png where marks were
-    taken in; check.png where marks were predicted as if hidden. vector: "pdf" or "svg" for such a file beside each;
+    taken in; withheld.png where marks were predicted as if hidden. vector: "pdf" or "svg" for such a file beside each;
     advance: gets the share done
     """
     pictures = {"path": path_figure(done)}
@@ -44,7 +44,7 @@ def write_track_plots(
     if has_innovations(done):
         pictures["consistency"] = consistency_figure(done)
     if done.withheld:
-        pictures["check"] = withheld_figure(done.withheld)
+        pictures["withheld"] = withheld_figure(done.withheld)
     written: list[Path] = []
     for k, (name, figure) in enumerate(pictures.items(), start=1):
         written += write_picture(figure, folder / f"{name}.png", vector)

@@ -172,7 +172,7 @@ def test_all_pictures_can_be_printed_and_have_no_empty_axes(tmp_path, monkeypatc
         track = with_status(track, range(*frames), status)
     withheld = {name: Withheld(9, 4.0, 2.0, 1.0) for name in scene.measured_nodes}
     write_track_plots(replace(track, withheld=withheld), tmp_path)
-    both = {"path.png", "consistency.png", "check.png"}
+    both = {"path.png", "consistency.png", "withheld.png"}
     assert set(drawn) == both | ({"error.png", "sigma.png"} if with_truth else {"motion.png"})
     for figure in drawn.values():
         check_printed(figure, without_units=("mark",))
