@@ -71,11 +71,10 @@ def test_the_targets_ellipse_holds_95_percent_and_its_axes_are_those_of_the_cova
 
 
 def test_of_a_correlated_covariance_the_long_axis_is_turned() -> None:
-    cov = 100.0 * np.array([[1.0, 0.8], [0.8, 1.0]])  # eigenvalues 180 along (1, 1), 20 across
-    picture = drawn(GREY, overlay(target_cov_px2=cov))
-    along, across = ROOT_95 * (180.0 / 2.0) ** 0.5, ROOT_95 * (20.0 / 2.0) ** 0.5
-    assert near(picture, tuple(FAR_AWAY + along), TARGET)
-    assert near(picture, tuple(FAR_AWAY + across * np.array([1.0, -1.0])), TARGET)
+    along, across = np.array([np.cos(0.5), np.sin(0.5)]), np.array([-np.sin(0.5), np.cos(0.5)])
+    picture = drawn(GREY, overlay(target_cov_px2=180.0 * np.outer(along, along) + 20.0 * np.outer(across, across)))
+    assert near(picture, tuple(FAR_AWAY + ROOT_95 * 180.0**0.5 * along), TARGET)
+    assert near(picture, tuple(FAR_AWAY + ROOT_95 * 20.0**0.5 * across), TARGET)
 
 
 def test_an_ellipse_that_is_not_to_be_relied_upon_is_faint() -> None:

@@ -45,6 +45,13 @@ def test_a_mark_that_is_covered_shows_too_few_pixels() -> None:
     assert gone["M4"].candidate_px is None
 
 
+def test_what_is_left_of_a_mark_says_more_than_another_of_its_hue_elsewhere() -> None:
+    cover, other = Disc(np.array([302.6, 350.0]), (9.2, 11.0), BLUE), Disc(np.array([550.0, 400.0]), (10.0, 10.0), 0.0)
+    one = lost(frame(HOMES, cover, other))["M4"]
+    assert one.reason is Reason.FEW_PIXELS
+    assert np.abs(one.candidate_px - [292.0, 350.0]).max() < 2.0
+
+
 @pytest.mark.parametrize("radius", [3.3, 5.0, 21.0, 40.0])
 def test_a_mark_of_another_diameter_is_of_the_wrong_size(radius: float) -> None:
     one = lost(frame(HOMES, radius=radius), learned=False)

@@ -54,8 +54,10 @@ def test_the_verdict_names_the_mark_missed_most_the_reason_and_what_to_look_at()
     assert marks_verdict(scene, tally.shares()) == (
         "mark M3: not found in 63 % of frames: too few pixels of hue 120 ± 18: look at softaim hue"
     )
-    tally.take(step("134", {"M2": Reason.FAR}))  # scoring only: nothing depends on it
-    assert "M2" not in (marks_verdict(scene, tally.shares()) or "")
+    for _ in range(200):
+        tally.take(step("134", {"M2": Reason.FAR}))  # scoring only: nothing depends on it
+    assert tally.shares()["M2"].lost > tally.shares()["M3"].lost
+    assert (marks_verdict(scene, tally.shares()) or "").startswith("mark M3: not found in 21 % of frames")
 
 
 @pytest.mark.parametrize(("missed", "told"), [(5, False), (6, True)])
