@@ -17,7 +17,8 @@ from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
 from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, pass_through
-from estimators.identification.forces import Recorded
+from estimators.identification.forced.forces import Recorded
+from estimators.identification.forced.refined import Scaled, under_forces
 from estimators.identification.groups import (
     ConstantGroup,
     constant_groups,
@@ -27,7 +28,6 @@ from estimators.identification.groups import (
     scale_groups,
     touched,
 )
-from estimators.identification.refined import Scaled, under_forces
 from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import from_starts, gauss_newton, starts
 from estimators.identification.stretch import affordable, frame_seconds, liveliest

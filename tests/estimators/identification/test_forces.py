@@ -8,10 +8,10 @@ from scipy.linalg import expm
 
 from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, rest_shape
 from estimators import Budget, FilterSettings, ForceMode, MarkMeasurement
-from estimators.identification.centring import score_moments, simulated
 from estimators.identification.filter_pass import pass_through
-from estimators.identification.forced_filter import Forces, Poke, forces_between
-from estimators.identification.forces import Recorded, find_forces, forced_pass, intervals, smoothed
+from estimators.identification.forced.centring import score_moments, simulated
+from estimators.identification.forced.forced_filter import Forces, Poke, forces_between
+from estimators.identification.forced.forces import Recorded, find_forces, forced_pass, intervals, smoothed
 
 SD = 5e-4
 WHITE = 0.1
@@ -149,7 +149,7 @@ def test_a_score_is_centred_where_forces_are_supposed_that_do_not_act(monkeypatc
     Over 100 recordings that mean is above nought by more than 3 of its standard errors. What 100 simulated recordings
     of the first of them have for a mean is within 3 of the two means' standard errors of it, and farther from nought.
     """
-    monkeypatch.setattr("estimators.identification.centring.SIMULATED", 100)
+    monkeypatch.setattr("estimators.identification.forced.centring.SIMULATED", 100)
     network, rng = pendant(), np.random.default_rng(2)
     uncertainty = independent_uncertainty((Parameter("drag", 0),), [0.5])
     forces = Forces(WHITE, pokes=tuple(Poke(0, k, k + 4, 4.0) for k in range(5, 60, 14)))

@@ -18,7 +18,7 @@ from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
 from estimators.identification.filter_pass import Frames, Pass, failed_pass
-from estimators.identification.forced_filter import ForcedFilter, Forces, Poke, Taken, forces_between
+from estimators.identification.forced.forced_filter import ForcedFilter, Forces, Poke, Taken, forces_between
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
@@ -81,14 +81,12 @@ def poked_frames(network: MassSpringNetwork, seen: Recorded) -> NDArray[np.bool_
 
     Raises OutOfTimeError, CovarianceError.
     """
-    settings = replace(seen.settings, strain_sd=0.0)
-    tissue = TissueFilter(network, seen.nodes[1], seen.nodes[0], settings)
+    tissue = TissueFilter(network, seen.nodes[1], seen.nodes[0], replace(seen.settings, strain_sd=0.0))
     poked = np.zeros(len(seen.frames), dtype=bool)
     for k, (time_s, marks) in enumerate(seen.frames):
         seen.budget.check()
         tissue.predict(time_s)
-        tissue.update(marks)
-        poked[k] = settings.poked_share(tissue.mixture.mu) > 0.5
+        poked[k] = tissue.update(marks).poked > 0.5
     return poked
 
 

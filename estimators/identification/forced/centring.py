@@ -15,8 +15,8 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty, Stepper
 from estimators.arrays import Floats
 from estimators.identification.filter_pass import Frames
-from estimators.identification.forced_filter import Forces
-from estimators.identification.forces import Recorded, forced_pass, smoothed
+from estimators.identification.forced.forced_filter import Forces
+from estimators.identification.forced.forces import Recorded, forced_pass, smoothed
 
 SIMULATED = 8
 """Recordings that are simulated: an eighth is added to the variance of the score, and stated; numerical."""

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from dynamics import node_forces, pack
-from experiments.studies.identification import PRIOR_SD, five_mass_phantom, identified, page_table, pulls
+from experiments.studies.estimation.identification import PRIOR_SD, five_mass_phantom, identified, page_table, pulls
 
 
 def test_the_users_phantom_rests_where_it_stands():

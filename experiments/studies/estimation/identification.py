@@ -1,8 +1,8 @@
 """Whether the standard errors of identified constants hold: the table "Standard errors" of docs/identification.md.
 
-    python -m experiments.studies.identification --out study             # 40 fits of either phantom
-    python -m experiments.studies.identification --out study --runs 4 --seeds 0
-    python -m experiments.studies.identification --out study --page      # also rewrites the table of the page
+    python -m experiments.studies.estimation.identification --out study             # 40 fits of either phantom
+    python -m experiments.studies.estimation.identification --out study --runs 4 --seeds 0
+    python -m experiments.studies.estimation.identification --out study --page      # also rewrites the table of the page
 
 A fit takes some 15 s of one core.
 
@@ -43,7 +43,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.zoo.page import rewritten
 
-PAGE = Path(__file__).parents[2] / "docs" / "identification.md"
+PAGE = Path(__file__).parents[3] / "docs" / "identification.md"
 
 PRIOR_SD: Mapping[str, float] = {
     "stiffness": 0.1,

@@ -12,10 +12,10 @@ from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import OutOfTimeError
-from estimators.identification.centring import score_moments
 from estimators.identification.filter_pass import Pass
-from estimators.identification.forced_filter import Forces
-from estimators.identification.forces import Recorded, find_forces, forced_pass
+from estimators.identification.forced.centring import score_moments
+from estimators.identification.forced.forced_filter import Forces
+from estimators.identification.forced.forces import Recorded, find_forces, forced_pass
 from estimators.identification.search import Optimum, gauss_newton
 
 IN_TURN = 2

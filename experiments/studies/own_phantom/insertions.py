@@ -1,0 +1,75 @@
+"""Insertions into recordings of a project: what was told, and what came true."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from estimators import guide
+from experiments.formats.needle_file import read_needle
+from experiments.formats.recording import read_recording
+from experiments.formats.scenario import read_scenario
+from experiments.pipeline.advise import Advised, table
+from experiments.pipeline.line import FILTER, Line
+from experiments.pipeline.track import each_step
+from experiments.simulation.simulate import simulate
+
+EVERY_S = 0.25
+"""Between two insertions [s]: some 75 in a recording of 20 s, whose end no needle reaches; parameter of the study."""
+
+TUNED = "tuned.toml"
+
+
+def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Insertions into one recording of a project: told, true and advice of each; case: phantom, project, seed."""
+    project = Path(case["project"])
+    scenario = read_scenario(str(project / "scenario.toml")).model_copy(update={"seed": case["seed"]})
+    with tempfile.TemporaryDirectory() as folder:
+        simulate(scenario, Path(folder) / "rec")
+        recording = read_recording(Path(folder) / "rec", project / TUNED)
+        scene = recording.scene
+        plan = read_needle(project / "needle.toml", scene.target.radius_m, scene.network.dim)
+        line = Line(scene, baseline=False, fixes=recording.fixes)
+        times, guidance, next_s = [], [], EVERY_S
+        for step in each_step(line, recording):
+            estimate = step.estimates[FILTER]
+            if estimate.time_s >= next_s:
+                advised = guide(
+                    line.filter, estimate, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings
+                )
+                times.append(estimate.time_s)
+                guidance.append(advised)
+                next_s += EVERY_S
+        rows = table(Advised(recording, plan, tuple(times), tuple(guidance)))
+    known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["came_true"])]
+    return [
+        {"time_s": row.time_s, "told": row.p_hit, "true": row.came_true, "advice": row.advice}
+        for row in known.itertuples()
+    ]
+
+
+def reliability_table(found: pd.DataFrame) -> str:
+    """A row for each phantom: what was told and came true, of all insertions and of those with GO.
+
+    The interval is of the mean difference over recordings, 1.96 standard errors: insertions of one are not independent.
+    """
+    lines = [
+        "| phantom | recordings | insertions | told | came true | true - told, 95 % | GO | told | came true |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for name, rows in found.groupby("phantom", sort=False):
+        gaps = (rows["true"] - rows["told"]).groupby(rows["seed"]).mean()
+        half = 1.96 * float(gaps.std(ddof=1)) / np.sqrt(len(gaps)) if len(gaps) > 1 else np.inf
+        gap = float((rows["true"] - rows["told"]).mean())
+        go = rows[rows["advice"] == "GO"]
+        lines.append(
+            f"| {name} | {len(gaps)} | {len(rows)} | {rows['told'].mean():.1%} | {rows['true'].mean():.1%} | "
+            f"{100 * gap:+.1f} ± {100 * half:.1f} points | {len(go) / len(rows):.0%} | "
+            f"{go['told'].mean():.1%} | {go['true'].mean():.1%} |"
+        )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,82 @@
+"""The tutorial's commands, typed as they stand, and the study that takes their time and counts what came true."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.studies.own_phantom.insertions import insertions, reliability_table
+from experiments.studies.own_phantom.steps import steps_of, times_table
+from tests.experiments.command import softaim
+
+TUTORIAL = Path(__file__).parents[3] / "docs" / "tutorial.md"
+
+
+def typed_in_the_tutorial() -> list[list[str]]:
+    """Every command of the page's blocks, in order, without `softaim`."""
+    blocks = re.findall(r"```sh\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
+    return [line.split()[1:] for block in blocks for line in block.splitlines() if line.startswith("softaim ")]
+
+
+def test_the_tutorial_has_the_steps_of_a_new_project(tmp_path):
+    new, *steps = typed_in_the_tutorial()
+    assert softaim(*(tmp_path / "mine" if word == "mine" else word for word in new)) == 0
+    assert steps == steps_of(tmp_path / "mine")
+    kinds = [re.sub("identify", "rest", step[0]) if "--at-rest" in step else step[0] for step in steps]
+    assert kinds == ["check", *3 * ["simulate"], "rest", "identify", "tune", "track", "advise"]
+
+
+@pytest.mark.slow
+def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
+    """All commands of the page, recordings of 6 s in place of 20: the target is followed, no worse than by the open loop.
+
+    And advice on another recording of the project: frames four times a second, whose truth is known.
+    """
+    monkeypatch.chdir(tmp_path)
+    new, *steps = typed_in_the_tutorial()
+    assert softaim(*new) == 0
+    monkeypatch.chdir(tmp_path / "mine")
+    for name in ("calibration.toml", "scenario.toml"):
+        text = Path(name).read_text(encoding="utf-8")
+        Path(name).write_text(re.sub(r"duration_s = [\d.]+", "duration_s = 6.0", text), encoding="utf-8")
+    for step in steps:
+        assert softaim(*step) == 0, step
+    figures = json.loads(Path("track/summary.json").read_text(encoding="utf-8"))
+    assert figures["filter"]["mae_mm"] < min(figures["open-loop"]["mae_mm"], 1.0)
+    assert figures["filter"]["coverage95"] > 0.8
+    rows = pd.DataFrame(insertions({"phantom": "plane", "project": str(tmp_path / "mine"), "seed": 7}))
+    np.testing.assert_allclose(np.diff(rows["time_s"]), 0.25, atol=0.035)  # in whole frames
+    assert 15 <= len(rows) <= 23
+    assert rows[["told", "true"]].to_numpy().min() >= 0.0
+    assert abs(rows["told"].mean() - rows["true"].mean()) < 0.2
+
+
+def test_tables_of_the_study():
+    """Two recordings of two insertions, off by 0.1 and 0.3: 0.2 with a standard error of 0.1, hence 19.6 points."""
+    found = pd.DataFrame(
+        {
+            "phantom": "one",
+            "seed": [1, 1, 2, 2],
+            "told": [0.5, 0.5, 0.6, 0.6],
+            "true": [0.6, 0.6, 1.0, 0.8],
+            "advice": ["GO", "WAIT", "GO", "GO"],
+        }
+    )
+    *_, row = reliability_table(found).splitlines()
+    assert row == "| one | 2 | 4 | 55.0% | 75.0% | +20.0 ± 19.6 points | 75% | 56.7% | 80.0% |"
+    times = pd.DataFrame(
+        {
+            "phantom": "one",
+            "command": ["simulate a --out b", "simulate c --out d", "identify a --at-rest", "identify b"],
+            "seconds": [1.0, 2.0, 3.0, 4.0],
+        }
+    )
+    assert times_table(times).splitlines()[2:] == [
+        "| simulate | 3 |",
+        "| identify --at-rest | 3 |",
+        "| identify | 4 |",
+        "| all | 10 |",
+    ]
