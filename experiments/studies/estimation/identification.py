@@ -2,7 +2,7 @@
 
     python -m experiments.studies.estimation.identification --out study             # 40 fits of either phantom
     python -m experiments.studies.estimation.identification --out study --runs 4 --seeds 0
-    python -m experiments.studies.estimation.identification --out study --page      # also rewrites the table of the page
+    python -m experiments.studies.estimation.identification --out study --page      # rewrites the page's table, too
 
 A fit takes some 15 s of one core.
 

@@ -31,7 +31,7 @@ def test_the_tutorial_has_the_steps_of_a_new_project(tmp_path):
 
 @pytest.mark.slow
 def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
-    """All commands of the page, recordings of 6 s in place of 20: the target is followed, no worse than by the open loop.
+    """All commands of the page, 6 s in place of 20 recorded: the target is followed no worse than by the open loop.
 
     And advice on another recording of the project: frames four times a second, whose truth is known.
     """
