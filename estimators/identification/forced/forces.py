@@ -86,7 +86,8 @@ def poked_frames(network: MassSpringNetwork, seen: Recorded) -> NDArray[np.bool_
     for k, (time_s, marks) in enumerate(seen.frames):
         seen.budget.check()
         tissue.predict(time_s)
-        poked[k] = tissue.update(marks).poked > 0.5
+        share = tissue.update(marks).poked
+        poked[k] = share is not None and share > 0.5
     return poked
 
 
