@@ -20,6 +20,8 @@ def liveliest(frames: Frames, n: int) -> Frames:
     """The n frames in a row in which the marks move the most, by the sum of their squared steps."""
     if n >= len(frames):
         return frames
+    if n < 1:
+        return frames[:0]
     steps = np.zeros(len(frames))
     last: dict[str, np.ndarray] = {}
     for k, (_, marks) in enumerate(frames):

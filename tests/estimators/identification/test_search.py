@@ -103,6 +103,7 @@ def test_the_liveliest_frames_are_kept_where_the_time_does_not_do():
     kept = affordable(frames, 0.1, 5, budget)
     assert len(kept) == 20
     assert kept[0][0] == pytest.approx(6.0, abs=0.11)
+    assert len(liveliest(frames, 0)) == 0
     assert liveliest(frames, 200) is frames
     assert affordable(frames, 0.0, 5, budget) is frames
     with pytest.raises(OutOfTimeError):

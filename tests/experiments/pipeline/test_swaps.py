@@ -87,7 +87,7 @@ def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, monkeypatch,
     monkeypatch.setattr(sys, "argv", ["softaim", "track", str(tmp_path / "rec"), "--out", str(tmp_path / "out")])
     with pytest.raises(SystemExit, match="0"):
         cli.main()
-    told = capsys.readouterr().err
+    *_, told = capsys.readouterr().err.splitlines(keepends=True)
     assert told == "softaim: 0.67 s: swap: M3 and M4 were taken for each other since 0.67 s; undone\n"
     assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["swaps_undone"] == 1
 
