@@ -70,6 +70,10 @@ def reliability_table(found: pd.DataFrame) -> str:
         lines.append(
             f"| {name} | {len(gaps)} | {len(rows)} | {rows['told'].mean():.1%} | {rows['true'].mean():.1%} | "
             f"{100 * gap:+.1f} ± {100 * half:.1f} points | {len(go) / len(rows):.0%} | "
-            f"{go['told'].mean():.1%} | {go['true'].mean():.1%} |"
+            f"{_mean(go['told'])} | {_mean(go['true'])} |"
         )
     return "\n".join(lines) + "\n"
+
+
+def _mean(shares: pd.Series) -> str:
+    return f"{shares.mean():.1%}" if len(shares) else "–"

@@ -67,6 +67,8 @@ def test_tables_of_the_study():
     )
     *_, row = reliability_table(found).splitlines()
     assert row == "| one | 2 | 4 | 55.0% | 75.0% | +20.0 ± 19.6 points | 75% | 56.7% | 80.0% |"
+    *_, row = reliability_table(found.assign(advice="WAIT")).splitlines()
+    assert row.endswith("| 0% | – | – |")
     times = pd.DataFrame(
         {
             "phantom": "one",
