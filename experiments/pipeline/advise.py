@@ -54,23 +54,27 @@ def advise(
     advance: Callable[[float], None] = lambda _share: None,
     *,
     watch: Watcher | None = None,
+    every_s: float = 0.0,
 ) -> Advised:
     """Run the filter through every frame and ask for advice at each, the needle where the plan has it.
 
-    watch: is shown each frame, what it gave and the advice. Raises InputError, SourceError.
+    watch: is shown each frame, what it gave and the advice. every_s: advice at the first frame, then at the first after
+    each such interval [s]; `watch` sees those frames. Raises InputError, SourceError.
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
-    times, guidance = [], []
+    times, guidance, due_s = [], [], -np.inf
     tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
     path_at = partial(path_near_rest, tables, line.filter)
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     for k, (frame, step) in enumerate(each_frame(line, recording)):
         estimate = step.estimates[FILTER]
-        times.append(estimate.time_s)
-        guidance.append(asked(line.filter, estimate, plan.insertion, plan.lesion))
-        if watch is not None:
-            watch.take(frame, line, step, guidance[-1])
+        if estimate.time_s >= due_s:
+            times.append(estimate.time_s)
+            guidance.append(asked(line.filter, estimate, plan.insertion, plan.lesion))
+            due_s = estimate.time_s + every_s
+            if watch is not None:
+                watch.take(frame, line, step, guidance[-1])
         advance((k + 1) / n_frames)
     return Advised(recording, plan, tuple(times), tuple(guidance))
 

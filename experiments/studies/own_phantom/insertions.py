@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from estimators import guide
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.advise import Advised, table
-from experiments.pipeline.line import FILTER, Line
-from experiments.pipeline.track import each_step
+from experiments.pipeline.advise import advise, table
 from experiments.simulation.simulate import simulate
 
 EVERY_S = 0.25
@@ -34,18 +31,7 @@ def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
         recording = read_recording(Path(folder) / "rec", project / TUNED)
         scene = recording.scene
         plan = read_needle(project / "needle.toml", scene.target.radius_m, scene.network.dim)
-        line = Line(scene, baseline=False, fixes=recording.fixes)
-        times, guidance, next_s = [], [], EVERY_S
-        for step in each_step(line, recording):
-            estimate = step.estimates[FILTER]
-            if estimate.time_s >= next_s:
-                advised = guide(
-                    line.filter, estimate, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings
-                )
-                times.append(estimate.time_s)
-                guidance.append(advised)
-                next_s += EVERY_S
-        rows = table(Advised(recording, plan, tuple(times), tuple(guidance)))
+        rows = table(advise(recording, plan, every_s=EVERY_S))
     known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["came_true"])]
     return [
         {"time_s": row.time_s, "told": row.p_hit, "true": row.came_true, "advice": row.advice}

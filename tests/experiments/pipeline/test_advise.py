@@ -182,3 +182,11 @@ def test_without_a_truth_nothing_came_true(recording, path):
     done = advise(read_recording(recording), read_needle(path, 0.005, 2))
     assert "came_true" not in table(done)
     assert reliability(done)["told"] is None
+
+
+def test_advice_now_and_then_is_that_of_those_frames(recording, path):
+    """Every 0.25 s at 30 frames/s: the first frame and each eighth after it, as when all are asked for."""
+    path.write_text(LEAST)
+    plan, read = read_needle(path, 0.005, 2), read_recording(recording)
+    every, some = table(advise(read, plan)), table(advise(read, plan, every_s=0.25))
+    pd.testing.assert_frame_equal(some, every.iloc[::8].reset_index(drop=True))
