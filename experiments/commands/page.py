@@ -13,9 +13,10 @@ from typing import Any
 import typer
 
 from experiments.commands.app import app
+from experiments.formats.outputs import write_whole
+from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
-START, END = "<!-- commands -->", "<!-- end of commands -->"
 
 
 def sections() -> Iterator[str]:
@@ -39,8 +40,7 @@ def _row(one: Any, context: Any) -> str:
 
 def page(text: str) -> str:
     """The page with the sections of the commands as they are."""
-    before, _, rest = text.partition(START)
-    return f"{before}{START}\n\n{chr(10).join(sections())}\n{END}{rest.partition(END)[2]}"
+    return replaced(text, {"commands": "\n".join(sections())})
 
 
 def main() -> None:
@@ -48,7 +48,7 @@ def main() -> None:
     text = PAGE.read_text(encoding="utf-8")
     if "--check" in sys.argv:
         sys.exit(0 if page(text) == text else "docs/commands.md: python -m experiments.commands.page")
-    PAGE.write_text(page(text), encoding="utf-8")
+    write_whole(PAGE, page(text))
 
 
 if __name__ == "__main__":

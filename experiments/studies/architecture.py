@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.formats.outputs import write_whole
+from experiments.formats.page import replaced
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +29,6 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "architecture.md"
 DRAWING = ROOT / "docs" / "images" / "rooms.png"
 PACKAGES = ("dynamics", "vision", "estimators", "experiments")
-MARKS = "<!-- rooms -->", "<!-- end of rooms -->"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +98,7 @@ def tables() -> str:
 
 def page() -> str:
     """The text of docs/architecture.md with its tables made from the code."""
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(MARKS[0])
-    _, _, after = rest.partition(MARKS[1])
-    return f"{before}{MARKS[0]}\n\n{tables()}\n{MARKS[1]}{after}"
+    return replaced(PAGE.read_text(encoding="utf-8"), {"rooms": tables()})
 
 
 FRAMES: dict[str, tuple[float, tuple[str, ...], float, str]] = {

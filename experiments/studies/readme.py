@@ -6,11 +6,11 @@ It takes some three minutes. Figures stand between comments;
 
 from __future__ import annotations
 
-import re
 import shutil
 import tempfile
 from pathlib import Path
 
+from experiments.formats.page import rewrite_page
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.studies.demo import PAPER_MM, SCENARIOS, Figures, demo
 from experiments.studies.hidden_error import N_RUNS, SEEDS, study
@@ -54,12 +54,6 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
     return "\n".join(rows)
 
 
-def rewritten(text: str, name: str, made: str) -> str:
-    """The README with what stands between the comments of that name replaced."""
-    start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    return re.sub(f"{start}.*{end}", lambda _: f"{start}\n{made}\n{end}", text, flags=re.DOTALL)
-
-
 def main() -> None:
     """Run demo and study, copy the demo's pictures to docs/images, rewrite the figures."""
     with tempfile.TemporaryDirectory() as folder:
@@ -68,10 +62,9 @@ def main() -> None:
         images.mkdir(exist_ok=True)
         for name in PICTURES:
             shutil.copyfile(Path(folder) / "demo" / "poked" / name, images / f"poked-{name}")
-    readme = ROOT / "README.md"
-    text = rewritten(readme.read_text(encoding="utf-8"), "demo table", markdown_table(figures))
     studies = {name: study(name, SEEDS) for name in SCENARIOS}
-    readme.write_text(rewritten(text, "figures", figure_rows(studies)), encoding="utf-8")
+    parts = {"demo table": markdown_table(figures), "figures": figure_rows(studies)}
+    rewrite_page(ROOT / "README.md", parts)
 
 
 if __name__ == "__main__":

@@ -38,10 +38,9 @@ from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
 from experiments.engine.study import run_study
 from experiments.engine.workers import add_worker_options, chosen_workers
-from experiments.formats.outputs import write_whole
+from experiments.formats.page import rewrite_page
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
-from experiments.studies.zoo.page import rewritten
 
 PAGE = Path(__file__).parents[3] / "docs" / "identification.md"
 
@@ -212,7 +211,7 @@ def main() -> None:
     made = page_table(pulls(table.sort_values("phantom", kind="stable")))
     sys.stdout.write(made + "\n")
     if chosen.page:
-        write_whole(PAGE, rewritten(PAGE.read_text(encoding="utf-8"), "pulls", made))
+        rewrite_page(PAGE, {"pulls": made})
 
 
 if __name__ == "__main__":

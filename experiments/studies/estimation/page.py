@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from experiments.formats.outputs import write_whole
+from experiments.formats.page import rewrite_page
 from experiments.studies.estimation.study import NOISES_MM, PARTS, RATES
 
 PAGE = Path(__file__).parents[3] / "docs" / "estimation-study.md"
 Rows = Mapping[str, Mapping[str, Any]]
 
-MARK = "<!-- {} -->"
 KINDS = ("all", "quiet", "poked", "shoved")
 
 
@@ -150,25 +149,14 @@ TABLES: Mapping[str, Callable[[Rows], str]] = {
 }
 
 
-def rewritten(page: str, name: str, rows: Rows) -> str:
-    """The page with the table of one part put between its marks; ValueError where they are missing."""
-    start, end = MARK.format(name), MARK.format(f"end of {name}")
-    if start not in page or end not in page:
-        raise ValueError(f"{PAGE.name}: expected {start} and {end}, found none")
-    before, rest = page.split(start, 1)
-    return f"{before}{start}\n{TABLES[name](rows)}\n{end}{rest.split(end, 1)[1]}"
-
-
 def main() -> None:
     """Rewrite the tables of the parts that are there."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    page = PAGE.read_text(encoding="utf-8")
-    for name in PARTS:
-        if (folder / f"{name}.json").is_file():
-            page = rewritten(page, name, json.loads((folder / f"{name}.json").read_text(encoding="utf-8")))
-    write_whole(PAGE, page)
+    files = {name: folder / f"{name}.json" for name in PARTS if (folder / f"{name}.json").is_file()}
+    rows = {name: json.loads(path.read_text(encoding="utf-8")) for name, path in files.items()}
+    rewrite_page(PAGE, {name: TABLES[name](found) for name, found in rows.items()})
 
 
 if __name__ == "__main__":

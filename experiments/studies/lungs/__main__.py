@@ -20,12 +20,13 @@ from experiments.engine.progress import run_bar
 from experiments.engine.workers import add_worker_options, chosen_workers, workers_for
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
+from experiments.formats.page import rewrite_page
 from experiments.plots.style import saved
 from experiments.studies.lungs.estimate import SEEN, Inner, errors_table, inner_landmarks
 from experiments.studies.lungs.landmarks import Lung, read_lungs
 from experiments.studies.lungs.model import LungConstants
 from experiments.studies.lungs.table import lungs_figure, markdown
-from experiments.studies.zoo.page import rewrite_page
+from experiments.studies.zoo.table import PAGE
 
 
 def run(job: tuple[Lung, str]) -> Inner:
@@ -53,7 +54,7 @@ def main(arguments: Iterable[str] | None = None) -> int:
         page = markdown(errors, found)
         sys.stdout.write(page)
         if given.page:
-            rewrite_page("lungs table", page)
+            rewrite_page(PAGE, {"lungs table": page})
         if given.out is not None:
             with output_folder(given.out, force=given.force, inputs=[given.folder]) as folder:
                 write_whole(folder / "lungs.png", saved(lungs_figure(errors), "png"))

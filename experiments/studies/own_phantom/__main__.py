@@ -24,15 +24,23 @@ from experiments.engine.progress import run_bar
 from experiments.engine.study import run_study
 from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.errors import InputError
-from experiments.formats.outputs import write_whole
+from experiments.formats.outputs import output_folder, write_whole
+from experiments.formats.page import rewrite_page
 from experiments.studies.own_phantom.insertions import insertions, reliability_table
 from experiments.studies.own_phantom.steps import PHANTOMS, stepped, times_table
-from experiments.studies.zoo.page import rewritten
 
 FIRST_SEED = 7000
 N_RUNS = 28
 
 PAGE = Path(__file__).parents[3] / "docs" / "tutorial.md"
+
+
+def _phantoms(text: str) -> list[str]:
+    known = {str(k): name for k, name in enumerate(PHANTOMS)}
+    for number in text.split(","):
+        if number not in known:
+            raise InputError.at("--phantoms", f"numbers among {','.join(known)}", number)
+    return [known[number] for number in text.split(",")]
 
 
 def main(arguments: Iterable[str] | None = None) -> int:
@@ -43,19 +51,19 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on")
     parser.add_argument("--runs", type=int, default=N_RUNS, help="recordings of each phantom: %(default)s")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="of them: %(default)s")
-    parser.add_argument("--phantoms", default=",".join(str(k) for k in range(len(PHANTOMS))), help="among 0,1,2")
+    parser.add_argument("--phantoms", default="0,1,2", help="which: %(default)s")
     parser.add_argument("--page", action="store_true", help="rewrite the tables of docs/tutorial.md")
     add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))
-    names = [list(PHANTOMS)[int(k)] for k in given.phantoms.split(",")]
-    given.out.mkdir(parents=True, exist_ok=True)
     try:
         rows, cases = [], []
-        for name in names:
+        for name in _phantoms(given.phantoms):
             folder = given.out / name.split(",")[0].replace(" ", "-")
             timed = given.out / f"{folder.name}.json"
             if not timed.is_file():
-                write_whole(timed, json.dumps(stepped(name, folder.resolve())))
+                with output_folder(folder) as project:
+                    steps = stepped(name, project.resolve())
+                write_whole(timed, json.dumps(steps))
             rows += json.loads(timed.read_text(encoding="utf-8"))
             cases += [
                 {"phantom": name, "project": str(folder.resolve()), "seed": given.first_seed + k}
@@ -66,11 +74,10 @@ def main(arguments: Iterable[str] | None = None) -> int:
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 2
-    times, told = times_table(pd.DataFrame(rows)), reliability_table(found)
-    sys.stdout.write(f"{times}\n{told}")
+    times, reliability = times_table(pd.DataFrame(rows)), reliability_table(found)
+    sys.stdout.write(f"{times}\n{reliability}")
     if given.page:
-        page = PAGE.read_text(encoding="utf-8")
-        write_whole(PAGE, rewritten(rewritten(page, "steps table", times), "insertions table", told))
+        rewrite_page(PAGE, {"steps table": times, "insertions table": reliability})
     return 0
 
 

@@ -23,13 +23,15 @@ from experiments.engine.study import run_study
 from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
+from experiments.formats.page import rewrite_page
 from experiments.plots.style import saved
 from experiments.simulation.bodies.zoo import BODIES
 from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
-from experiments.studies.zoo.page import rewrite_page
 from experiments.studies.zoo.picture import zoo_figure
 from experiments.studies.zoo.run import record_of
-from experiments.studies.zoo.table import cells_of, markdown
+from experiments.studies.zoo.table import PAGE, cells_of, markdown
+
+PICTURE = PAGE.parent / "images" / "zoo.png"
 
 
 def write_results(table: pd.DataFrame, folder: Path) -> str:
@@ -88,7 +90,8 @@ def main(arguments: Iterable[str] | None = None) -> int:
         page = write_results(done.table, given.out)
         sys.stdout.write(page)
         if given.page:
-            rewrite_page("zoo table", page, (given.out / "zoo.png").read_bytes())
+            rewrite_page(PAGE, {"zoo table": page})
+            write_whole(PICTURE, (given.out / "zoo.png").read_bytes())
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 2

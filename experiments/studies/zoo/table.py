@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from experiments.studies.zoo.case import Case
+
+PAGE = Path(__file__).parents[3] / "docs" / "zoo.md"
 
 
 @dataclass(frozen=True, slots=True)

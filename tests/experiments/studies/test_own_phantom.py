@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.errors import InputError
+from experiments.studies.own_phantom import __main__ as study
 from experiments.studies.own_phantom.insertions import insertions, reliability_table
 from experiments.studies.own_phantom.steps import steps_of, times_table
 from tests.experiments.command import softaim
@@ -52,6 +54,25 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     assert 15 <= len(rows) <= 23
     assert rows[["told", "true"]].to_numpy().min() >= 0.0
     assert rows[["told", "true"]].to_numpy().max() <= 1.0
+
+
+@pytest.mark.parametrize("number", ["3", "-1", "plane"])
+def test_a_phantom_that_is_not_there_is_one_line(tmp_path, capsys, number):
+    assert study.main(["--out", str(tmp_path / "study"), "--phantoms", number]) == 2
+    assert capsys.readouterr().err == f"--phantoms: expected numbers among 0,1,2, found {number}\n"
+    assert not (tmp_path / "study").exists()
+
+
+def test_steps_that_ended_early_are_done_again(tmp_path, capsys, monkeypatch):
+    def ended(_name, folder):
+        (folder / "scene.toml").write_text("half", encoding="utf-8")
+        raise InputError("softaim check: expected exit code 0, found 2")
+
+    monkeypatch.setattr(study, "stepped", ended)
+    for _ in range(2):
+        assert study.main(["--out", str(tmp_path / "study"), "--phantoms", "0"]) == 2
+        assert "softaim check" in capsys.readouterr().err
+    assert not (tmp_path / "study" / "plane-of-5-masses").exists()
 
 
 def test_tables_of_the_study():

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from experiments.studies.demo import PAPER_MM, SCENARIOS, demo
-from experiments.studies.readme import markdown_table, rewritten
+from experiments.studies.readme import markdown_table
 
 README = Path(__file__).parents[3] / "README.md"
 
@@ -28,9 +28,3 @@ def test_the_table_in_the_readme_is_what_the_demo_gives(tmp_path: Path) -> None:
         ours, papers = figures[scenario]["filter"], figures[scenario]["open-loop"]
         assert ours["mae_mm"] <= 0.5 * papers["mae_mm"]
         assert 0.90 <= ours["coverage95"] <= 0.99
-
-
-def test_rewriting_touches_only_what_stands_between_the_comments() -> None:
-    text = "before\n<!-- a -->\nold 1\n<!-- end of a -->\nafter\n<!-- b -->\nkept\n<!-- end of b -->\n"
-    made = rewritten(text, "a", r"new \1")
-    assert made == text.replace("old 1", r"new \1")

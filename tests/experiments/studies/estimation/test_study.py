@@ -10,7 +10,7 @@ from estimators import IdentificationSettings
 from experiments.engine.workers import OWN_PROCESS
 from experiments.studies.estimation import page as estimation_page
 from experiments.studies.estimation.limits import bound, hard_trial
-from experiments.studies.estimation.page import PAGE, TABLES, rewritten
+from experiments.studies.estimation.page import PAGE, TABLES
 from experiments.studies.estimation.runs import Study, by_scenario, figures
 from experiments.studies.estimation.study import PARTS, identified_run, perturbed, resting
 from experiments.studies.estimation.trials import SERIES, Model, Trial, outcome_of, outcome_row, run
@@ -106,14 +106,17 @@ def test_the_page_has_room_for_every_part_and_its_tables_are_whole():
         assert len(lines) >= 3
 
 
-def test_a_page_is_rewritten_between_its_marks_and_nowhere_else(outcomes):
-    page = "a\n<!-- choices -->\nold\n<!-- end of choices -->\nz"
-    new = rewritten(page, "choices", json.loads(json.dumps(by_scenario(outcomes))))
+def test_the_command_puts_the_tables_that_are_there_into_the_page(outcomes, tmp_path, monkeypatch):
+    page = tmp_path / "page.md"
+    page.write_text("a\n<!-- choices -->\nold\n<!-- end of choices -->\nz", encoding="utf-8")
+    (tmp_path / "choices.json").write_text(json.dumps(by_scenario(outcomes)), encoding="utf-8")
+    monkeypatch.setattr(estimation_page, "PAGE", page)
+    monkeypatch.setattr("sys.argv", ["page", str(tmp_path)])
+    estimation_page.main()
+    new = page.read_text(encoding="utf-8")
     assert new.startswith("a\n<!-- choices -->\n|  | runs |")
     assert new.endswith("\n<!-- end of choices -->\nz")
     assert "old" not in new
-    with pytest.raises(ValueError, match="expected <!-- grid -->"):
-        rewritten(page, "grid", {})
 
 
 @pytest.mark.slow
@@ -134,4 +137,3 @@ def test_identified_runs_hold_their_figures(study, monkeypatch):
     assert found["chi2"] < 80.0  # of 38 constants
     for name, limit in (("quiet", 0.2), ("poked", 0.3), ("shoved", 0.35)):
         assert figures([found["outcomes"][name]])["ratio"] < limit
-    assert callable(estimation_page.main)

@@ -11,7 +11,6 @@ from experiments.simulation.bodies.zoo import make_body
 from experiments.studies.zoo.__main__ import main
 from experiments.studies.zoo.case import Case, cases, quick_cases
 from experiments.studies.zoo.constants import wrong_network
-from experiments.studies.zoo.page import rewritten
 from experiments.studies.zoo.run import run
 from experiments.studies.zoo.table import cells_of, faults, geometric_mean, markdown
 
@@ -117,10 +116,3 @@ def test_wrong_options_are_one_line(tmp_path, capsys, options, complaint):
     assert main([*options, "--out", str(tmp_path / "zoo")]) == 2
     assert complaint in capsys.readouterr().err
     assert not (tmp_path / "zoo").exists()
-
-
-def test_the_page_takes_a_table_between_its_comments():
-    text = "a\n<!-- t -->\nold\n<!-- end of t -->\nb\n"
-    assert rewritten(text, "t", "new\n") == "a\n<!-- t -->\nnew\n<!-- end of t -->\nb\n"
-    with pytest.raises(ValueError, match="expected <!-- u -->"):
-        rewritten(text, "u", "new")

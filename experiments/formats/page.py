@@ -1,0 +1,25 @@
+"""Pages in Markdown with parts that programs write, each between `<!-- NAME -->` and `<!-- end of NAME -->`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from experiments.formats.outputs import write_whole
+
+
+def replaced(text: str, parts: Mapping[str, str]) -> str:
+    """The text of a page with the content of these parts, by name; ValueError where the comments of one are missing."""
+    for name, content in parts.items():
+        start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+        before, found, rest = text.partition(start)
+        _, ended, after = rest.partition(end)
+        if not found or not ended:
+            raise ValueError(f"expected {start} and {end}, found none")
+        text = f"{before}{start}\n{content.strip()}\n{end}{after}"
+    return text
+
+
+def rewrite_page(page: Path, parts: Mapping[str, str]) -> None:
+    """Replace parts of a page, by name: all of them, or none and a ValueError."""
+    write_whole(page, replaced(page.read_text(encoding="utf-8"), parts))
