@@ -237,7 +237,10 @@ def _identified(
     if not is_linear(problem.network, len(problem.nodes[0])):
         scaled = Scaled(search.model, lambda model: search.directions(model, np.diag(search.sd)), search.sd, note)
         seen = Recorded(used, search.nodes, search.settings, search.budget)
-        refined = under_forces(scaled, seen, best.theta)
+        try:
+            refined = under_forces(scaled, seen, best.theta)
+        except OutOfTimeError:
+            best = replace(best, in_time=False)
     if refined is not None:
         best, before = refined.optimum, refined.given
     elif len(screened) < len(used):

@@ -57,55 +57,53 @@ class Refined:
 def under_forces(scaled: Scaled, seen: Recorded, start: Floats) -> Refined | None:
     """The constants that are the most probable under the forces of the recording, their score centred.
 
-    None where there is no finite state, or no time for a first result; not centred where there is no time for that.
+    None where there is no finite state; not centred where simulation has none, or no time for that. Raises
+    OutOfTimeError before a first result.
     """
-    try:
-        found = _in_turn(scaled, seen, start)
-        return None if found is None else _centred(scaled, seen, found)
-    except (OutOfTimeError, CovarianceError, np.linalg.LinAlgError):
-        return None
+    found = _in_turn(scaled, seen, start)
+    return None if found is None else _centred(scaled, seen, found)
 
 
 def _in_turn(scaled: Scaled, seen: Recorded, start: Floats) -> Refined | None:
-    """Forces, then constants under them, and so again. Raises OutOfTimeError, CovarianceError before the first end."""
+    """Forces, then constants under them, and so again. Raises OutOfTimeError before the first end."""
     found: Refined | None = None
     none = np.zeros((len(start), len(start)))
     for _ in range(IN_TURN):
         theta = start if found is None else found.optimum.theta
         try:
             forces = find_forces(scaled.model(theta), seen, None if found is None else found.forces)
+            given = scaled.passed(np.zeros(len(theta)), seen, forces)
             optimum = gauss_newton(partial(scaled.passed, seen=seen, forces=forces), theta, scaled.unit)
         except OutOfTimeError:
             if found is None:
                 raise
             return replace(found, optimum=replace(found.optimum, in_time=False))
+        except (CovarianceError, np.linalg.LinAlgError):
+            return found
         if not np.isfinite(optimum.log_posterior):
             return found
-        found = Refined(optimum, optimum.at_start, forces, none)
+        found = Refined(optimum, given, forces, none)
     return found
 
 
 def _centred(scaled: Scaled, seen: Recorded, found: Refined) -> Refined:
-    """A step against the mean of the score; without time for that, what was found."""
+    """A step against the mean of the score; without time or a finite state for that, what was found."""
     optimum, forces = found.optimum, found.forces
     network = scaled.model(optimum.theta)
     try:
         moments = score_moments(network, scaled.prior(network), seen, forces)
         theta = optimum.theta - np.linalg.solve(optimum.precision, moments.mean)
         last = scaled.passed(theta, seen, forces)
-        given = scaled.passed(np.zeros(len(theta)), seen, forces)
     except OutOfTimeError:
         return replace(found, optimum=replace(optimum, in_time=False))
+    except (CovarianceError, np.linalg.LinAlgError):
+        return found
     if not np.isfinite(last.log_likelihood):
         return found
+    centred = _less_mean(last, moments.mean, theta - optimum.theta)
     return Refined(
-        replace(
-            optimum,
-            theta=theta,
-            found=_less_mean(last, moments.mean, theta - optimum.theta),
-            passes=optimum.passes + 1,
-        ),
-        _less_mean(given, moments.mean, -optimum.theta),
+        replace(optimum, theta=theta, found=centred, passes=optimum.passes + 1),
+        _less_mean(found.given, moments.mean, -optimum.theta),
         forces,
         moments.mean_cov,
     )

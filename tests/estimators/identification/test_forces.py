@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, rest_shape
+from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, rest_shape, scale_parameters
 from estimators import Budget, FilterSettings, ForceMode, MarkMeasurement
+from estimators.filters.unscented import CovarianceError
+from estimators.identification.budget import OutOfTimeError
 from estimators.identification.filter_pass import pass_through
 from estimators.identification.forced.centring import score_moments, simulated
 from estimators.identification.forced.forced_filter import Forces, Poke, forces_between
 from estimators.identification.forced.forces import Recorded, find_forces, forced_pass, intervals, smoothed
+from estimators.identification.forced.refined import Scaled, under_forces
 
 SD = 5e-4
 WHITE = 0.1
@@ -181,3 +184,55 @@ def test_simulated_recordings_have_the_marks_of_the_true_one(poked):
             for m, n in zip(one, two, strict=True)
         ]
         assert 0.1 * SD < np.sqrt(np.mean(np.square(apart))) < 10.0 * SD
+
+
+def of_one_stiffness():
+    """The middle spring's stiffness by its prior deviation of 30 %."""
+    constants = (Parameter("stiffness", 1),)
+    return Scaled(
+        lambda theta: scale_parameters(chain(), constants, 0.3 * theta),
+        lambda _network: independent_uncertainty(constants, [0.3]),
+        np.array([0.3]),
+        lambda: None,
+    )
+
+
+@pytest.mark.parametrize(("error", "in_time"), [(OutOfTimeError(), False), (CovarianceError("none"), True)])
+def test_what_cannot_be_centred_is_kept_beside_the_constants_given(poked, monkeypatch, error, in_time):
+    """The pass of the constants given is at 0, wherever the search began: the same pass made anew, bit for bit."""
+
+    def fails(*_):
+        raise error
+
+    monkeypatch.setattr("estimators.identification.forced.refined.score_moments", fails)
+    scaled = of_one_stiffness()
+    found = under_forces(scaled, poked, np.array([0.8]))
+    assert found is not None
+    assert abs(found.optimum.theta[0]) < 0.5
+    assert found.optimum.in_time is in_time
+    given = forced_pass(chain(), scaled.prior(chain()), poked, found.forces)
+    assert found.given.log_likelihood == given.log_likelihood
+    assert found.given.log_likelihood != found.optimum.at_start.log_likelihood
+
+
+def test_forces_that_are_not_found_again_leave_the_first_result(poked, monkeypatch):
+    forces = find_forces(chain(), poked, None)
+
+    def at_first(_network, _seen, before):
+        if before is None:
+            return forces
+        raise CovarianceError("none")
+
+    monkeypatch.setattr("estimators.identification.forced.refined.find_forces", at_first)
+    found = under_forces(of_one_stiffness(), poked, np.zeros(1))
+    assert found is not None
+    assert found.forces is forces
+
+
+def test_without_time_for_a_first_result_it_is_said(poked, monkeypatch):
+    def late(*_):
+        raise OutOfTimeError
+
+    monkeypatch.setattr("estimators.identification.forced.refined.find_forces", late)
+    with pytest.raises(OutOfTimeError):
+        under_forces(of_one_stiffness(), poked, np.zeros(1))
