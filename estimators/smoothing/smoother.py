@@ -15,9 +15,9 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.gaussians import moment_matched
+from estimators.filters.kernels import gains, met, roots_each
 from estimators.filters.motion import ModeBeliefs, Transition
 from estimators.filters.unscented import CovarianceError
-from estimators.smoothing.kernels import gains, met, roots_each
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 

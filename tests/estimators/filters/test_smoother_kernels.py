@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators.smoothing.kernels import gains, met, roots_each
+from estimators.filters.kernels import gains, met, roots_each
 
 N_MODES, DIM = 3, 5
 
