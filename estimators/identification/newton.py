@@ -43,8 +43,11 @@ def minimum(
     Slopes and curvatures are central differences; mixed derivatives are left out, for a step costs as many values more.
     least: curvature along the axes that it has at least, as that of a prior, (n,); curvature: about the start, if known
     tolerance: what the last step may promise, in units of the function
+    Where the function is not finite at the start, the search ends there with the least curvature.
     """
     best, lowest = start, cost(start)
+    if not np.isfinite(lowest):
+        return Minimum(start, lowest, least)
 
     def asked(x: Floats) -> float:
         value = cost(x)

@@ -162,15 +162,17 @@ def tune_noise(
         except (CovarianceError, np.linalg.LinAlgError):
             return -np.inf
 
+    def progress(share: float) -> None:
+        advance(max(share, limit.share))
+
     none = np.zeros(len(start))
     frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
     try:
         frame_s = frame_seconds(lambda some: run(none, some), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
-        told = lambda share: advance(max(share, limit.share))  # noqa: E731
-        cost, some = _Cost(lambda logs: run(logs, used), told), liveliest(used, int(PART * len(used)))
+        cost, some = _Cost(lambda logs: run(logs, used), progress), liveliest(used, int(PART * len(used)))
         cost_before = cost(none)
-        of_part = _Cost(lambda logs: run(logs, some), told, PART, 1.0) if len(some) >= PART_FRAMES else None
+        of_part = _Cost(lambda logs: run(logs, some), progress, PART, 1.0) if len(some) >= PART_FRAMES else None
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"

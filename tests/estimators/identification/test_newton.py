@@ -62,3 +62,12 @@ def test_a_wall_is_walked_away_from_and_a_flat_direction_has_the_least_curvature
     found = minimum(cost, np.zeros(2), LEAST[:2], tolerance=0.01)
     assert found.x[0] == pytest.approx(-0.5, abs=0.05)
     assert found.curvature[1] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_from_where_it_is_not_finite_there_is_no_step(value):
+    cost = Counted(lambda _x: value)
+    found = minimum(cost, PLACE, LEAST, tolerance=0.1)
+    assert len(cost.places) == 1
+    np.testing.assert_array_equal(found.x, PLACE)
+    np.testing.assert_array_equal(found.curvature, LEAST)

@@ -5,7 +5,16 @@ import pytest
 
 from dynamics import MassSpringNetwork, pack
 from estimators import FilterSettings, ForceMode, MarkMeasurement, TissueFilter, tune_noise
-from estimators.identification.noise_levels import log_likelihood, with_noise_levels, with_scaled_noise
+from estimators.identification import noise_levels
+from estimators.identification.noise_levels import (
+    PART,
+    PRIOR_LOG_SD,
+    _Cost,
+    _search,
+    log_likelihood,
+    with_noise_levels,
+    with_scaled_noise,
+)
 
 SD = 0.0005
 WHITE = 0.12
@@ -109,3 +118,42 @@ def test_likelihood_is_that_of_the_textbook_filter(pair, frames):
             total += np.log(mixture.mu @ densities)
         tissue.update(marks)
     assert log_likelihood(TissueFilter(pair, "far", ("near",)), frames[:40]) == pytest.approx(total, rel=1e-10)
+
+
+PLACE, INFORMATION = np.array([-0.8, 0.3, 0.6]), np.array([40.0, 5.0, 900.0])
+
+
+def parabola(logs):
+    """Log likelihood of all frames, as sharp as INFORMATION about PLACE."""
+    return -0.5 * float(INFORMATION @ (logs - PLACE) ** 2)
+
+
+def counted(run, share=1.0):
+    return _Cost(run, lambda _share: None, share)
+
+
+def test_a_part_of_the_frames_is_searched_first():
+    """Posterior of a parabola in closed form; after the part's search two steps through all frames suffice."""
+    alone, cost = counted(parabola), counted(parabola)
+    _search(alone, None)
+    errors = _search(cost, counted(lambda logs: PART * parabola(logs), PART))
+    precision = INFORMATION + PRIOR_LOG_SD**-2.0
+    assert np.abs((cost.best - INFORMATION * PLACE / precision) * np.sqrt(precision)).max() < 0.3
+    np.testing.assert_allclose(errors, 1.0 / np.sqrt(precision), rtol=1e-6)
+    assert cost.passes < alone.passes
+
+
+def test_a_part_that_is_not_finite_is_left_out():
+    alone, cost = counted(parabola), counted(parabola)
+    expected = _search(alone, None)
+    np.testing.assert_allclose(_search(cost, counted(lambda _logs: -np.inf, PART)), expected, rtol=1e-9)
+    np.testing.assert_allclose(cost.best, alone.best, atol=1e-9)
+
+
+def test_after_the_most_passes_the_best_is_kept_and_errors_are_those_of_the_prior(monkeypatch):
+    monkeypatch.setattr(noise_levels, "MOST_PASSES", 10)
+    cost = counted(lambda logs: -50.0 * float(np.abs(logs - 2.0).sum()))
+    np.testing.assert_array_equal(_search(cost, None), np.full(3, PRIOR_LOG_SD))
+    assert cost.passes == 10
+    assert cost.least < 300.0
+    assert (cost.best > 0.0).all()
