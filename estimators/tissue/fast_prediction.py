@@ -252,22 +252,22 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
     dim = len(matrix)
     y = np.zeros((len(of_state), dim, model.dim_x))
     y[:, :, : matrix.shape[1]] = matrix
-    pairs = list(zip(*np.tril_indices(dim), strict=True))
+    pairs = list(zip(*_lower(dim), strict=True))
     Y = np.array([[np.outer(own[a], own[b]) for a, b in pairs] for own in y])
     Y = 0.5 * (Y + Y.swapaxes(2, 3))
     c = np.zeros((len(of_state), len(pairs)))
-    first, second, noise = [y], [Y], [c]
+    low = _lower(model.dim_x)
+    twice = np.where(low[0] == low[1], 1.0, 2.0)
+    first, second, noise = [y], [Y[..., low[0], low[1]] * twice], [c]
     for _ in range(n_times - 1):
         c = M @ (np.einsum("jpab,jab->jp", Y, Q_each) + c)
         y = np.einsum("ij,jda->ida", M, y @ F_each)
         Y = np.einsum("ij,jpab->ipab", M, F_each.swapaxes(1, 2)[:, None] @ Y @ F_each[:, None])
         first.append(y)
-        second.append(Y)
+        second.append(Y[..., low[0], low[1]] * twice)
         noise.append(c)
-    low = np.tril_indices(model.dim_x)
-    twice = np.where(low[0] == low[1], 1.0, 2.0)
     firsts = np.array(first).swapaxes(1, 2).reshape(n_times * dim, -1)
-    packed = (np.array(second)[..., low[0], low[1]] * twice).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
+    seconds = np.array(second).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
     noises = np.array(noise).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
     quiet, quiet_noise = [y_now := first[0][0]], [np.zeros((dim, dim))]
     for _ in range(n_times - 1):
@@ -275,7 +275,7 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
         quiet.append(y_now := y_now @ Fs[0])
     return SpeedTables(
         firsts,
-        packed,
+        seconds,
         noises,
         _answers(rate, model.mass, tissue.target, cycle, n_times),
         small_expm(rate * cycle),
@@ -292,8 +292,8 @@ def _answers(A: Floats, mass: Floats, target: TargetMap, cycle: float, n_times: 
     moved = small_expm(held * cycle)
     F, now = moved[:n, :n], moved[:n, n:]
     found = np.zeros((n_times, dim, n_times - 1, half))
-    for k in range(1, n_times):
-        for cycle_of in range(n_times - k):
-            found[cycle_of + k, :, cycle_of] = target.linear(now)
+    for lag in range(1, n_times):
+        begun = np.arange(n_times - lag)
+        found[begun + lag, :, begun] = target.linear(now)
         now = F @ now
     return found.reshape(n_times * dim, -1)
