@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -47,7 +47,7 @@ def build_network(
     lengths near those drawn let the network rest there.
     """
     known = _places(names)
-    x = np.array(positions, dtype=float)
+    x = _numbers("positions", positions)
     if x.ndim != 2 or len(x) != len(known):
         raise NetworkError(f"positions: expected one for each of {len(known)} nodes, found shape {x.shape}")
     springs = _springs(edges, known)
@@ -73,7 +73,7 @@ def build_network(
         stiffness=_each("stiffness", stiffness, n_springs, "edges"),
         rest_lengths=np.asarray(lengths),
         damping=_each("damping", damping, n_springs, "edges"),
-        gravity=np.asarray(gravity, dtype=float),
+        gravity=_numbers("gravity", gravity),
     )
     # without an anchor a network carries no weight, and rests as drawn
     if isinstance(rest_lengths, str) and rest_lengths == AT_REST and network.fixed.any() and network.gravity.any():
@@ -100,7 +100,7 @@ def _springs(edges: Sequence[tuple[str | int, str | int]], places: dict[str, int
     pairs: dict[frozenset[int], int] = {}
     springs = np.empty((len(edges), 2), dtype=np.int64)
     for s, edge in enumerate(edges):
-        ends = [edge] if isinstance(edge, str) else list(edge)
+        ends = [edge] if isinstance(edge, str) or not isinstance(edge, Iterable) else list(edge)
         label = f"edges[{s}] ({'-'.join(map(str, ends))})"
         if len(ends) != 2:
             raise NetworkError(f"{label}: expected two nodes, found {len(ends)}")
@@ -127,10 +127,14 @@ def _place(label: str, end: str | int, places: dict[str, int]) -> int:
 
 def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
     """One value for each of n, (n,), from one or n; NetworkError for others."""
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise NetworkError(f"{key}: expected numbers, found {values!r}") from None
+    array = _numbers(key, values)
     if array.shape not in ((), (n,)):
         raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")
     return np.broadcast_to(array, (n,))
+
+
+def _numbers(key: str, values: ArrayLike) -> Floats:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise NetworkError(f"{key}: expected numbers, found {values!r}") from None
