@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from dynamics.arrays import Floats
 from dynamics.forces.kernels import PackedNeedle, packed, steered_steps
 from dynamics.forces.tangent import stable_step
+from dynamics.integration.stepping import SAME_STEP
 from dynamics.needle.loads import SHAFT, NeedleMechanics, node_weights
 from dynamics.network.mass_spring import MassSpringNetwork
 
@@ -67,7 +68,7 @@ def advance_steered(
     start, end = between_s
     if not end >= start:
         raise ValueError(f"between_s: expected times that rise, found {between_s}")
-    n_steps = max(1, int(np.ceil((end - start) / longest_step(network) * (1.0 - 1e-6))))
+    n_steps = max(1, int(np.ceil((end - start) / longest_step(network) * (1.0 - SAME_STEP))))
     dt = (end - start) / n_steps
     inverse_mass = np.zeros(network.n_nodes)
     inverse_mass[network.free] = 1.0 / network.masses[network.free]

@@ -64,6 +64,6 @@ def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
 
 def _dome(n: int) -> Floats:
     """Points spread evenly over the unit hemisphere above z = 0, none at its foot, (n, 3): a spiral."""
-    z = 1.0 - (np.arange(n) + 0.5) / max(n, 1) * 0.9
+    z = 1.0 - 0.9 * (np.arange(n) + 0.5) / n
     around = GOLDEN * np.arange(n)
     return np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)

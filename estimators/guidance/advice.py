@@ -18,7 +18,7 @@ from estimators.arrays import Floats
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
-from estimators.guidance.path import TargetPath
+from estimators.guidance.path import TargetPath, time_to
 from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
 
@@ -183,8 +183,7 @@ def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
     """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives at a target that rests."""
-    way_m = float(np.linalg.norm(estimate.mean - insertion.entry)) + needle.reach_m - insertion.depth_m
-    until_s = settings.horizon_s + max(way_m, 0.0) / insertion.speed_m_s
+    until_s = settings.horizon_s + time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
 

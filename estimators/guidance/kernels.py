@@ -316,8 +316,7 @@ def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # 
         (n, c, d), covs (n, c, d, d)
     needle: entry (d,), axis (d,), speed, depth now, reach from the tip back to the notch's middle
     spread: variance of the tip in every direction, and by squared depth across the needle
-    aimed: the needle is first turned about its entry to where the target will be
-    Never arrived: inf, and p 0.
+    aimed: the needle is first turned about its entry to where the target will be. Never arrived: inf, and p 0.
     """
     times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle

@@ -15,13 +15,13 @@ from dynamics import all_positions, rest_shape
 from estimators.arrays import Floats
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
-from estimators.process.target import TargetMap
 from estimators.tissue.fast_prediction import (
     FastPredictionTables,
     MomentsNow,
     forced_cov,
     moments_ahead,
     moments_now,
+    times_until,
 )
 from estimators.tissue.filter import TissueFilter
 
@@ -29,15 +29,14 @@ TURNED = 0.35
 """Angle by which a spring may be turned from its direction at rest for the tables to hold [rad]; measured:
 docs/guidance.md, "The predicted path"."""
 
-ALL = 1e-6
+LEAST_PART = 1e-6
 """Probability of a part below which it is left out: rounding would be most of it; numerical."""
-
 
 ASIDE_M = 0.05
 """The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
 
 MOST_S = 30.0
-"""A needle that takes longer does not arrive [s]; chosen."""
+"""The tables reach so far ahead at the most, however slow the needle is [s]; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +69,14 @@ class TargetPath:
             )
         if not (np.diff(self.times_s) > 0.0).all():
             raise ValueError(f"path times_s: expected times that rise, found {self.times_s}")
+        if self.mixture is not None:
+            weights, means, covs = self.mixture.weights, self.mixture.means, self.mixture.covs
+            c = weights.shape[-1]
+            if (weights.shape, means.shape, covs.shape) != ((k, c), (k, c, dim), (k, c, dim, dim)):
+                raise ValueError(
+                    f"path mixture: expected weights ({k}, c), means ({k}, c, {dim}), covs ({k}, c, {dim}, {dim}), "
+                    f"found {weights.shape}, {means.shape}, {covs.shape}"
+                )
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:
@@ -84,31 +91,35 @@ def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, set
     """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
     network = tissue.model.network
     rest = tissue.target.position(rest_shape(network)[network.free].ravel())
-    way_m = float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M + needle.reach_m - insertion.depth_m
-    way_s = min(max(way_m, 0.0) / insertion.speed_m_s, MOST_S)
-    return settings.horizon_s + way_s + settings.stale_s
+    way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
+    return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
+
+
+def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
+    """Time that the needle takes until what is to hit is so far from the entry [m]: [s], 0 where it is farther."""
+    return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_by_tables(tables: FastPredictionTables, tissue: TissueFilter) -> TargetPath:
     """The path in parts, at all times of the tables; raises ValueError before the filter's first frame."""
-    now = moments_now(tables, tissue)
-    means, covs = moments_ahead(tables, now)
-    mixture = _parts(means, covs, *_undisturbed(tables, now, tables.target))
-    return TargetPath(now.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64), means, covs, mixture)
+    return _first_of_tables(tables, tissue, tables.n_times)
 
 
 def path_near_rest(tables: FastPredictionTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
     """The path until the last of these times [s], (k,): by tables as far as they hold, else by the filter itself."""
-    if tissue.time_s != times_s[0] or not _is_near_rest(tables, tissue):
+    n = times_until(float(times_s[-1] - times_s[0]), tables.cycle_s)
+    if tissue.time_s != times_s[0] or n > tables.n_times or not _is_near_rest(tables, tissue):
         return TargetPath(times_s, *tissue.predict_path(times_s))
-    n = int(np.ceil((times_s[-1] - times_s[0]) / tables.cycle_s - 1e-6)) + 1
-    if n > tables.n_times:
-        return TargetPath(times_s, *tissue.predict_path(times_s))
-    path = path_by_tables(tables, tissue)
-    weights, away, covs = path.parts
-    some = slice(max(n, 2))
-    mixture = PathParts(weights[some], path.means[some, None] + away[some], covs[some])
-    return TargetPath(path.times_s[some], path.means[some], path.covs[some], mixture)
+    return _first_of_tables(tables, tissue, max(n, 2))
+
+
+def _first_of_tables(tables: FastPredictionTables, tissue: TissueFilter, n: int) -> TargetPath:
+    """As `path_by_tables`, at the first n times."""
+    now = moments_now(tables, tissue)
+    whole, quiet = moments_ahead(tables, now), _quiet_part(tables, now)
+    means, covs, *part = (each[:n] for each in (*whole, *quiet))
+    times = now.time_s + tables.cycle_s * np.arange(n, dtype=np.float64)
+    return TargetPath(times, means, covs, _parts(means, covs, *part))
 
 
 def _is_near_rest(tables: FastPredictionTables, tissue: TissueFilter) -> bool:
@@ -122,7 +133,7 @@ def _is_near_rest(tables: FastPredictionTables, tissue: TissueFilter) -> bool:
     return bool(((springs * at_rest).sum(axis=1) >= np.cos(TURNED) * lengths).all())
 
 
-def _undisturbed(tables: FastPredictionTables, now: MomentsNow, target: TargetMap) -> tuple[Floats, Floats, Floats]:
+def _quiet_part(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, Floats, Floats]:
     """Probability that nobody pokes until each time, (k,), and mean [m] and covariance [m²] of the target then."""
     own, staying = now.tables, tables.undisturbed
     weights = staying @ now.odds
@@ -134,15 +145,15 @@ def _undisturbed(tables: FastPredictionTables, now: MomentsNow, target: TargetMa
     if now.forced.shape[2]:
         columns = np.einsum("kdi,ks,sir->kdr", own.quiet, shares, now.columns, optimize=True)
         covs += forced_cov(columns, now.forced)
-    return weights, away + target.position(tables.rest), covs
+    return weights, away + tables.target.position(tables.rest), covs
 
 
 def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:
     """A part of known weight (k,), mean (k, dim) and covariance (k, dim, dim), and what is left of the whole."""
     others = 1.0 - weights
-    weights, others = np.where(others < ALL, 1.0, weights), np.where(others < ALL, 0.0, others)
-    weights, others = np.where(weights < ALL, 0.0, weights), np.where(weights < ALL, 1.0, others)
-    w, o = weights[:, None], np.maximum(others, ALL)[:, None]
+    weights = np.where(others < LEAST_PART, 1.0, np.where(weights < LEAST_PART, 0.0, weights))
+    others = 1.0 - weights
+    w, o = weights[:, None], np.maximum(others, LEAST_PART)[:, None]
     apart = own - means
     spread = apart[:, :, None] * apart[:, None, :]
     left_means = means - w / o * apart

@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import SLIP_VELOCITY, rest_shape, state_matrix
+from dynamics import SAME_STEP, SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.process.target import TargetMap
@@ -92,18 +92,23 @@ def fast_prediction_tables(tissue: TissueFilter, horizon_s: float, *, at_once: b
     """
     model, settings = tissue.model, tissue.settings
     cycle = settings.mix_s
-    n_times = int(np.ceil(horizon_s / cycle * (1.0 - 1e-6))) + 1
+    n_times = times_until(horizon_s, cycle)
     shape = rest_shape(model.network)
     rest = np.zeros(model.network.n_state)
     rest[: len(rest) // 2] = shape[model.network.free].ravel()
     speeds = np.array(SPEEDS_M_S if model.network.friction.any() else SPEEDS_M_S[:1])
     tables = FastPredictionTables(
-        tissue, cycle, n_times, rest, shape, tissue.target, _undisturbed(tissue, n_times), speeds
+        tissue, cycle, n_times, rest, shape, tissue.target, _staying_quiet(tissue, n_times), speeds
     )
     if at_once:
         for level in range(len(speeds)):
             tables.at(level)
     return tables
+
+
+def times_until(seconds: float, cycle_s: float) -> int:
+    """How many times, cycle_s [s] apart from now on, reach so far ahead [s]."""
+    return int(np.ceil(seconds / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
 def predict_fast(
@@ -217,7 +222,7 @@ def _lower(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return rows, columns
 
 
-def _undisturbed(tissue: TissueFilter, n_times: int) -> Floats:
+def _staying_quiet(tissue: TissueFilter, n_times: int) -> Floats:
     """Probability that the chain is in states in which nobody pokes now and after each cycle, (n_times, n_states)."""
     settings = tissue.settings
     quiet = np.isin(settings.of_state, settings.quiet_modes)

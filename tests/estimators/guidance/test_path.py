@@ -117,3 +117,12 @@ def test_tables_are_used_near_rest_and_as_far_as_they_reach_else_the_filter(phan
     turned = path_near_rest(fast_prediction_tables(pushed, 1.0), pushed, times)
     assert turned.mixture is None
     np.testing.assert_array_equal(turned.means, pushed.predict_path(times)[0])
+
+
+@pytest.mark.parametrize(
+    "shapes", [((3, 2), (3, 2, 2), (3, 1, 2, 2)), ((2, 2), (2, 2, 2), (2, 2, 2, 2)), ((3,), (3, 2), (3, 2, 2))]
+)
+def test_parts_of_another_shape_are_refused(shapes):
+    parts = PathParts(*map(np.zeros, shapes))
+    with pytest.raises(ValueError, match=r"path mixture: expected weights \(3, c\), means \(3, c, 2\), covs"):
+        TargetPath(np.arange(3.0), np.zeros((3, 2)), np.zeros((3, 2, 2)), parts)
