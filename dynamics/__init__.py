@@ -84,7 +84,7 @@ from dynamics.needle import (
     sliding_friction,
     straight_insertion,
 )
-from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, unpack
+from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, spring_lengths, unpack
 from dynamics.phantoms import (
     HIDDEN,
     OUTER,
@@ -167,6 +167,7 @@ __all__ = [
     "scale_parameters",
     "simulate_insertion",
     "sliding_friction",
+    "spring_lengths",
     "stable_step",
     "state_matrix",
     "stiffness_matrix",

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dynamics.arrays import Floats
 from dynamics.equilibrium.rest import fit_rest_lengths
-from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
@@ -57,7 +57,7 @@ def build_network(
         if name not in known:
             raise NetworkError(f'fixed: no node named "{name}"')
     n_nodes, n_springs = len(known), len(springs)
-    lengths: ArrayLike = np.linalg.norm(x[springs[:, 1]] - x[springs[:, 0]], axis=1)
+    lengths: ArrayLike = spring_lengths(x, springs)
     if not isinstance(rest_lengths, str):
         lengths = _each("rest_lengths", rest_lengths, n_springs, "edges")
     elif rest_lengths not in (AT_REST, AS_DRAWN):

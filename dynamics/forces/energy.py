@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from dynamics.arrays import Floats
 from dynamics.forces.kernels import packed, spring_constants, spring_forces, spring_potential
-from dynamics.network.mass_spring import MassSpringNetwork
+from dynamics.network.mass_spring import MassSpringNetwork, spring_lengths
 
 
 def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:
@@ -41,7 +41,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
 def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
     """Energy of the springs and of height [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
     x = np.asarray(positions, dtype=float)
-    lengths = np.linalg.norm(x[network.springs[:, 1]] - x[network.springs[:, 0]], axis=1)
+    lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()
     height = network.masses[network.free] @ (x[network.free] @ network.gravity)
     return float(springs - height)

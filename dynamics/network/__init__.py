@@ -1,14 +1,15 @@
 """The network: nodes and springs, checked at construction, and the order of a state vector.
 
-What may enter: what a tissue is made of. It computes nothing; forces do.
+What may enter: what a tissue is made of. It computes no force; `dynamics.forces` does.
 """
 
-from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions, pack, unpack
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions, pack, spring_lengths, unpack
 
 __all__ = [
     "MassSpringNetwork",
     "NetworkError",
     "all_positions",
     "pack",
+    "spring_lengths",
     "unpack",
 ]

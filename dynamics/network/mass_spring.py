@@ -192,6 +192,14 @@ def unpack(states: ArrayLike, dim: int) -> tuple[Floats, Floats]:
     return s[..., : n * dim].reshape(shape), s[..., n * dim :].reshape(shape)
 
 
+def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
+    """Distance between the two nodes of each spring [m], (n_springs,).
+
+    positions of all nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
+    """
+    return np.asarray(np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1))
+
+
 def all_positions(network: MassSpringNetwork, free_positions: Floats) -> Floats:
     """Positions of all nodes [m], (n_nodes, dim): the free ones as given, (n_free, dim), anchors where they stand."""
     positions = network.positions.copy()

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynamics.equilibrium.rest import rest_shape
-from dynamics.network.mass_spring import MassSpringNetwork
+from dynamics.network.mass_spring import MassSpringNetwork, spring_lengths
 
 SPACING_M = 0.200
 MASS_KG = 0.200
@@ -70,7 +70,7 @@ def four_mass_phantom() -> MassSpringNetwork:
         friction=np.where(fixed, 0.0, FRICTION_N),
         springs=springs,
         stiffness=np.full(n_springs, STIFFNESS_N_M),
-        rest_lengths=np.linalg.norm(grid[springs[:, 1]] - grid[springs[:, 0]], axis=1),
+        rest_lengths=spring_lengths(grid, springs),
         damping=np.full(n_springs, DAMPING_N_S_M),
         gravity=np.array([0.0, -9.81]),
     )

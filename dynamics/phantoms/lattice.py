@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 from dynamics.arrays import Floats
 from dynamics.equilibrium.build import build_network
-from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
+from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
 """Springs of a triangulation longer than so many times their median bridge hollows of the body and are left out [1]."""
@@ -52,7 +52,7 @@ def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.
         raise NetworkError(f"nodes: expected {n_corners} or more, not all in a line or plane, found others") from None
     edges = np.vstack([corners[:, [i, j]] for i in range(n_corners) for j in range(i + 1, n_corners)])
     pairs = np.unique(np.sort(edges, axis=1), axis=0)
-    lengths = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+    lengths = spring_lengths(positions, pairs)
     kept = (lengths <= LONGEST * np.median(lengths)) & ~fixed[pairs].all(axis=1)
     return pairs[kept].astype(np.int64)
 
@@ -67,8 +67,7 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
     in all directions it is as stiff as a body of that modulus and Poisson's ratio 1/4, a sheet of 1/3.
     """
     dim = positions.shape[1]
-    squares = ((positions[springs[:, 0]] - positions[springs[:, 1]]) ** 2).sum()
-    return float(0.5 * dim * (dim + 1) * young * volume(positions) / squares)
+    return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())
 
 
 def elastic_body(
@@ -111,21 +110,32 @@ def elastic_body(
 
 def volume(positions: Floats) -> float:
     """Of the convex hull of the nodes [m³]; its area in the plane [m²]. Raises NetworkError where it has none."""
-    try:
-        return float(ConvexHull(positions).volume)
-    except (QhullError, ValueError):
-        raise NetworkError("nodes: expected them not all in a line or plane, found a body without volume") from None
+    return float(_hull(positions).volume)
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Which nodes at these positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,)."""
+    """Which nodes at these positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,).
+
+    Raises NetworkError where the hull has no volume.
+    """
     corners = np.zeros(len(positions), dtype=bool)
-    corners[ConvexHull(positions).vertices] = True
+    corners[_hull(positions).vertices] = True
     return corners
 
 
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
-    """How far it is from a point inside the convex hull of the nodes out of it, (dim,), along a unit vector [m]."""
-    facets = ConvexHull(positions).equations
+    """How far it is from a point inside the convex hull of the nodes out of it along a unit vector [m].
+
+    positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
+    Raises NetworkError where the hull has no volume.
+    """
+    facets = _hull(positions).equations
     slopes, depths = facets[:, :-1] @ direction, -(facets[:, :-1] @ start + facets[:, -1])
     return float((depths[slopes > 0.0] / slopes[slopes > 0.0]).min())
+
+
+def _hull(positions: Floats) -> ConvexHull:
+    try:
+        return ConvexHull(positions)
+    except (QhullError, ValueError):
+        raise NetworkError("nodes: expected them not all in a line or plane, found a body without volume") from None

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynamics.equilibrium.build import build_network
-from dynamics.network.mass_spring import NetworkError
+from dynamics.network.mass_spring import NetworkError, spring_lengths
 from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
 
 SPACING_M = 0.120
@@ -37,8 +37,7 @@ def planar_phantom(n_masses: int = 5) -> Phantom:
     positions = np.array([*masses, *floor])
     fixed = np.arange(len(positions)) >= n_masses
     springs = delaunay_springs(positions, fixed)
-    lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
-    springs = springs[lengths < 1.1 * SPACING_M]
+    springs = springs[spring_lengths(positions, springs) < 1.1 * SPACING_M]
     stiffness = STIFFNESS_N_M * n_masses
     names = [*(f"M{i + 1}" for i in range(n_masses)), *(f"In{i + 1}" for i in range(wide + 1))]
     network = build_network(

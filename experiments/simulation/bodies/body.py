@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
@@ -93,8 +92,3 @@ class Body:
 def node_names(n: int) -> tuple[str, ...]:
     """Names of n nodes."""
     return tuple(f"n{i}" for i in range(n))
-
-
-def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
-    """Distance between the two nodes of each spring [m], (n_springs,)."""
-    return np.asarray(np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1))

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, fit_rest_lengths
+from dynamics import MassSpringNetwork, fit_rest_lengths, spring_lengths
 from experiments.arrays import Floats
-from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names, spring_lengths
+from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names
 from experiments.simulation.bodies.simulate import compiled, motion, settled
 
 FRAMES_PER_S = 30

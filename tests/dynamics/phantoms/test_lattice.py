@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dynamics import NetworkError, elastic_body, elastic_stiffness, on_hull, potential_energy, rest_shape
+from dynamics import NetworkError, elastic_body, elastic_stiffness, on_hull, potential_energy, rest_shape, to_outside
 from dynamics.phantoms.lattice import delaunay_springs
 
 YOUNG = 20e3
@@ -87,6 +87,19 @@ def test_a_body_too_soft_for_its_weight_and_nodes_in_a_line_are_refused() -> Non
         delaunay_springs(line, np.zeros(4, dtype=bool))
     with pytest.raises(NetworkError, match=r"found a body without volume"):
         elastic_stiffness(line, np.array([[0, 1], [1, 2]]), YOUNG)
+    with pytest.raises(NetworkError, match=r"found a body without volume"):
+        on_hull(line)
+    with pytest.raises(NetworkError, match=r"found a body without volume"):
+        to_outside(line, line[1], np.array([0.0, 1.0]))
+
+
+def test_the_way_out_of_a_square() -> None:
+    """From (0.25, 0.5) of the unit square: 0.75 to the right, 0.5 up, sqrt(2) / 2 along the diagonal."""
+    x = np.array(list(product((0.0, 1.0), repeat=2)))
+    start = np.array([0.25, 0.5])
+    assert to_outside(x, start, np.array([1.0, 0.0])) == pytest.approx(0.75)
+    assert to_outside(x, start, np.array([0.0, 1.0])) == pytest.approx(0.5)
+    assert to_outside(x, start, np.full(2, np.sqrt(0.5))) == pytest.approx(np.sqrt(0.5))
 
 
 def test_corners_of_the_hull() -> None:

@@ -117,6 +117,11 @@ def test_a_project_of_a_mesh(tmp_path) -> None:
         (PLANE.replace("0.005", "5.0"), None, "nodes.csv: rest_length A-C: expected to rest"),
         (PLANE, "from,to\n", "springs.csv: expected a row for each spring, found none"),
         (PLANE, "from,to,stiffness_N_m\nA,C,0\n", "springs.csv: row 2: stiffness_N_m: expected more than 0, found 0"),
+        (
+            "name,x_mm,y_mm,mass_kg,fixed\nA,0,0,1,yes\nB,0,-50,0.01,\nC,0,-90,0.01,\n",
+            "from,to,stiffness_N_m,damping_N_s_m\nA,B,99,0.1\nB,C,99,0.1\n",
+            "springs.csv: nodes: expected them not all in a line or plane, found a body without volume",
+        ),
         (PLANE, "from,to,damping_N_s_m\nA,C,-1\n", "springs.csv: row 2: damping_N_s_m: expected 0 or more, found -1"),
     ],
 )
