@@ -76,11 +76,13 @@ def udp_feed(address: str) -> UdpFeed:
     try:
         parts = urlsplit(address)
         port, spare = parts.port, parts.path.strip("/") or parts.query or parts.username
+        host = parts.hostname or LOOPBACK
+        host.encode("idna")  # as getaddrinfo does, whose error is none of the system's
     except ValueError:
-        port, spare = None, None
+        port, spare, host = None, None, LOOPBACK
     if not port or spare:
         raise SourceError("expected udp://:PORT or udp://HOST:PORT, PORT from 1 to 65535, found neither")
-    return UdpFeed(port, parts.hostname or LOOPBACK)
+    return UdpFeed(port, host)
 
 
 class PipeFeed:
