@@ -15,9 +15,9 @@ from experiments.film.views import ground_camera, overlay_of
 from experiments.film.worst import WorstFrames
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.line import Line, Step
+from experiments.pipeline.line import FILTER, Line, Step
 from experiments.pipeline.recorder import PIECE_S, Recorder, join
-from vision import Frame, SourceError
+from vision import Frame
 from vision.arrays import Image
 
 WAITING = 8
@@ -29,7 +29,8 @@ class LiveFilm:
 
     growing: that folder, made with the first frame; when the program is killed, `softaim record --recover` joins it
     What `take` costs the loop is the projection of what is to be drawn; drawing and compression are the thread's.
-    State: frames that wait; how many were dropped because the thread fell behind, or written; the fault that ended it.
+    State: frames that wait; how many were dropped because the thread fell behind, or written; the fault that ended it;
+    the time of the last frame [s], which a later one has to exceed.
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:
@@ -52,14 +53,13 @@ class LiveFilm:
 
     def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Hand a frame to the thread; the oldest that waits is dropped where it falls behind."""
-        if self.fault is not None:
+        time_s = step.estimates[FILTER].time_s
+        if self.fault is not None or not round(time_s, 9) > round(self._last_s, 9):
             self.n_dropped += 1
             return
+        self._last_s = time_s
         overlay = overlay_of(line, step, self.camera, guidance, self.plan)
         image = ground(self.camera) if frame is None else frame.image
-        time_s = next(iter(step.estimates.values())).time_s
-        if not self._thread.is_alive():
-            self._thread.start()
         with self._changed:
             if len(self._waiting) == WAITING:
                 self._waiting.popleft()
@@ -72,8 +72,7 @@ class LiveFilm:
         with self._changed:
             self._ended = True
             self._changed.notify()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._thread.join()
         if self._recorder is None:
             return
         try:
@@ -93,7 +92,7 @@ class LiveFilm:
                     self._recorder.check()
             if self._recorder is not None:
                 self._recorder.finish_piece()
-        except (InputError, SourceError, OSError) as error:  # the run goes on without its film
+        except Exception as error:  # whatever it is, the run goes on without its film
             self.fault = error
 
     def _next(self) -> tuple[float, Image, Overlay] | None:
@@ -103,10 +102,6 @@ class LiveFilm:
             return self._waiting.popleft() if self._waiting else None
 
     def _write(self, time_s: float, image: Image, overlay: Overlay) -> None:
-        if not round(time_s, 9) > round(self._last_s, 9):
-            self.n_dropped += 1
-            return
-        self._last_s = time_s
         picture = drawn(image, overlay)
         if self._recorder is None:
             height, width = picture.shape[:2]

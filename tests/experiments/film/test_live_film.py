@@ -98,9 +98,10 @@ def test_the_loop_never_waits_and_the_oldest_frames_go(frames, tmp_path, monkeyp
     assert count(out / "film.avi") == 1 + WAITING
 
 
-def test_a_disk_that_is_full_ends_the_film_and_not_the_run(frames, tmp_path, monkeypatch) -> None:
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), cv2.error("No space left")])
+def test_what_fails_in_the_thread_ends_the_film_and_not_the_run(frames, tmp_path, monkeypatch, error) -> None:
     def full(*_given: object) -> None:
-        raise OSError(28, "No space left on device")
+        raise error
 
     monkeypatch.setattr(experiments.film.live_film.Recorder, "take", full)
     one = LiveFilm(line().scene, tmp_path / "out-film")
@@ -112,6 +113,17 @@ def test_a_disk_that_is_full_ends_the_film_and_not_the_run(frames, tmp_path, mon
     assert session.n_frames == 11
     assert "No space left" in str(one.fault)
     session.close()
+
+
+def test_a_frame_at_the_time_of_the_one_before_is_dropped(frames, tmp_path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    one, own = LiveFilm(line().scene, tmp_path / "out-film"), line()
+    step = own.see(frames[0].exposure_s, frames[0].image)
+    for _ in range(2):
+        one.take(frames[0], own, step)
+    one.finish(out)
+    assert (one.n_written, one.n_dropped, one.fault) == (1, 1, None)
 
 
 def test_a_folder_in_which_a_killed_run_left_its_film_is_not_written_over(tmp_path) -> None:
