@@ -248,7 +248,7 @@ def record_source(
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)
-    check_folder(out, force, [path for path in (Path(source),) if path.is_dir()])
+    check_folder(out, force, [path for path in (Path(source),) if path.exists()])
     scene, frames = open_source(source, scene_path, live=False, fps=fps)
     fault: Exception | None = None
     with frames:

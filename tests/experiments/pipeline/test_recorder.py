@@ -234,6 +234,11 @@ def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.Cap
     assert softaim(*words) == 2
     assert "rec: expected a new or an empty folder, found files in it; --force" in capfd.readouterr().err
     check_frames(tmp_path / "rec", 40)
+    # nor is what is read
+    film = tmp_path / "rec" / "video.mkv"
+    assert softaim("record", film, "--out", tmp_path / "rec", "--force") == 2
+    assert f"rec: expected a folder apart from {film}, which is read" in capfd.readouterr().err
+    check_frames(tmp_path / "rec", 40)
 
 
 @pytest.mark.parametrize(
