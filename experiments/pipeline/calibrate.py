@@ -49,6 +49,12 @@ class AlsoWrite:
         """Of the files of a picture."""
         return ("png",) if self.vector is None else ("png", self.vector)
 
+    def pictures(self, out: Path) -> dict[str, Path]:
+        """Files of the picture of a calibration by their form: camera.png beside camera.toml. Raises InputError."""
+        if out.suffix.lower() != ".toml":
+            raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
+        return {form: out.with_suffix(f".{form}") for form in self.forms}
+
 
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
     """Board from the command's options; InputError names the option.
@@ -126,9 +132,8 @@ def calibrate_one(
     done = calibrate(
         views.views, views.size_px, None if plane is None else plane.name, name=views.name, left_out=views.left_out
     )
-    beside = picture_beside(out)
     files: dict[Path, str | bytes] = {out: camera_text(done)}
-    files |= {beside.with_suffix(f".{form}"): picture(done, form) for form in also.forms}
+    files |= {path: picture(done, form) for form, path in also.pictures(out).items()}
     if also.opencv_yaml is not None:
         files[also.opencv_yaml] = opencv_text(LensFile(done.lens, done.size_px))
     if also.ros_yaml is not None:
@@ -173,13 +178,6 @@ def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
     return folders
 
 
-def picture_beside(out: Path) -> Path:
-    """Where the picture of a calibration goes: camera.png beside camera.toml."""
-    if out.suffix.lower() != ".toml":
-        raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
-    return out.with_suffix(".png")
-
-
 def command(
     pictures: Sequence[Path],
     cameras: Sequence[str],
@@ -202,7 +200,7 @@ def command(
         found = "both" if pictures else "neither"
         raise InputError.at("calibrate", "pictures of one camera or --camera NAME=FOLDER of several", found)
     if pictures:
-        for path in (out, picture_beside(out), also.opencv_yaml, also.ros_yaml):
+        for path in (out, *also.pictures(out).values(), also.opencv_yaml, also.ros_yaml):
             if path is not None:
                 check_new(path, force)
         seen_by_one = views_of(board, with_plane(pictures, plane), out.stem, stage("boards"))

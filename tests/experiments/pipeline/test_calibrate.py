@@ -59,6 +59,11 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
         *("front.pdf", "front.png", "front.provenance.json", "front.toml", "o.yml", "r.yaml")
     ]
     assert (tmp_path / "front.pdf").read_bytes().startswith(b"%PDF")
+    for name in ("front.toml", "front.png"):
+        (tmp_path / name).unlink()
+    words = ("calibrate", pictures / "left", *CHESS, "--out", out, "--vector", "pdf")
+    assert softaim(*words) == 2
+    assert "front.pdf: expected a new file, found one that is there; --force replaces it" in capsys.readouterr().err
 
 
 def test_the_picture_can_be_printed(pictures: Path, tmp_path: Path) -> None:
