@@ -215,10 +215,12 @@ class _Search:
             pieces, _ = cv2.findContours(near, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
             component[:] = 0
             cv2.drawContours(component, pieces, -1, 1, cv2.FILLED)
-        few = cv2.countNonZero(component) < least
+        pixels = cv2.countNonZero(component)
+        few = pixels < least
         if few or _elongation(component) > self.settings.components.max_elongation:
             corner, reason = np.array([u0, v0], dtype=float), Reason.FEW_PIXELS if few else Reason.SHAPE
-            self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
+            if pixels:  # none, where the hue was that of neighbours averaged
+                self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
         clipped = min(u, v) == 0 or u + width > frame_width - self.scale or v + height > frame_height - self.scale

@@ -98,6 +98,15 @@ def test_a_hand_over_the_picture_floods_it() -> None:
     assert {each.reason for each in one.values()} == {Reason.FLOODED}
 
 
+def test_a_hue_that_only_neighbours_averaged_have_is_no_piece() -> None:
+    """Stripes of yellow and magenta: red by twos, as the search has them, neither by ones nor by threes."""
+    image = frame(OTHERS)
+    image[340:360, 290:310:2], image[340:360, 291:311:2] = (0, 255, 255), (255, 0, 255)
+    one = lost(image)["M4"]
+    assert one.reason is Reason.FEW_PIXELS
+    assert one.candidate_px is None
+
+
 def test_explaining_changes_no_detection() -> None:
     """Bit for bit, over frames in which marks come and go."""
     finders = [MarkFinder([MarkHue(0.0)], explain=explain) for explain in (False, True)]
