@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -11,24 +11,13 @@ from estimators import FilterSettings, IdentitySwap
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene, network_digest
 from experiments.log import LOG
-from vision import SourceEvent
+from vision import SourceOf
 
 CONSTANTS = ("simulate", "identify")
 """Steps after which the constants are those of the tissue: its truth was made with them, or they were found."""
 
 SAGS = 1e-3
 """Share of the network's size by which it has to rest elsewhere than drawn to be told of: a drawing is no finer."""
-
-
-class Eventful(Protocol):
-    """A source of pictures or of marks, as far as its events go."""
-
-    @property
-    def origin_s(self) -> float:
-        """When the source's own time was nought, on the clock of its events [s]; 0 where it has none."""
-
-    def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked, in order."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -120,7 +109,7 @@ def report_swap(swap: IdentitySwap) -> None:
     )
 
 
-def report_source_events(frames: Eventful) -> None:
+def report_source_events(frames: SourceOf[object]) -> None:
     """Report the events of a source that were not yet taken."""
     for event in frames.take_events():
         report_event(event.time_s - frames.origin_s, event.kind, event.text)

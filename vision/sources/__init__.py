@@ -3,7 +3,8 @@
 What may enter: another source of frames, another container.
 """
 
-from vision.sources.events import EventKind, Source, SourceEvent
+from vision.sources.closing import Closing
+from vision.sources.events import EventKind, Source, SourceEvent, SourceOf
 from vision.sources.every_frame import EveryFrame, FrameFile
 from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, stated_exposure_time
 from vision.sources.frames import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
@@ -30,6 +31,7 @@ __all__ = [
     "NOMINAL_FPS",
     "SUFFIX",
     "Capture",
+    "Closing",
     "Codec",
     "DeviceTimes",
     "EventKind",
@@ -47,6 +49,7 @@ __all__ = [
     "Source",
     "SourceError",
     "SourceEvent",
+    "SourceOf",
     "SourceSettings",
     "SourceWatchdog",
     "VideoFileFrames",

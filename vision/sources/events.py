@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, TypeVar
 
 from vision.sources.frames import Frame
+
+F_co = TypeVar("F_co", covariant=True)
 
 
 class EventKind(StrEnum):
@@ -42,8 +44,8 @@ class SourceEvent:
         return f"{self.kind} {self.text}"
 
 
-class Source(Protocol):
-    """Frames in order of exposure, whatever they come from.
+class SourceOf(Protocol[F_co]):
+    """Frames of some kind in order of exposure, whatever they come from.
 
     frames_dropped: frames that were read and not handed on, because newer ones had come, or their time was wrong
     """
@@ -58,11 +60,8 @@ class Source(Protocol):
     def ended(self) -> bool:
         """Whether all frames have been handed on and none will come."""
 
-    def next(self, timeout_s: float) -> Frame | None:
+    def next(self, timeout_s: float) -> F_co | None:
         """The next frame, or None where there is none within timeout_s [s] or the source ended; SourceError."""
-
-    def __iter__(self) -> Iterator[Frame]:
-        """All frames until the source ends, waiting through its faults; SourceError."""
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         """What happened since this was last asked, in order."""
@@ -77,3 +76,10 @@ class Source(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close."""
+
+
+class Source(SourceOf[Frame], Protocol):
+    """Pictures in order of exposure."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        """All frames until the source ends, waiting through its faults; SourceError."""

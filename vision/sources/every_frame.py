@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
+from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.frames import Frame
 
@@ -20,7 +20,7 @@ class FrameFile(Protocol):
         """Let go."""
 
 
-class EveryFrame:
+class EveryFrame(Closing):
     """Every frame of a file or folder, in order; no thread, no clock.
 
     State: the frames still to come, the last frame's size and time, events not yet taken, whether it ended.
@@ -70,11 +70,3 @@ class EveryFrame:
         """Let go of the file; no frame comes any more."""
         self._ended = True
         self._frames.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -7,13 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import cv2
 import numpy as np
 
 from vision.arrays import Image
+from vision.sources.closing import Closing
 from vision.sources.exposure_times import FilmTimes
 
 # FFmpeg's own lines go past OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
@@ -44,7 +43,7 @@ def quiet_opencv() -> Iterator[None]:
         cv2.utils.logging.setLogLevel(level)
 
 
-class VideoFileFrames:
+class VideoFileFrames(Closing):
     """The frames of a film, as fast as they are asked for.
 
     Without exposures_s [s], exposures are the film's own: see `FilmTimes`. State: the open film.
@@ -84,16 +83,8 @@ class VideoFileFrames:
         """Let go of the file."""
         self._capture.release()
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-class FolderFrames:
+class FolderFrames(Closing):
     """The pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
 
     Raises SourceError if they differ in number from the exposures, are not numbered from 0 without gaps, or cannot be
@@ -122,14 +113,6 @@ class FolderFrames:
 
     def close(self) -> None:
         """Nothing is held open."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def count_frames(path: str | Path, advance: Callable[[float], None] = lambda _share: None) -> int:

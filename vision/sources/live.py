@@ -8,13 +8,13 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 
 from vision.arrays import Image
+from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, ExposureRule
 from vision.sources.frames import Frame, SourceError, quiet_opencv
@@ -54,7 +54,7 @@ class _Reader:
     retired: bool = False
 
 
-class LiveFrames:
+class LiveFrames(Closing):
     """Newest frames of a camera or stream, each once, until the source ends or `close()`.
 
     open_capture: opens the source; called in the reading thread, which a dead device may hold for ever
@@ -286,14 +286,6 @@ class LiveFrames:
         with self._changed:
             self._changed.notify_all()
             self._changed.wait_for(lambda: not self._readers, timeout=self._settings.blocked_s)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _equal(one: Image, other: Image) -> bool:

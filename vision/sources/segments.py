@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
+from vision.sources.closing import Closing
 from vision.sources.frames import Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
 from vision.sources.video import Codec, VideoWriter
 
@@ -68,7 +69,7 @@ def count_segment_frames(folder: Path) -> int:
     return sum(count_frames(path) for path in segments_in(folder))
 
 
-class SegmentFrames:
+class SegmentFrames(Closing):
     """The frames of all pieces in order with their exposure times [s]; frames beyond these are left out.
 
     Raises SourceError where pieces are missing or cannot be read, or hold fewer frames. State: the open piece.
@@ -97,12 +98,6 @@ class SegmentFrames:
         """Let go of the open piece."""
         if self._open is not None:
             self._open.close()
-
-    def __enter__(self) -> SegmentFrames:
-        return self
-
-    def __exit__(self, *_fault: object) -> None:
-        self.close()
 
 
 def join_segments(

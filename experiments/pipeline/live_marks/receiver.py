@@ -7,15 +7,14 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from estimators import MarkMeasurement
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live_marks.lines import LineError, SentFrame, read_line
 from experiments.pipeline.live_marks.sender_clock import OrderError, SenderClock
 from experiments.pipeline.track import measurement
-from vision import EventKind, SourceError, SourceEvent, SourceSettings, SourceWatchdog
+from vision import Closing, EventKind, SourceError, SourceEvent, SourceOf, SourceSettings, SourceWatchdog
 
 SETTINGS = SourceSettings()
 """When a sender counts as blocked, and how its clock is followed: as for a camera."""
@@ -30,39 +29,8 @@ class MarksFrame:
     marks: tuple[MarkMeasurement, ...]
 
 
-class MarkSource(Protocol):
-    """Frames of marks in order of exposure, whatever they come from: as `vision.Source`, which gives pictures.
-
-    frames_dropped: frames that were read and not handed on, because newer ones had come
-    origin_s: when the source's own time was nought, on the clock [s]; 0 where it has none
-    """
-
-    frames_dropped: int
-
-    @property
-    def origin_s(self) -> float:
-        """When the source's own time was nought, on the clock [s]; 0 where it has none."""
-
-    @property
-    def ended(self) -> bool:
-        """Whether all frames have been handed on and none will come."""
-
-    def next(self, timeout_s: float) -> MarksFrame | None:
-        """The next frame, or None where there is none within timeout_s [s] or the source ended; SourceError."""
-
-    def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked, in order."""
-
-    def close(self) -> None:
-        """Stop, and let go of the source."""
-
-    def __enter__(self) -> Self:
-        """The source, closed at the end of the block."""
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
+MarkSource = SourceOf[MarksFrame]
+"""Frames of marks, as `vision.Source` gives pictures."""
 
 
 class Feed(Protocol):
@@ -78,7 +46,7 @@ class Feed(Protocol):
         """Let go of what carries them."""
 
 
-class LiveMarks:
+class LiveMarks(Closing):
     """The newest frame of marks that a feed hands over, each once, until the feed ends or `close()`: a `MarkSource`.
 
     Lines that are no frame, and frames whose times do not follow, are refused: counted by kind, and reported as events,
@@ -226,11 +194,3 @@ class LiveMarks:
             self._changed.notify_all()
             self._changed.wait_for(lambda: self._finished, timeout=self._settings.blocked_s)
         self._feed.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from types import TracebackType
-from typing import Self
 
 from experiments.arrays import Floats
 from experiments.formats.recording import MarkRow
 from experiments.pipeline.live_marks.receiver import MarksFrame
 from experiments.pipeline.track import measurement
-from vision import EventKind, SourceEvent
+from vision import Closing, EventKind, SourceEvent
 
 
-class MarksReplay:
+class MarksReplay(Closing):
     """Frames of marks.csv when they are due, the newest first: a `MarkSource`. The first is due when it is asked for.
 
     State: the next frame, when the first was asked for [s], events not yet taken, whether it ended.
@@ -80,11 +78,3 @@ class MarksReplay:
     def close(self) -> None:
         """No frame comes any more."""
         self._ended = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
