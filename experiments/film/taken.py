@@ -19,7 +19,7 @@ from experiments.film.worst import captioned, side_by_side
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.scene import Scene
 from experiments.formats.tables import write_table
-from experiments.pipeline.frame_sources import open_source
+from experiments.pipeline.frame_sources import check_size, open_source
 from vision import NOMINAL_FPS, EveryFrame, Frame, MarkHue, VideoWriter
 from vision.arrays import Image, Picture
 from vision.detection.palette import classes_of, palette_of
@@ -146,11 +146,7 @@ def _taken(frames: EveryFrame, scene: Scene, folder: Path | None) -> Taken:
     palette = palette_of(tuple(kind.hue for kind in taken.kinds))
     with nullcontext() if folder is None else _Writer(folder / FILM) as writer:
         for frame in frames:
-            height, width = frame.image.shape[:2]
-            if (width, height) != taken.size_px:
-                raise InputError.at(
-                    "scene: camera[0].size_px", f"[{width}, {height}], as the frames have", str(list(taken.size_px))
-                )
+            check_size(frame, scene)
             classes = classes_of(frame.image, palette, 1)
             counted = np.bincount(classes.ravel(), minlength=len(taken.kinds) + 1)[1:].tolist()
             picture = painted(frame.image, classes, taken, counted)

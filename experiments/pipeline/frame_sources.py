@@ -50,3 +50,11 @@ def filmed_scene(path: Path) -> Scene:
     if not scene.cameras:
         raise InputError.at(f"{path}: camera", "one", "none")
     return scene
+
+
+def check_size(frame: vision.Frame, scene: Scene) -> None:
+    """Raise InputError for a frame of another size than the scene's camera gives."""
+    height, width = frame.image.shape[:2]
+    size_px = scene.cameras[0].size_px
+    if size_px != (width, height):
+        raise InputError.at("scene: camera[0].size_px", f"[{width}, {height}], as the frames have", str(list(size_px)))

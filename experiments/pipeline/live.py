@@ -25,7 +25,7 @@ from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_source_events, report_swap
-from experiments.pipeline.frame_sources import open_source
+from experiments.pipeline.frame_sources import check_size, open_source
 from experiments.pipeline.line import FILTER, Film, Line, Watcher, warm_up
 from experiments.pipeline.live_advice import LiveAdvice, own_time_s, words
 from experiments.pipeline.live_marks.opening import is_mark_source, open_mark_source
@@ -123,13 +123,10 @@ class Session:
         return True
 
     def _fits(self, frame: vision.Frame) -> bool:
+        if not self.n_frames:
+            check_size(frame, self.line.scene)
         height, width = frame.image.shape[:2]
-        size_px = self.line.scene.cameras[0].size_px
-        if size_px != (width, height) and not self.n_frames:
-            raise InputError(
-                f"scene: camera[0].size_px: expected [{width}, {height}], as the frames have, found {list(size_px)}"
-            )
-        return size_px == (width, height)
+        return self.line.scene.cameras[0].size_px == (width, height)
 
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.

@@ -21,7 +21,7 @@ from experiments.formats.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, sourc
 from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.pipeline.events import report_source_events
-from experiments.pipeline.frame_sources import open_source
+from experiments.pipeline.frame_sources import check_size, open_source
 
 PIECE_S = 1.0
 """Length of a piece [s], the most that a kill may cost: promised in the README as the last second."""
@@ -137,7 +137,8 @@ def record(
                 continue
             if recorder is None:
                 first_s = frame.exposure_s
-                check_size(frame, scene)
+                if scene is not None:
+                    check_size(frame, scene)
                 if force:
                     remove_recording(folder)
                 recorder = _begun(folder, frame, scene, scene_path, codec, clock)
@@ -151,17 +152,6 @@ def record(
         if recorder is not None:
             recorder.finish_piece()
     return 0 if recorder is None else recorder.n_rows
-
-
-def check_size(frame: vision.Frame, scene: Scene | None) -> None:
-    """Raise InputError for a frame of another size than the scene's camera gives."""
-    height, width = frame.image.shape[:2]
-    if scene is not None and scene.cameras[0].size_px != (width, height):
-        raise InputError.at(
-            "scene: camera[0].size_px",
-            f"[{width}, {height}], as the frames have",
-            str(list(scene.cameras[0].size_px)),
-        )
 
 
 def remove_recording(folder: Path) -> None:
