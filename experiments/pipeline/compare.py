@@ -8,7 +8,6 @@ uses the marks of all frames.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,7 +18,7 @@ from experiments.errors import InputError, shown
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Step
-from experiments.pipeline.track import Advance, Track, figures, table, track
+from experiments.pipeline.track import Advance, Track, figures, track, write_estimates
 
 SMOOTHER = "smoother"
 """The registered method that `softaim smooth` runs."""
@@ -102,13 +101,9 @@ def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
 
 def write_smoothed(done: Track, folder: Path) -> None:
     """Write the smoother's estimates.csv, the filter's beside it and summary.json to a folder that exists."""
-    for method, name in ((SMOOTHER, "estimates.csv"), (FILTER, f"estimates.{FILTER}.csv")):
-        table(done, method).to_csv(folder / name, index=False, float_format="%.9g")
-    (folder / "summary.json").write_text(json.dumps(summary(done), indent=2) + "\n", encoding="utf-8")
+    write_estimates(done, folder, {SMOOTHER: "estimates.csv", FILTER: f"estimates.{FILTER}.csv"}, summary(done))
 
 
 def write_comparison(done: Track, folder: Path) -> None:
     """Write estimates.METHOD.csv for each method and summary.json to a folder that exists."""
-    for method in methods_of(done):
-        table(done, method).to_csv(folder / f"estimates.{method}.csv", index=False, float_format="%.9g")
-    (folder / "summary.json").write_text(json.dumps(summary(done), indent=2) + "\n", encoding="utf-8")
+    write_estimates(done, folder, {method: f"estimates.{method}.csv" for method in methods_of(done)}, summary(done))

@@ -235,6 +235,11 @@ def verdict_of(done: Track) -> str:
 
 def write_tables(done: Track, folder: Path) -> None:
     """Write the tables and figures of a track to a folder that exists."""
-    for method, name in ((FILTER, "estimates.csv"), (OPEN_LOOP, f"estimates.{OPEN_LOOP}.csv")):
+    write_estimates(done, folder, {FILTER: "estimates.csv", OPEN_LOOP: f"estimates.{OPEN_LOOP}.csv"}, summary(done))
+
+
+def write_estimates(done: Track, folder: Path, names: Mapping[str, str], found: Mapping[str, Any]) -> None:
+    """Write tables of estimates to a folder that exists, by method under these names, and figures to summary.json."""
+    for method, name in names.items():
         table(done, method).to_csv(folder / name, index=False, float_format="%.9g")
-    (folder / "summary.json").write_text(json.dumps(summary(done), indent=2) + "\n", encoding="utf-8")
+    (folder / "summary.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
