@@ -36,6 +36,8 @@ SPRING: Colour = (215, 215, 215)
 TARGET: Colour = (66, 228, 240)
 FAINT = 0.4
 """Share of its colour that an ellipse keeps that is not to be relied upon."""
+CROSS = np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
+"""The two strokes of a diagonal cross from -1 to 1, (2, 2, 2)."""
 MOST_LINES = 6
 """Lines of reasons, at most: more would hide the picture."""
 
@@ -172,14 +174,12 @@ def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
     if reach is not None:
         draw_line(canvas, ellipse_points(mark.center_px, reach), colour, thin)
     if mark.fate is Fate.REFUSED:
-        cross = 1.2 * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
-        draw_segments(canvas, mark.center_px + cross @ mark.shape_px.T, LIGHT, 2 * thin)
+        draw_segments(canvas, mark.center_px + 1.2 * CROSS @ mark.shape_px.T, LIGHT, 2 * thin)
 
 
 def _rejected(canvas: Image, expected_px: Floats, candidate_px: Floats, colour: Colour, scale: float) -> None:
     """A small cross on what was seen and rejected, and a line to it from where the mark was expected."""
-    cross = 5.0 * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
-    draw_segments(canvas, candidate_px + cross, colour, round(scale))
+    draw_segments(canvas, candidate_px + 5.0 * scale * CROSS, colour, round(scale))
     draw_dashes(canvas, np.stack([expected_px, candidate_px]), 3.0 * scale, colour, round(scale))
 
 
@@ -205,8 +205,7 @@ def _needle(canvas: Image, needle: NeedleDrawn, scale: float) -> None:
     reach = within_95(needle.aim_cov_px2)
     if reach is not None:
         draw_dashes(canvas, ellipse_points(needle.aim_px, reach), 4.0 * scale, LIGHT, thin)
-    cross = 6.0 * scale * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
-    draw_segments(canvas, needle.aim_px + cross, LIGHT, thin)
+    draw_segments(canvas, needle.aim_px + 6.0 * scale * CROSS, LIGHT, thin)
 
 
 def _names(canvas: Image, overlay: Overlay, scale: float, rows: tuple[float, float]) -> None:

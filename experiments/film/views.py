@@ -22,14 +22,14 @@ from vision import LostMark, PlaneCamera, fronto_parallel_camera
 
 # Colours of Okabe and Ito, which people tell apart who see fewer colours, BGR
 GREEN: Colour = (115, 158, 0)
-BLUE: Colour = (233, 180, 86)
+SKY: Colour = (233, 180, 86)
 ORANGE: Colour = (0, 159, 230)
 VERMILLION: Colour = (0, 94, 213)
 PURPLE: Colour = (167, 121, 204)
 GREY: Colour = (190, 190, 190)
 
 STATUSES = {
-    Status.INITIALISING: BLUE,
+    Status.INITIALISING: SKY,
     Status.TRACKING: GREEN,
     Status.COASTING: ORANGE,
     Status.LOST: VERMILLION,
@@ -79,7 +79,7 @@ def overlay_of(
     return Overlay(
         status=str(estimate.status),
         status_colour=STATUSES[estimate.status],
-        facts=facts(estimate, len([mark for mark in scene.marks if mark.measured])),
+        facts=facts(estimate, len(scene.measured_nodes)),
         nodes_px=_places(camera, positions),
         names=names,
         fixed=network.fixed,

@@ -35,6 +35,9 @@ COLOURS = {Advice.GO: GREEN, Advice.WAIT: ORANGE, Advice.REALIGN: PURPLE, Advice
 LANE_MM = 6.5
 """Height of the lane of one reason in print [mm]: its words above its bars."""
 
+MOST_CHANGES = 40
+"""Changes of advice that are each shown by a line: closer ones would be grey."""
+
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -107,10 +110,6 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
     ax.set(ylim=(len(reasons), 0.0), yticks=[])
     ax.spines["left"].set_visible(False)
     ax.set_title(f"advice and its reasons; it changes {len(changes)} times")
-
-
-MOST_CHANGES = 40
-"""Changes of advice that are each shown by a line: closer ones would be grey."""
 
 
 def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:

@@ -29,6 +29,9 @@ AROUND = 0.5
 FAINT = 0.3
 """Opacity of an ellipse whose frame had no marks that fit."""
 
+OURS_IN_TIME = colormaps[TIME_MAP](0.35)
+"""For a legend: a colour from the map."""
+
 
 @styled
 def path_figure(done: Track) -> Figure:
@@ -114,10 +117,6 @@ def _paths(done: Track, ax: Axes, side: tuple[int, int], thick: float) -> None:
 
 def _of_time(done: Track) -> Normalize:
     return Normalize(float(done.times_s[0]), max(float(done.times_s[-1]), float(done.times_s[0]) + 1e-9))
-
-
-OURS_IN_TIME = colormaps[TIME_MAP](0.35)
-"""For a legend: a colour from the map."""
 
 
 def _missed(done: Track) -> bool:
