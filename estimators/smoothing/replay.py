@@ -64,41 +64,35 @@ class Replay:
 
     def _fused(self, event: Event) -> TargetEstimate | None:
         newest = self.tissue.time_s
-        if newest is None or event.time_s >= newest:
-            estimate = self._apply(event)
-        elif event.time_s < newest - self.horizon_s:
+        if newest is not None and event.time_s < newest - self.horizon_s:
             self.late["rejected"] += 1
             return None
-        else:
+        late = newest is not None and event.time_s < newest
+        now, kept = self.tissue.snapshot(), self._kept
+        try:
+            estimate = self._again_with(event) if late else self._apply(event)
+        except Exception:
+            self._kept = kept
+            self.tissue.restore(now)
+            raise
+        if late:
             self.late["fused"] += 1
-            estimate = self._again_with(event)
         newest = self.tissue.time_s or event.time_s
         self._kept = [kept for kept in self._kept if kept.event.time_s >= newest - self.horizon_s]
         return estimate
 
     def _again_with(self, event: Event) -> TargetEstimate:
         later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
-        now = self.tissue.snapshot()
-        kept = self._kept
         self.tissue.restore(later[0].before)
-        self._kept = [k for k in kept if k.event.time_s <= event.time_s]
-        try:
-            estimate = self._apply(event)
-            for old in later:
-                estimate = self._apply(old.event)
-        except Exception:
-            self._kept = kept
-            self.tissue.restore(now)
-            raise
+        self._kept = [kept for kept in self._kept if kept.event.time_s <= event.time_s]
+        estimate = self._apply(event)
+        for old in later:
+            estimate = self._apply(old.event)
         return estimate
 
     def _apply(self, event: Event) -> TargetEstimate:
         before = self.tissue.snapshot()
-        try:
-            self.tissue.predict(event.time_s)
-            estimate = self.tissue.fix(*event.fix) if event.fix is not None else self.tissue.update(event.marks)
-        except Exception:
-            self.tissue.restore(before)
-            raise
+        self.tissue.predict(event.time_s)
+        estimate = self.tissue.fix(*event.fix) if event.fix is not None else self.tissue.update(event.marks)
         insort(self._kept, _Kept(event, before), key=lambda kept: kept.event.time_s)
         return estimate

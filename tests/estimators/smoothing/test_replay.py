@@ -89,6 +89,7 @@ def test_a_late_frame_that_cannot_be_used_changes_nothing(phantom, frames):
     np.testing.assert_array_equal(replayed.tissue.mixture.x, before)
     assert len(replayed._kept) == kept
     assert replayed.tissue.time_s == frames[3][0]
+    assert not replayed.late
 
 
 def test_a_late_fix_is_fused_at_its_own_time(phantom, frames, rest_state, hidden):
