@@ -28,12 +28,14 @@ from dynamics import (
     HIDDEN,
     OUTER,
     MassSpringNetwork,
+    build_network,
     four_mass_phantom,
     parameters,
     rest_shape,
     scale_parameters,
 )
 from estimators import IdentificationSettings, MarkMeasurement, identify_constants
+from experiments.arrays import Floats
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
 from experiments.engine.study import run_study
@@ -41,6 +43,7 @@ from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.formats.page import rewrite_page
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
+from experiments.studies.estimation.trials import Frames
 
 PAGE = Path(__file__).parents[3] / "docs" / "identification.md"
 
@@ -91,24 +94,21 @@ _SPRINGS = [
 
 def five_mass_phantom() -> MassSpringNetwork:
     """A user's phantom at rest under gravity: P1 to P4 about the hidden T, on anchors A1 to A3."""
-    names = tuple(_PLACES_MM)
-    drawn = 1e-3 * np.array(list(_PLACES_MM.values()), dtype=float)
-    fixed = np.array([name not in _MASSES_KG for name in names])
-    springs = np.array([(names.index(a), names.index(b)) for a, b, _, _ in _SPRINGS])
-    network = MassSpringNetwork(
-        names=names,
-        positions=drawn,
-        masses=np.array([_MASSES_KG.get(name, 0.1) for name in names]),
-        fixed=fixed,
-        drag=np.where(fixed, 0.0, 0.15),
-        friction=np.where(fixed, 0.0, 0.015),
-        springs=springs,
-        stiffness=np.array([stiffness for _, _, stiffness, _ in _SPRINGS]),
-        rest_lengths=np.linalg.norm(drawn[springs[:, 1]] - drawn[springs[:, 0]], axis=1),
-        damping=np.array([damping for _, _, _, damping in _SPRINGS]),
-        gravity=np.array([0.0, -9.81]),
+    anchors = [name for name in _PLACES_MM if name not in _MASSES_KG]
+    drawn = build_network(
+        list(_PLACES_MM),
+        1e-3 * np.array(list(_PLACES_MM.values()), dtype=float),
+        [(a, b) for a, b, _, _ in _SPRINGS],
+        stiffness=[stiffness for _, _, stiffness, _ in _SPRINGS],
+        damping=[damping for _, _, _, damping in _SPRINGS],
+        masses=[_MASSES_KG.get(name, 0.1) for name in _PLACES_MM],
+        drag=[0.0 if name in anchors else 0.15 for name in _PLACES_MM],
+        friction=[0.0 if name in anchors else 0.015 for name in _PLACES_MM],
+        fixed=anchors,
+        gravity=[0.0, -9.81],
+        rest_lengths="as drawn",
     )
-    return replace(network, positions=rest_shape(network))
+    return replace(drawn, positions=rest_shape(drawn))
 
 
 def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
@@ -119,33 +119,37 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
 
 
 def recorded(
-    network: MassSpringNetwork, marked: Sequence[str], seed: int, duration_s: float
-) -> list[tuple[float, list[MarkMeasurement]]]:
-    """Frames with the marks of all free nodes."""
+    network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float, frames_per_s: float = FRAMES_PER_S
+) -> tuple[Frames, Floats]:
+    """Frames with the marks of all free nodes, one of these nodes poked at a time, and their true places.
+
+    The places are in metres, (n_frames, n_free, dim).
+    """
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
     change = {
         "seed": seed,
         "duration_s": duration_s,
-        "frame_interval_s": 1.0 / FRAMES_PER_S,
-        "pokes": scenario.pokes.model_copy(update={"nodes": list(marked)}),
+        "frame_interval_s": 1.0 / frames_per_s,
+        "pokes": scenario.pokes.model_copy(update={"nodes": list(poked)}),
     }
     rng = np.random.default_rng(seed)
     truth = true_motion(network, scenario.model_copy(update=change), rng)
     noisy = truth.positions + rng.normal(0.0, MARK_SD_M, truth.positions.shape)
     names = [network.names[i] for i in network.free]
     cov = MARK_SD_M**2 * np.eye(network.dim)
-    return [
+    frames = [
         (float(time_s), [MarkMeasurement(name, place, cov) for name, place in zip(names, places, strict=True)])
         for time_s, places in zip(truth.times_s, noisy, strict=True)
     ]
+    return frames, truth.positions
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
     """One fit: a row for each constant, its error and its standard error, in logarithms."""
     network, marked, target = phantom(case["phantom"])
-    frames = recorded(network, marked, case["seed"], case["duration_s"])
+    frames, _ = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))
     prior = np.array([PRIOR_SD[one.kind] for one in which])
     off = prior * np.random.default_rng([case["seed"], 1]).normal(size=len(which))

@@ -16,11 +16,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from dynamics import KINDS, MassSpringNetwork, parameters, rest_shape, scale_parameters
+from dynamics import KINDS, MassSpringNetwork, build_network, parameters, rest_shape, scale_parameters
 from estimators import (
     IdentificationResult,
     IdentificationSettings,
-    MarkMeasurement,
     TissueFilter,
     coverage,
     identify_constants,
@@ -30,8 +29,7 @@ from estimators import (
 from estimators.identification.constants import PRIOR_SD
 from estimators.identification.noise_levels import PRIOR_LOG_SD, log_likelihood, with_scaled_noise
 from experiments.arrays import Floats
-from experiments.formats.scenario import read_scenario
-from experiments.simulation.simulate import true_motion
+from experiments.studies.estimation import identification
 from experiments.studies.estimation.trials import Frames
 
 SEEDS = (851, 852)
@@ -39,7 +37,7 @@ LONG_S, SHORT_S = 4.0, 3.0
 """Length of recordings for constants and for noise levels [s]."""
 
 NEAR, FAR = "near", "far"
-FRAMES_PER_S, MARK_SD_M = 15, 1e-3
+FRAMES_PER_S = 15
 
 OTHERS = tuple(kind for kind in KINDS if kind not in ("stiffness", "rest_length"))
 
@@ -69,43 +67,26 @@ class Identification:
 @cache
 def chain() -> MassSpringNetwork:
     """Two masses in a row between two anchors, hung aslant, at rest."""
-    network = MassSpringNetwork(
-        names=("A", NEAR, FAR, "B"),
-        positions=np.array([[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]]),
-        masses=np.full(4, 0.2),
-        fixed=np.array([True, False, False, True]),
-        drag=np.array([0.0, 0.3, 0.3, 0.0]),
-        friction=np.zeros(4),
-        springs=np.array([[0, 1], [1, 2], [2, 3]]),
-        stiffness=np.full(3, 60.0),
-        rest_lengths=np.full(3, 0.09),
-        damping=np.full(3, 0.3),
-        gravity=np.array([0.0, -9.81]),
+    drawn = build_network(
+        ("A", NEAR, FAR, "B"),
+        [[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]],
+        [("A", NEAR), (NEAR, FAR), (FAR, "B")],
+        stiffness=60.0,
+        damping=0.3,
+        masses=0.2,
+        drag=[0.0, 0.3, 0.3, 0.0],
+        fixed=("A", "B"),
+        gravity=[0.0, -9.81],
+        rest_lengths=0.09,
     )
-    return replace(network, positions=rest_shape(network))
+    return replace(drawn, positions=rest_shape(drawn))
 
 
 @cache
 def recorded(seed: int, duration_s: float) -> tuple[Frames, Floats]:
     """Frames with both marks, and where the far mass was [m], (n_frames, 2)."""
-    scenario = read_scenario("poked")
-    if scenario.pokes is None:
-        raise ValueError("scenario poked: expected pokes, found none")
-    change = {
-        "seed": seed,
-        "duration_s": duration_s,
-        "frame_interval_s": 1.0 / FRAMES_PER_S,
-        "pokes": scenario.pokes.model_copy(update={"nodes": [NEAR]}),
-    }
-    rng = np.random.default_rng(seed)
-    truth = true_motion(chain(), scenario.model_copy(update=change), rng)
-    noisy = truth.positions + rng.normal(0.0, MARK_SD_M, truth.positions.shape)
-    cov = MARK_SD_M**2 * np.eye(2)
-    frames = [
-        (float(time_s), [MarkMeasurement(NEAR, near, cov), MarkMeasurement(FAR, far, cov)])
-        for time_s, (near, far) in zip(truth.times_s, noisy, strict=True)
-    ]
-    return frames, truth.positions[:, 1]
+    frames, places = identification.recorded(chain(), (NEAR,), seed, duration_s, FRAMES_PER_S)
+    return frames, places[:, 1]
 
 
 def identified(choices: Identification, seed: int, duration_s: float) -> tuple[IdentificationResult, Floats]:
