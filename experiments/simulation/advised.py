@@ -25,7 +25,7 @@ EVERY_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Advised:
+class AdvisedInsertion:
     """What was advised at a time [s], and what came of it.
 
     probability: of a hit, None where none was stated; hit, miss_m: None where no needle went in
@@ -38,7 +38,7 @@ class Advised:
     miss_m: float | None = None
 
 
-def advised(world: World, warm: Warm, state: Floats) -> tuple[Advised, ...]:
+def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
     """Advice every second from the first frame after the warm-up on; `state`: the tissue's then."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
@@ -63,12 +63,12 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[Advised, ...]:
 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
-) -> Advised:
+) -> AdvisedInsertion:
     """What comes of a needle that goes in now; no forces are known beyond the later time."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
-        return Advised(now, guidance.advice)
+        return AdvisedInsertion(now, guidance.advice)
     insertion, axis = world.case.straight, world.case.straight.axis
     arrived, started = state, insertion.depth_m
     if arrival_s > now:
@@ -79,10 +79,10 @@ def inserted(
     error = tip_error(plan.needle.tip_cov(axis, depth), tip_noise)
     offset = world.entry + (depth - plan.needle.reach_m) * axis + error - world.target(arrived)
     hit = hits(plan.needle, plan.lesion, offset, axis)
-    return Advised(now, guidance.advice, p, hit, float(np.linalg.norm(offset)))
+    return AdvisedInsertion(now, guidance.advice, p, hit, float(np.linalg.norm(offset)))
 
 
-def reliability(runs: Sequence[Sequence[Advised]]) -> dict[str, object]:
+def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, object]:
     """What was stated of hits and what came true, in all and after GO, and bins of it; see `_compared`."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
@@ -95,13 +95,13 @@ def reliability(runs: Sequence[Sequence[Advised]]) -> dict[str, object]:
     }
 
 
-def bins(runs: Sequence[Sequence[Advised]]) -> tuple[ReliabilityBin, ...]:
+def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ...]:
     """Tenths of the stated probabilities, and how often each came true."""
     known = [(one.probability, bool(one.hit)) for run in runs for one in run if one.probability is not None]
     return reliability_bins([probability for probability, _ in known], [hit for _, hit in known])
 
 
-def _compared(runs: Sequence[Sequence[Advised]], key: str) -> dict[str, float | int | None]:
+def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
     """Insertions, mean probability stated, share of hits with its 95 % interval, and their difference with its own.
 
     The difference's is of the runs, each with all its insertions, which are not independent: a jackknife over runs.

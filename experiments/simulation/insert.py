@@ -18,7 +18,7 @@ from estimators import ReliabilityBin, clopper_pearson, reliability_bins
 from experiments.engine.executor import results
 from experiments.engine.workers import OWN_PROCESS, Workers
 from experiments.formats.outputs import write_whole
-from experiments.simulation.advised import Advised, advised, reliability
+from experiments.simulation.advised import AdvisedInsertion, advice_figures, advised
 from experiments.simulation.cases import Case
 from experiments.simulation.closed_loop import Tried, attempt
 from experiments.simulation.policies import POLICIES, Ahead, Filtered, Rest, Waiting, warmed
@@ -31,7 +31,7 @@ class Trials:
 
     case: Case
     runs: tuple[tuple[Tried, ...], ...]
-    advised: tuple[tuple[Advised, ...], ...]
+    advised: tuple[tuple[AdvisedInsertion, ...], ...]
 
     def of(self, policy: str) -> list[Tried]:
         """All runs of one policy."""
@@ -51,7 +51,7 @@ def insert(
     return Trials(case, tuple(tried for tried, _ in done), tuple(of_run for _, of_run in done))
 
 
-def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[Advised, ...]]:
+def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]]:
     """Every policy in the world of one case, and what comes of advice in it."""
     world = world_of(case)
     state, paper, warm = warmed(world)
@@ -86,7 +86,7 @@ def summary(done: Trials) -> dict[str, object]:
     }
     for policy in POLICIES:
         figures_by_policy[policy] = figures(done.of(policy))
-    figures_by_policy["advise"] = reliability(done.advised)
+    figures_by_policy["advise"] = advice_figures(done.advised)
     figures_by_policy["calibration"] = [asdict(row) for row in calibrated(done)]
     return figures_by_policy
 

@@ -6,7 +6,7 @@ import pytest
 from estimators import Advice
 from experiments.formats.scenario import read_scenario
 from experiments.plots.insertion import advised_figure, hits_figure, misses_figure, reliability_figure
-from experiments.simulation.advised import Advised
+from experiments.simulation.advised import AdvisedInsertion
 from experiments.simulation.cases import case_of
 from experiments.simulation.closed_loop import Tried
 from experiments.simulation.insert import Trials
@@ -24,7 +24,7 @@ def trials():
     for k in range(40):
         miss_m, told = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
         runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, told, told, 5e-3, k < 5) for policy in POLICIES))
-    of_advice = [Advised(float(k), Advice.WAIT, 0.55, k < 11, 0.0) for k in range(20)]
+    of_advice = [AdvisedInsertion(float(k), Advice.WAIT, 0.55, k < 11, 0.0) for k in range(20)]
     return Trials(case_of(read_scenario("quiet")), tuple(runs), (tuple(of_advice),))
 
 

@@ -11,7 +11,7 @@ from scipy.stats import chi
 from estimators import Advice, Guidance, Hit, Lesion, Needle
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
-from experiments.simulation.advised import Advised, advised, inserted, reliability
+from experiments.simulation.advised import AdvisedInsertion, advice_figures, advised, inserted
 from experiments.simulation.cases import Case, case_of
 from experiments.simulation.closed_loop import attempt, hits, within
 from experiments.simulation.insert import one_run
@@ -177,14 +177,14 @@ def test_reliability_by_hand():
     Leaving out a run: differences of 0.0 and 0.2 about their mean, a jackknife of sqrt(1/2 · 2 · 0.1²) = 0.1.
     """
     of = [
-        [Advised(0.0, Advice.GO, 0.9, True, 0.0), Advised(1.0, Advice.WAIT, 0.7, True, 0.0)],
+        [AdvisedInsertion(0.0, Advice.GO, 0.9, True, 0.0), AdvisedInsertion(1.0, Advice.WAIT, 0.7, True, 0.0)],
         [
-            Advised(0.0, Advice.WAIT, 0.5, False, 0.1),
-            Advised(1.0, Advice.WAIT, 0.5, True, 0.0),
-            Advised(2.0, Advice.NO_GUIDANCE),
+            AdvisedInsertion(0.0, Advice.WAIT, 0.5, False, 0.1),
+            AdvisedInsertion(1.0, Advice.WAIT, 0.5, True, 0.0),
+            AdvisedInsertion(2.0, Advice.NO_GUIDANCE),
         ],
     ]
-    said = reliability(of)
+    said = advice_figures(of)
     assert said["advice"] == {"GO": 1, "WAIT": 3, "REALIGN": 0, "NO_GUIDANCE": 1}
     assert (said["insertions"], said["told"], said["came_true"]) == (4, pytest.approx(0.65), 0.75)
     assert (said["difference"], said["difference_sd"]) == (pytest.approx(0.1), pytest.approx(0.1))
@@ -196,7 +196,7 @@ def test_reliability_by_hand():
 
 
 def test_nothing_advised_is_nothing_told():
-    said = reliability([[Advised(0.0, Advice.NO_GUIDANCE)]])
+    said = advice_figures([[AdvisedInsertion(0.0, Advice.NO_GUIDANCE)]])
     assert (said["insertions"], said["told"], said["go_came_true"]) == (0, None, None)
 
 
