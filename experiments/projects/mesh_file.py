@@ -16,12 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import NetworkError, Phantom, elastic_body, on_hull
+from dynamics.phantoms.lattice import volume
 from experiments.arrays import Floats
 from experiments.errors import InputError, read_text, shown
+from experiments.formats.scene.network import is_node_name
 from experiments.formats.tables import Table, read_table
 
 YES = ("yes", "")
 """Entries of `fixed` and `target`."""
+
+SHORTEST_M = 4e-4
+"""Shortest spring [m]: the marks of a template, a sixth of it wide, are written to 0.1 mm; and metres for millimetres
+are found out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +50,7 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     names = table.texts["name"]
     table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a name of its own")
     table.check("name", np.array([bool(name) for name in names]), "a name")
+    table.check("name", np.array([is_node_name(name) for name in names]), "a name that prints on one line")
     fixed, target = _yes(table, "fixed"), _yes(table, "target")
     if (~fixed).sum() < 2:
         raise InputError.at(nodes, "two or more free nodes: a target and one with a mark", str(int((~fixed).sum())))
@@ -51,6 +58,10 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     if masses is not None:
         table.check("mass_kg", (masses > 0.0) | fixed, "more than 0")
     positions = 1e-3 * np.stack([table.numbers[axis] for axis in axes], axis=1)
+    try:
+        volume(positions)
+    except NetworkError as error:
+        raise InputError(f"{nodes}: {error}") from None
     hues = _hues(table, fixed) if "hue_deg" in has else {}
     chosen = _target(table, target, fixed, positions)
     joined = None if springs is None else _springs(springs, names)
@@ -70,6 +81,9 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     except NetworkError as error:
         fault = f"{nodes if springs is None else springs}: {error}"
         raise InputError(f"{fault}; a stiffer body (--young-kpa), braces or less mass may hold it") from None
+    shortest_m = float(np.linalg.norm(np.diff(positions[network.springs], axis=1), axis=2).min())
+    if shortest_m < SHORTEST_M:
+        raise InputError.at(nodes, f"springs of {1e3 * SHORTEST_M:g} mm or more", f"one of {1e3 * shortest_m:.2g} mm")
     groups = ("springs",) * len(network.springs) if joined is None else joined.groups
     return Mesh(Phantom(network, chosen, tuple(outer), groups), hues)
 

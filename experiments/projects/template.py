@@ -29,6 +29,9 @@ RADIUS_MM = 5.0
 SIZE_PX, ROOM = (640, 480), 1.6
 """Of the picture, and how much more of the plane it shows than the body fills."""
 
+FINEST_MM = 0.01
+"""Reach of a pixel of the camera, at the least [mm]: to this it is rounded."""
+
 CALIBRATION_SD_PX = 0.68
 """Of the light in which scenarios are filmed, `paper`: marks wander by so much."""
 
@@ -105,7 +108,7 @@ def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
 def _camera(positions: Floats) -> PlaneCamera:
     """Squarely before the plane, with room for motion around the body."""
     low, high = positions.min(axis=0), positions.max(axis=0)
-    scale = float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2))
+    scale = max(float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2)), FINEST_MM)
     middle = np.round(0.5 * (low + high), 3)
     return fronto_parallel_camera(
         "front", SIZE_PX, (scale, scale), (float(middle[0]), float(middle[1])), calibration_sd_px=CALIBRATION_SD_PX

@@ -13,6 +13,11 @@ from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTabl
 from experiments.formats.toml_file import Strict, toml_bool, toml_list, toml_number, toml_text
 
 
+def is_node_name(name: str) -> bool:
+    """Whether a node may have this name: one that prints on one line, without space around it."""
+    return bool(name) and name.isprintable() and name == name.strip()
+
+
 def network_of(table: NetworkTable) -> MassSpringNetwork:
     """The network of a table; raises SceneError, `network…: …`, for the first fault."""
     indices: dict[str, int] = {}

@@ -12,7 +12,7 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.scene.cameras import camera_lines, camera_of
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_names, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
-from experiments.formats.scene.network import network_lines, network_of, spring_groups
+from experiments.formats.scene.network import is_node_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
@@ -42,7 +42,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
-            if not name or not name.isprintable() or name != name.strip():
+            if not is_node_name(name):
                 raise SceneError(
                     f"network.node[{i}].name: expected a name that prints on one line, found {shown(name)}"
                 )

@@ -29,6 +29,13 @@ G,0,60,50,
 H,60,60,50,
 I,30,30,20,
 """
+TINY = """name,x_mm,y_mm,fixed
+A,0,0,yes
+B,0.1,0,yes
+C,0,0.06,
+D,0.1,0.06,
+E,0.05,0.03,
+"""
 SPRINGS = """from,to,stiffness_N_m,damping_N_s_m,group
 A,C,150,0.3,side
 B,D,150,0.3,side
@@ -84,6 +91,15 @@ def test_a_project_of_a_mesh(tmp_path) -> None:
     assert scene.target.node == "E"
 
 
+def test_a_body_of_a_millimetre_has_marks_and_a_camera(tmp_path) -> None:
+    (tmp_path / "nodes.csv").write_text(PLANE.replace("00,", ",").replace("60", "1").replace("50,30", ".5,.5"))
+    words = ("--kind", "mesh", "--nodes", tmp_path / "nodes.csv", "--young-kpa", 1e4)
+    assert softaim("new", tmp_path / "made", *words) == 0
+    scene = read_scene(tmp_path / "made" / "scene.toml")
+    assert {mark.diameter_m for mark in scene.marks} == {1e-4}
+    assert scene.cameras[0].mm_per_px(scene.network.positions[4]) == pytest.approx((0.01, 0.01))
+
+
 @pytest.mark.parametrize(
     ("nodes", "springs", "message"),
     [
@@ -110,6 +126,18 @@ def test_a_project_of_a_mesh(tmp_path) -> None:
         ),
         ("name,x_mm\nA,1\n", None, "nodes.csv: row 1: expected one column y_mm, found none"),
         ("", None, "nodes.csv: expected columns x_mm, y_mm, name, found an empty file"),
+        (PLANE.replace("C,0", "C ,0"), None, "row 4: name: expected a name that prints on one line, found"),
+        (
+            TINY,
+            None,
+            "springs of 0.4 mm or more",
+        ),
+        (PLANE.replace("100,", "0,").replace("50,", "0,"), None, "nodes.csv: nodes: expected them not all in a line"),
+        (
+            SPACE.replace(",50,", ",0,").replace(",20,", ",0,"),
+            None,
+            "nodes.csv: nodes: expected them not all in a line",
+        ),
         (PLANE, "from,to\nA,Q\n", 'springs.csv: row 2: to: no node named "Q"'),
         (PLANE, "from,to\nC,C\n", "springs.csv: row 2: to: expected another node than in from, found"),
         (PLANE, "from,to\nA,C\nC,A\n", "springs.csv: row 3: to: expected each pair once, found"),
