@@ -49,6 +49,9 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def write_together(contents: Mapping[Path, str | bytes]) -> None:
     """Write several files at once: all of them or, after any fault, none. Raises InputError."""
     finals = {path: _final(path) for path in contents}
+    for path, final in finals.items():
+        if list(finals.values()).count(final) > 1:
+            raise InputError.at(path, "a file of its own", "one for several outputs")
     parts = {path: _part_of(final, final.parent) for path, final in finals.items()}
     old: dict[Path, bytes | None] = {}
     path = Path()
@@ -60,9 +63,9 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                kept = final.read_bytes() if len(finals) > 1 and final.exists() else None
+                if len(finals) > 1:  # before: an interrupt may come right after; a single file needs no way back
+                    old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
-                old[final] = kept
         except BaseException:
             _put_back(old)
             raise

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from experiments.errors import InputError
 from experiments.formats.scene.scene import Scene, scene_digest
 from experiments.formats.scene.steps import step_keys
 from experiments.version import version
@@ -55,13 +56,19 @@ def input_of(path: Path) -> Input:
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file; of a folder, that of the digests and names of its files in the order of names."""
+    """SHA-256 of a file; of a folder, that of the digests and names of its files in the order of names.
+
+    Raises InputError for a file that cannot be read.
+    """
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file() and file.name not in (PROVENANCE, LOG_FILE))
         lines = (f"{content_digest(file)}  {file.relative_to(path).as_posix()}\n" for file in files)
         return hashlib.sha256("".join(lines).encode("utf-8")).hexdigest()
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be read", error) from error
 
 
 def provenance_text(of: Provenance) -> str:

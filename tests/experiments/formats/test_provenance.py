@@ -95,6 +95,42 @@ def test_files_are_written_together_or_not_at_all(tmp_path: Path, monkeypatch: p
     assert {path: path.read_text() for path in tmp_path.iterdir()} == files
 
 
+def test_an_interrupt_leaves_all_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Ctrl-C just after the second was put in its place."""
+    files = {tmp_path / name: f"new {name}" for name in ("one", "two", "three")}
+    for path in files:
+        path.write_text("old")
+    replaced = Path.replace
+
+    def interrupted(self: Path, target: Path) -> Path:
+        done = replaced(self, target)
+        if Path(target).name == "two":
+            raise KeyboardInterrupt
+        return done
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_together(files)
+    assert {path: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(files, "old")
+
+
+def test_two_outputs_are_two_files(tmp_path: Path):
+    (tmp_path / "link").symlink_to(tmp_path / "one")
+    with pytest.raises(InputError, match="one: expected a file of its own, found one for several outputs"):
+        write_together({tmp_path / "one": "a", tmp_path / "link": "b"})
+    assert not (tmp_path / "one").exists()
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def refused(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "notes.txt").touch()
+    monkeypatch.setattr(Path, "open", refused)
+    with pytest.raises(InputError, match=r"notes\.txt: expected a file that can be read, found permission denied"):
+        content_digest(tmp_path)
+
+
 def test_a_file_that_is_there_is_refused_before_any_work(tmp_path: Path):
     check_new(tmp_path / "new.toml", force=False)
     (tmp_path / "old.toml").touch()
