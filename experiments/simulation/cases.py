@@ -33,9 +33,6 @@ ENTRY_M = (0.015, 0.020)
 SPEED_M_S = 0.05
 """Of a needle without a file [m/s]."""
 
-RADIUS_M = 0.005
-"""Of the lesion in the phantom where none is stated [m]."""
-
 DEEPEST_M = 0.06
 """A needle that is so deep in the phantom and has not met its target is drawn back or has missed [m]; of the study."""
 
@@ -176,7 +173,7 @@ def way_m(scene: Scene, plan: NeedlePlan) -> float:
 def phantom_plan(scene: Scene) -> NeedlePlan:
     """The study's needle in the phantom, which first points down."""
     insertion = Insertion(resting_target(scene) + ENTRY_M, np.array([0.0, -1.0]), SPEED_M_S)
-    return NeedlePlan(TIP, insertion, Lesion.ball(RADIUS_M, 2), AdviceSettings())
+    return NeedlePlan(TIP, insertion, Lesion.ball(scene.target.radius_m, 2), AdviceSettings())
 
 
 def scene_plan(scene: Scene) -> NeedlePlan:

@@ -1,6 +1,6 @@
 """Truth and film, or marks, of a scenario: the recording that `softaim simulate` writes.
 
-Truth comes from SciPy's DOP853, not from the steps that the filter takes.
+Truth comes from SciPy's adaptive integrators, not from the steps that the filter takes.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ from experiments.simulation.truth import Truth
 from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
+"""Of the target in the phantom [m]; a parameter of the study."""
 
 TRUTH = 0.2
 """Share of the work before a film that the truth is taken for, of what is shown as done."""
@@ -285,7 +286,7 @@ def simulate(
         rng = np.random.default_rng(scenario.seed)
         network, of_truth = true_network(scene.network, scenario, scenario.seed), TRUTH if films else 1.0
         truth = true_motion(network, scenario, rng, lambda share: advance(of_truth * share))
-        _copy_scene(scenario, with_step(scene, "simulate", version()), folder / "scene.toml")
+        _copy_scene(scenario, scene, folder / "scene.toml")
         write_frames_csv(folder / "frames.csv", truth.times_s)
         names = [scene.network.names[i] for i in scene.network.free]
         write_truth_csv(
@@ -301,12 +302,17 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """The scene as its file has it, its last step after it; where that leaves cameras to other files, written out."""
+    """The scene as its file has it, `simulate` after it; where that leaves cameras to other files, written out.
+
+    Where the truth had other constants than the scene, `simulate` is not among its steps.
+    """
+    done = with_step(scene, "simulate", version()) if scenario.constants is None else scene
     own = None if scenario.scene is None else Path(scenario.scene)
     if own is None or any(camera.file is not None for camera in read_toml(own, SceneFile).camera):
-        write_scene(scene, path)
+        write_scene(done, path)
     else:
-        write_whole(path, "\n".join([read_text(own).rstrip("\n"), *step_lines(scene.steps[-1:])]) + "\n")
+        added = step_lines(done.steps[len(scene.steps) :])
+        write_whole(path, "\n".join([read_text(own).rstrip("\n"), *added]) + "\n")
 
 
 def _write_film(

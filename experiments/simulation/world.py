@@ -108,12 +108,10 @@ def world_of(case: Case) -> World:
     lasting = case.n_frames / case.frames_per_s + 1.0
     change: dict[str, object] = {"duration_s": lasting}
     scenario = case.scenario
-    if scenario.pokes is not None:
-        stronger = case.strength * scenario.pokes.acceleration_m_s2
-        change["pokes"] = scenario.pokes.model_copy(update={"acceleration_m_s2": stronger})
-    if scenario.breathing is not None:
-        stronger = case.strength * scenario.breathing.acceleration_m_s2
-        change["breathing"] = scenario.breathing.model_copy(update={"acceleration_m_s2": stronger})
+    for key, table in (("pokes", scenario.pokes), ("breathing", scenario.breathing)):
+        if table is not None:
+            stronger = case.strength * table.acceleration_m_s2
+            change[key] = table.model_copy(update={"acceleration_m_s2": stronger})
     start, forces = start_and_forces(network, scenario.model_copy(update=change), rng)
     knot_s = KNOT_S if scenario.tremor is None else min(KNOT_S, scenario.tremor.interval_s / 4.0)
     times = np.arange(0.0, lasting, knot_s)
