@@ -160,7 +160,9 @@ def _seen(
         covs, unfound = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
     elif sd_mm is None and scene.cameras:
         found = {mark.node: mark for mark in Line(scene, baseline=False).see(0.0, _picture(scene, recording)).marks}
-        unfound = tuple(mark.node for mark in scene.marks if mark.node not in found)
+        # in a recording those for scoring may be covered
+        due = [mark.node for mark in scene.marks if mark.measured or recording is None]
+        unfound = tuple(node for node in due if node not in found)
         covs = {node: cov for node, cov in covs.items() if node in found} or covs
     at = {node: rest[network.index(node)] for node in covs}
     marks = (

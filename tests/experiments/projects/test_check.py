@@ -9,14 +9,15 @@ import pytest
 
 from dynamics import build_network, four_mass_phantom, independent_uncertainty, parameters
 from estimators import FilterSettings
-from experiments.formats.recording import MarkRow, write_marks_csv
+from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
+from experiments.simulation import draw
 from tests.experiments.command import softaim
-from vision import fronto_parallel_camera
+from vision import Lighting, VideoWriter, fronto_parallel_camera
 
 K, M, G = 400.0, 0.1, 9.81
 
@@ -99,6 +100,26 @@ def test_a_recordings_rate_and_marks_are_its_own(tmp_path) -> None:
     sigma = check_report(checked(folder))["target_sigma_mm"]
     assert sigma["frames_per_s"] == pytest.approx(50.0)
     assert sigma["marks_mm"] == pytest.approx(0.3)
+
+
+def test_a_mark_for_scoring_may_be_covered_in_a_film_and_a_measured_one_not(tmp_path) -> None:
+    folder = tmp_path / "rec"
+    folder.mkdir()
+    scene = complete()
+    write_scene(scene, folder / "scene.toml")
+    write_frames_csv(folder / "frames.csv", np.arange(3) / 30.0)
+    camera = scene.cameras[0]
+    image = draw(
+        replace(scene, marks=(scene.marks[0], scene.marks[3])),
+        scene.network.positions,
+        Lighting(),
+        np.random.default_rng(0),
+        strays=[],
+    )
+    with VideoWriter(folder / "video.avi", camera.size_px, 30.0) as film:
+        for _ in range(3):
+            film.write(image)
+    assert checked(folder).unfound == ("M3",)
 
 
 def complete() -> Scene:
