@@ -19,7 +19,7 @@ from experiments.commands.estimate.live import live
 from experiments.commands.estimate.smooth import smooth
 from experiments.commands.estimate.track import track
 from experiments.commands.estimate.tune import tune
-from experiments.commands.faults import told
+from experiments.commands.faults import one_line
 from experiments.commands.guide.advise import advise
 from experiments.commands.guide.insert import insert
 from experiments.commands.guide.plan import plan
@@ -90,7 +90,7 @@ def main() -> None:
     try:
         code = app(prog_name="softaim", standalone_mode=False)
     except typer.TyperException as fault:
-        _end(told(fault, _words(), sys.argv[1:]), 2)
+        _end(one_line(fault, _words(), sys.argv[1:]), 2)
     except (typer.Abort, KeyboardInterrupt):
         _end("interrupted", INTERRUPTED)
     except Exception as fault:

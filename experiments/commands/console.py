@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from experiments.studies.demo import PAPER_MM, Figures
-from vision import Calibration
+if TYPE_CHECKING:
+    from experiments.studies.demo import Figures
+    from vision import Calibration
 
 Row = Mapping[str, Any]
 
@@ -176,6 +177,8 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
 
 def demo_table(figures: Figures) -> Table:
     """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
+    from experiments.studies.demo import PAPER_MM
+
     table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")
     table.add_column("method")
     for scenario in figures:

@@ -1,4 +1,4 @@
-"""Faults of a command line, told in one line as those of files are."""
+"""Faults of a command line, reported in one line as those of files are."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ EXPECTED = (
 """What typer says of a value, and what was expected of it."""
 
 
-def told(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
+def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
     """The fault of a call of `command`, such as `softaim track`, with these arguments, in one line."""
     message = " ".join(fault.format_message().split()).removesuffix(".")
     for form, text in FORMS:

@@ -28,6 +28,14 @@ UPWARD = (0.3, 1.0, 0.0)
 """Direction of breathing where none is stated; in the plane without the last."""
 
 Nodes = Annotated[list[str], Field(min_length=1)]
+Share = Annotated[float, Field(ge=0, lt=1)]
+Light = Literal["webcam", "paper"]
+Distractors = Annotated[int, Field(ge=0, le=50)]
+
+
+def _check_ordered(shortest_s: float, longest_s: float) -> None:
+    if longest_s < shortest_s:
+        raise ValueError(f"expected longest_s of at least shortest_s ({shortest_s}), found {longest_s}")
 
 
 class Tremor(Strict):
@@ -63,8 +71,7 @@ class Pokes(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> Pokes:
-        if self.longest_s < self.shortest_s:
-            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
+        _check_ordered(self.shortest_s, self.longest_s)
         return self
 
 
@@ -84,15 +91,14 @@ class Breathing(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> Breathing:
-        if self.longest_s < self.shortest_s:
-            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
+        _check_ordered(self.shortest_s, self.longest_s)
         if self.direction is not None and not any(self.direction):
             raise ValueError("direction: expected one other than nought, found nought")
         return self
 
 
 Constants = create_model(  # type: ignore[call-overload]
-    "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Annotated[float, Field(ge=0, lt=1)], 0.0))
+    "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
 """How far the true constants are from the scene's: relative standard deviations by kind, each constant by itself, drawn
 with the seed. Who tracks the recording has the scene's."""
@@ -106,8 +112,8 @@ class SeenMarks(Strict):
     """
 
     sd_mm: Positive = PAPER_SD_MM
-    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    outliers: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    lost: Share = 0.0
+    outliers: Share = 0.0
 
 
 class Marks(Strict):
@@ -117,8 +123,8 @@ class Marks(Strict):
     """
 
     sd_mm: Positive | None = None
-    lost: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    outliers: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    lost: Share = 0.0
+    outliers: Share = 0.0
     hue_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
     diameter_mm: Positive = 30.0
 
@@ -129,16 +135,16 @@ class Camera(Strict):
     size_px: Annotated[list[Annotated[int, Field(ge=64, le=8192)]], Field(min_length=2, max_length=2)]
     mm_per_px: Annotated[list[Scale], Field(min_length=2, max_length=2)]
     centre_mm: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(default=[0.0, 190.0])
-    light: Literal["webcam", "paper"] = "webcam"
-    distractors: Annotated[int, Field(ge=0, le=50)] = 0
+    light: Light = "webcam"
+    distractors: Distractors = 0
     calibration_sd_px: Annotated[float, Field(ge=0)] = 0.0
 
 
 class Video(Strict):
     """How the film is stored; of a scene, the light and how many things of other hues are in view, too."""
 
-    light: Literal["webcam", "paper"] = "webcam"
-    distractors: Annotated[int, Field(ge=0, le=50)] = 0
+    light: Light = "webcam"
+    distractors: Distractors = 0
     codec: Literal["MJPG", "FFV1"] = "MJPG"
     quality: Annotated[int, Field(ge=1, le=100)] = 95
 

@@ -13,7 +13,7 @@ from pydantic import Field, create_model
 
 from dynamics import KINDS
 from experiments.errors import InputError, shown
-from experiments.formats.scenario import Scenario, SeenMarks, read_scenario_file, shipped
+from experiments.formats.scenario import Scenario, SeenMarks, read_scenario_file, scenario_file, shipped
 from experiments.formats.scene.schema import FilterTable
 from experiments.formats.toml_file import Name, Positive, Strict, read_toml, validated
 
@@ -65,12 +65,14 @@ class Sweep:
     """A sweep, checked, its combinations in the order of the grid.
 
     methods: as the file has them, their names not checked
+    scenario: its file, None for one that comes with the program
     scene: file of the tissue, the scenario's where the sweep names none, None for the scenario's phantom
     """
 
     path: Path
     methods: tuple[str, ...]
     seeds: range
+    scenario: Path | None
     scene: Path | None
     setups: tuple[Setup, ...]
 
@@ -117,7 +119,7 @@ def read_sweep(path: Path) -> Sweep:
     own = None if read.scene is None else Path(read.scene)
     scene = own if file.scene is None else path.parent / file.scene
     seeds = range(file.first_seed, file.first_seed + file.seeds)
-    return Sweep(path, tuple(file.methods), seeds, scene, tuple(setups))
+    return Sweep(path, tuple(file.methods), seeds, scenario_file(name), scene, tuple(setups))
 
 
 def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Any]]]:

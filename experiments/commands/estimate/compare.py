@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile, Vector
+from experiments.commands.options import Force, Out, RecordingFolder, SceneFile, Vector
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
 
 def compare(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    recording: RecordingFolder,
     out: Out,
     scene: SceneFile = None,
     methods: Annotated[str | None, typer.Option("--methods", help="Which, separated by commas; default: all.")] = None,

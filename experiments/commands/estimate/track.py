@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile, Vector, WithFilm
+from experiments.commands.options import Force, Out, RecordingFolder, SceneFile, Vector, WithFilm
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
 
 def track(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    recording: RecordingFolder,
     out: Out,
     scene: SceneFile = None,
     check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
@@ -25,10 +24,12 @@ def track(
     """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
     from contextlib import nullcontext
 
+    from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table
     from experiments.film.film import Film
     from experiments.formats.recording import read_recording
     from experiments.pipeline.events import report_swap
     from experiments.pipeline.line import FILTER
+    from experiments.pipeline.scores.withheld import withheld_words
     from experiments.pipeline.track import summary, write_tables
     from experiments.pipeline.track import track as tracked
     from experiments.plots.track import write_track_plots
@@ -43,22 +44,20 @@ def track(
         for step in done.steps:
             if step.swap is not None:
                 report_swap(step.swap)
-    from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table
-    from experiments.pipeline.scores.withheld import withheld_words
-
-    told = summary(done)
+    figures = summary(done)
+    ours = figures[FILTER]
 
     def show() -> None:
-        print_table(track_table(told))
-        print(*fit_lines(told[FILTER]), sep="\n")
+        print_table(track_table(figures))
+        print(*fit_lines(ours), sep="\n")
         if any(one.found < 1.0 for one in done.marks.values()):
-            print_table(marks_table(told[FILTER]))
-        if told[FILTER].get("marks_verdict"):
-            print(sentence(told[FILTER]["marks_verdict"]))
+            print_table(marks_table(ours))
+        if ours.get("marks_verdict"):
+            print(sentence(ours["marks_verdict"]))
         if check:
             if done.withheld:
-                print_table(withheld_table(told[FILTER]))
+                print_table(withheld_table(ours))
             print(sentence(withheld_words(done.withheld, float(done.counts["check_scale"] or 1.0))))
         print(f"Tables and pictures in {out}")
 
-    return Answer({"out": out, "summary": told}, show)
+    return Answer({"out": out, "summary": figures}, show)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from experiments.commands.options import Minutes, Replace, SceneFile, SceneOut
+from experiments.commands.options import Minutes, RecordingFolder, Replace, SceneFile, SceneOut
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
 
 def tune(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    recording: RecordingFolder,
     out: SceneOut,
     scene: SceneFile = None,
     minutes: Minutes = 5.0,

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Force, Out, SceneFile, Vector, WithFilm
+from experiments.commands.options import Force, Out, RecordingFolder, SceneFile, Vector, WithFilm
 from experiments.commands.run import Answer, Run
 
 
 def advise(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Folder of the recording.")],
+    recording: RecordingFolder,
     needle: Annotated[Path, typer.Option("--needle", help="The needle's file.", show_default=False)],
     out: Out,
     scene: SceneFile = None,

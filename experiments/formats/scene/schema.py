@@ -150,10 +150,14 @@ class FilterTable(Strict):
     led_nodes: list[Name] = Field(default_factory=list)
 
 
+StepName = Literal["simulate", "at-rest", "identify", "tune"]
+"""simulate: the truth of the recording in whose folder it stands was made with its constants."""
+
+
 class ProvenanceTable(Strict):
     """`[[provenance]]`: a step that was done on the scene; written by the program, see `Step`."""
 
-    step: Literal["simulate", "at-rest", "identify", "tune"]
+    step: StepName
     program: Name
     recording_sha256: Name | None = None
     network_sha256: Name

@@ -9,13 +9,9 @@ import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-from experiments.formats.scene.schema import ProvenanceTable
+from experiments.formats.scene.schema import ProvenanceTable, StepName
 from experiments.formats.toml_file import toml_text
-
-StepName = Literal["simulate", "at-rest", "identify", "tune"]
-"""simulate: the truth of the recording in whose folder it stands was made with its constants."""
 
 
 @dataclass(frozen=True, slots=True)
