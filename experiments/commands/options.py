@@ -25,7 +25,10 @@ ScenarioName = Annotated[
 ]
 Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if missing.", show_default=False)]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
-Fps = Annotated[float | None, typer.Option("--fps", min=0.001, help="Of a folder of pictures: how many a second.")]
+RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
+Fps = Annotated[
+    float | None, typer.Option("--fps", min=0.001, max=1e5, help="Of a folder of pictures: how many a second.")
+]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 WithFilm = Annotated[bool, typer.Option("--film", help="Write what the camera saw, too: film.avi, worst.png.")]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]

@@ -58,10 +58,10 @@ class Run:
     _stage: Callable[[str], Advance] | None = None
     _scene: Scene | None = None
     _left_out: Mapping[str, str] = field(default_factory=dict)
-    _told: bool = True
+    _reported: bool = True
 
     def stage(self, name: str) -> Advance:
-        """Begin a stage of the work, of which the function that comes back is told the share done."""
+        """Begin a stage of the work, whose share done goes to the function that comes back."""
         from experiments.log import LOG
 
         if self._stage is None:
@@ -84,14 +84,14 @@ class Run:
         LOG.info("%s", scene_line(scene))
         self._scene = scene
         self._left_out = {} if before is None else steps_left_out(scene, before)
-        self._told = False
+        self._reported = False
 
     def begun(self) -> None:
         """Report the steps that were left out, once: input that turns out bad is one line alone."""
         from experiments.log import LOG
 
-        if not self._told:
-            self._told = True
+        if not self._reported:
+            self._reported = True
             for line in self._left_out.values():
                 LOG.warning("%s", line)
 
@@ -209,7 +209,7 @@ def _logged(name: str, verbose: bool) -> Iterator[Run]:
 
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
     """Arguments without the passwords that addresses of streams may hold."""
-    return tuple(re.sub(r"(?<=://)[^/@]*@", "", argument) for argument in arguments)
+    return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)
 
 
 def plain(value: Any) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -29,21 +28,22 @@ def sweep(
     from experiments.commands.console import sweep_table
     from experiments.engine.workers import Workers
     from experiments.formats.sweep_file import read_sweep
+    from experiments.log import LOG
     from experiments.pipeline.sweep import cells, run_sweep
 
     read = read_sweep(study)
     done = run_sweep(read, out, Workers(processes, scheduler), run.stage("sweep"), force=force)
-    run.finish(out, out, [study])
     failed = done.study.failures
+    for line in failed[:MOST_SHOWN]:
+        LOG.warning("%s", line)
+    if failed:
+        LOG.warning("%d of %d runs failed", len(failed), done.study.n_runs)
+    run.finish(out, out, [study, read.scenario, read.scene])
 
     def show() -> None:
         print_table(sweep_table(cells(done.summary)))
         print(f"{done.study.n_runs} runs, {done.study.n_done} of them now; tables in {out}")
 
-    for line in failed[:MOST_SHOWN]:
-        print(line, file=sys.stderr)
-    if failed:
-        print(f"softaim: {len(failed)} of {done.study.n_runs} runs failed", file=sys.stderr)
     record = {
         "out": out,
         "runs": done.study.n_runs,

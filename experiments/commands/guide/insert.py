@@ -31,7 +31,9 @@ def insert(
     advice: Annotated[
         bool, typer.Option("--advice/--no-advice", help="Without: policies alone, in a third of the time.")
     ] = True,
-    strength: Annotated[float, typer.Option("--strength", min=0.01, help="Factor on pokes and breathing.")] = 1.0,
+    strength: Annotated[
+        float, typer.Option("--strength", min=0.01, max=1000.0, help="Factor on pokes and breathing.")
+    ] = 1.0,
     processes: Processes = None,
     scheduler: Scheduler = None,
     vector: Vector = None,

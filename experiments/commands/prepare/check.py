@@ -17,10 +17,12 @@ def check(
     scene: Annotated[Path, typer.Argument(help="Scene file, or folder of a recording.")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for check.png and check.json.")] = None,
     fps: Annotated[
-        float | None, typer.Option("--fps", min=0.1, help="Frames a second; default: the recording's, else 30.")
+        float | None,
+        typer.Option("--fps", min=0.1, max=1e5, help="Frames a second; default: the recording's, else 30."),
     ] = None,
     sd_mm: Annotated[
-        float | None, typer.Option("--sd-mm", min=1e-6, help="Error of a mark, an axis; default: as the camera sees.")
+        float | None,
+        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark, an axis; default: as the camera sees."),
     ] = None,
     vector: Vector = None,
     force: Force = False,

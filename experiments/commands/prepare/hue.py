@@ -27,7 +27,12 @@ def hue(
     force: Force = False,
 ) -> Answer:
     """Learn a mark's hue from one place in a picture, or see what a scene's keys take in over a film."""
+    from experiments.errors import InputError
+
     if at is not None:
+        for option, given in (("--scene", scene), ("--out", out), ("--film", film or None)):
+            if given is not None:
+                raise InputError.at("--at", f"no {option} beside it", str(given))
         return _learned(source, at, frame, fps)
     return _taken(run, source, scene, out, film=film, fps=fps, force=force)
 

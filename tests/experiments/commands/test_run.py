@@ -194,6 +194,20 @@ def test_passwords_of_streams_are_not_kept() -> None:
     assert public(["live", "--source", "rtsp://me:secret@host/x", "a@b"]) == (
         *("live", "--source", "rtsp://host/x", "a@b"),
     )
+    assert public(["rtsp://me:se@cret@host/x@y"]) == ("rtsp://host/x@y",)
+
+
+def test_a_sweep_says_what_it_read_and_which_runs_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise FloatingPointError("overflow")
+
+    monkeypatch.setattr("experiments.pipeline.sweep.motion_of", broken)
+    text = Path("sweep.toml").read_text(encoding="utf-8").replace('"quiet"', '"scenario.toml"\nscene = "scene.toml"')
+    Path("sweep.toml").write_text(text, encoding="utf-8")
+    assert softaim("sweep", "sweep.toml", "--out", "out", "--processes", "1") == 1
+    read = [one["path"] for one in provenance("out/provenance.json")["inputs"]]
+    assert read == ["sweep.toml", "scenario.toml", "scene.toml"]
+    assert "WARNING 1 of 1 runs failed" in Path("out/softaim.log").read_text(encoding="utf-8")
 
 
 def test_what_json_cannot_hold_is_null() -> None:
