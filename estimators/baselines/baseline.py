@@ -67,7 +67,10 @@ class Baseline(ABC):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of frames, (time [s], marks) in order, one at a time: predict, then update."""
+        """Estimates of frames, (time [s], marks) in order, one at a time: predict, then update.
+
+        advance: gets the share done.
+        """
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)

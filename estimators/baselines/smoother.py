@@ -37,5 +37,8 @@ class FixedIntervalSmoother:
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of all frames in one block, after the last."""
+        """Estimates of all frames, (time [s], marks) in order, in one block after the last.
+
+        advance: gets the share done.
+        """
         yield fixed_interval(self.tissue, frames, advance)

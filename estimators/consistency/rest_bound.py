@@ -39,10 +39,10 @@ def resting_bound(
     mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
 
     Of `posterior_bound` what its recursion comes to, by doubling: 2^k frames in k steps [anderson1978]. Constants are
-    exact; dry friction is `smoothed`. Raises NetworkError where nothing rests.
+    exact; dry friction is a drag, by `friction_as_drag`. Raises NetworkError where nothing rests.
     """
     body, rest = carried(network), rest_shape(network)
-    model = TissueModel(smoothed(body, rest, mode, poked), poked)
+    model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)
     A, density = model.linearised(rest, mode)
     F, P = small_expm(A * interval_s), accumulated_noise(A, density, interval_s)
     G = np.zeros_like(P)  # information of a frame, H' R^-1 H
@@ -62,7 +62,9 @@ def resting_bound(
     return np.asarray(np.linalg.solve(identity + P @ G, P), dtype=float)
 
 
-def smoothed(network: MassSpringNetwork, rest: Floats, mode: ForceMode, poked: Sequence[str]) -> MassSpringNetwork:
+def friction_as_drag(
+    network: MassSpringNetwork, rest: Floats, mode: ForceMode, poked: Sequence[str]
+) -> MassSpringNetwork:
     """The network with drag in place of dry friction: friction over the speed at which these forces keep each node.
 
     Statistical linearisation [gelb1974] by fixed-point iteration: speeds are those of the linear motion

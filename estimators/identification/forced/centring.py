@@ -14,6 +14,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty, Stepper
 from estimators.arrays import Floats
+from estimators.filters.unscented import CovarianceError
 from estimators.identification.filter_pass import Frames
 from estimators.identification.forced.forced_filter import Forces
 from estimators.identification.forced.forces import Recorded, forced_pass, smoothed
@@ -30,27 +31,28 @@ KNOT_S = 1.0 / 240.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreMoments:
-    """Mean of the score at the true constants, (n,), covariance of that mean, (n, n), and of one score, (n, n)."""
+    """Mean of the score at the true constants, by their prior deviations [1], (n,), and its covariance, (n, n)."""
 
     mean: Floats
     mean_cov: Floats
-    cov: Floats
 
 
 def score_moments(
     network: MassSpringNetwork, uncertainty: ParameterUncertainty, seen: Recorded, forces: Forces
 ) -> ScoreMoments:
-    """Moments of the score by simulated recordings under these forces. Raises OutOfTimeError, CovarianceError."""
+    """Moments of the score by simulated recordings under these forces.
+
+    Raises OutOfTimeError; CovarianceError where fewer than two of them leave the filter finite, too.
+    """
     scores = []
     for frames in simulated(network, seen, forces, SIMULATED):
         found = forced_pass(network, uncertainty, replace(seen, frames=frames), forces)
         if np.isfinite(found.log_likelihood):
             scores.append(found.gradient)
-    n = len(uncertainty.directions)
     if len(scores) < 2:
-        return ScoreMoments(np.zeros(n), np.zeros((n, n)), np.zeros((n, n)))
-    cov = np.cov(np.array(scores).T).reshape(n, n)
-    return ScoreMoments(np.mean(scores, axis=0), cov / len(scores), cov)
+        raise CovarianceError(f"simulated recordings: expected two or more of finite likelihood, found {len(scores)}")
+    n = len(uncertainty.directions)
+    return ScoreMoments(np.mean(scores, axis=0), np.cov(np.array(scores).T).reshape(n, n) / len(scores))
 
 
 def simulated(network: MassSpringNetwork, seen: Recorded, forces: Forces, n: int) -> list[Frames]:
