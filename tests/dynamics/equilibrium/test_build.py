@@ -115,6 +115,10 @@ FAULTS = [
     ({"gravity": [0.0, 0.0, -9.81]}, "gravity: expected shape (2,), found (3,)"),
     ({"gravity": "down"}, "gravity: expected numbers, found 'down'"),
     ({"rest_lengths": "drawn"}, 'rest_lengths: expected "at rest", "as drawn" or numbers, found "drawn"'),
+    (
+        {"edges": [("left", "ball")], "stiffness": 400.0},
+        'node "ball": expected springs that let it rest where it is drawn, found its rest ',
+    ),
     ({"stiffness": 1.0}, "rest_length left-ball: expected to rest where it was seen with a change below"),
 ]
 
