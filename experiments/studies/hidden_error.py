@@ -1,7 +1,7 @@
 """Error of the hidden mass at 30 frames/s and 4.14 mm of mark noise, both methods, true parameters, seeded runs.
 
 Reproduces the comparison of [paper] section IV under the paper's own mark noise (its "4.14 ± 1.47 mm", taken as the
-standard deviation of each axis) at a camera's own frame rate. Truth by DOP853. `python -m
+standard deviation of each axis) at a camera's own frame rate. Truth by SciPy's RK45. `python -m
 experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obtained in docs/decisions.md):
 
     scenario  open loop  filter  ratio  in 95 % region  worst

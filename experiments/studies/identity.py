@@ -3,7 +3,7 @@
     python -m experiments.studies.identity --out study         # 108 runs of each kind, some 10 minutes on two cores
     python -m experiments.studies.identity --runs 4 --out study
 
-Truth is DOP853's, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's, marks 280 mm apart and more, 4.14 mm of
+Truth is by SciPy's RK45, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's, marks 280 mm apart and more, 4.14 mm of
 noise. `close`: the same masses and springs with three tenths of the distances, 1 mm of noise; when shoved it turns over
 and its marks pass each other. Kinds of run:
 

@@ -198,11 +198,8 @@ def as_markdown(text: str) -> str:
             names = ", ".join(f"`{name}`" for name in listed[1].split(", "))
             lines.append(f"- {names}: {listed[2]}")
         elif fields := FIELD.match(line):
-            lines += (
-                ["", f"- **{fields[1]}**: {line[fields.end() :]}"]
-                if not field
-                else [f"- **{fields[1]}**: {line[fields.end() :]}"]
-            )
+            item = f"- **{fields[1]}**: {line[fields.end() :]}"
+            lines += [item] if field else ["", item]
             field = True
             continue
         elif field and line.startswith("    "):

@@ -5,7 +5,7 @@
     python -m experiments.studies.estimation.page study                    # rewrite the page from what is there
 
 Parts are kept as JSON in the folder, their runs in `runs` and truths in `truth` beside them; a study that was ended
-goes on where it stopped. Truth is DOP853's with friction and tremor; pokes
+goes on where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes
 are half sines (`poked`: one mass at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to
 140 mm). Errors of constants are in the model: what is true stays the phantom's.
 """

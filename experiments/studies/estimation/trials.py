@@ -1,6 +1,6 @@
 """Seeded runs without pictures: a scenario's truth, its marks with noise, methods on them, their errors.
 
-Truth is DOP853's (`experiments.simulation.simulate`), kept in a folder so that many runs share it.
+Truth is by SciPy's RK45 (`experiments.simulation.simulate`), kept in a folder so that many runs share it.
 """
 
 from __future__ import annotations
