@@ -3,9 +3,9 @@
     python -m experiments.studies.identity --out study         # 108 runs of each kind, some 10 minutes on two cores
     python -m experiments.studies.identity --runs 4 --out study
 
-Truth is by SciPy's RK45, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's, marks 280 mm apart and more, 4.14 mm of
-noise. `close`: the same masses and springs with three tenths of the distances, 1 mm of noise; when shoved it turns over
-and its marks pass each other. Kinds of run:
+Truth is by SciPy's RK45, 4 s at 30 frames/s, marks with noise. `phantom`: the paper's, marks 280 mm apart and more,
+4.14 mm of noise. `close`: the same masses and springs with three tenths of the distances, 1 mm of noise; when shoved it
+turns over and its marks pass each other. Kinds of run:
 
 never: names as they are. wrong springs: the same, and the filter takes them to be 1.4 times as
 stiff. for good: two names exchanged from 1.5 s on. a while: for ten frames. from the start: names

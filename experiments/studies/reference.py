@@ -14,6 +14,7 @@ import ast
 import builtins
 import importlib
 import inspect
+import keyword
 import re
 import sys
 import warnings
@@ -152,7 +153,9 @@ def _beside(name: str, one: Public) -> bool:
     """Whether it is a member of the class, a parameter of the function, or Python's own."""
     if one.owner is not None and (name in dir(one.owner) or f"self.{name}" in inspect.getsource(one.owner)):
         return True
-    return hasattr(builtins, name) or (callable(one.thing) and name in inspect.signature(one.thing).parameters)
+    if hasattr(builtins, name) or keyword.iskeyword(name):
+        return True
+    return callable(one.thing) and name in inspect.signature(one.thing).parameters
 
 
 def _imported(name: str, module: str) -> bool:

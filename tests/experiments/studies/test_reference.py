@@ -60,7 +60,7 @@ def test_what_is_not_stated_and_not_there_is_found(text: str, fault: str, monkey
 
 
 def test_what_is_there_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    named = "`push`, `TissueFilter.predict`, `dynamics.forces`, `Lesion`, `ValueError`, `scene.toml`"
+    named = "`push`, `TissueFilter.predict`, `dynamics.forces`, `Lesion`, `ValueError`, `with`, `scene.toml`"
     assert given(f"Moves points [m], (n, dim); {named}.", monkeypatch, thing) == []
 
 
