@@ -12,7 +12,8 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Rates, by the fastest, below which they are rounding: the root of that of a double eigenvalue at nought."""
+"""Rates by the fastest, and imaginary parts by their rate, below which they are rounding: the root of that of a double
+eigenvalue."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +39,9 @@ def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
     """
     rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))
     rates = rates[np.abs(rates) > ROUNDING * np.abs(rates).max()]
-    paired = rates[rates.imag > 0.0]
+    turning = np.abs(rates.imag) > ROUNDING * np.abs(rates)
+    paired = rates[turning & (rates.imag > 0.0)]
     paired = paired[np.argsort(np.abs(paired))]
-    creeping = rates[(rates.imag == 0.0) & (rates.real < 0.0)].real
+    creeping = rates[~turning & (rates.real < 0.0)].real
     size = np.abs(paired)
     return Oscillations(size / (2.0 * np.pi), -paired.real / size, np.sort(-1.0 / creeping)[::-1])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import four_mass_phantom, integrate_adaptive, oscillations, pack, rest_shape
+from dynamics import four_mass_phantom, integrate_adaptive, oscillations, pack, rest_shape, stiffness_matrix
 from tests.dynamics.conftest import build_network
 
 K, M, C, D = 80.0, 0.2, 0.3, 0.5
@@ -45,6 +45,24 @@ def test_a_mass_in_honey_creeps_back_with_both_roots_of_its_equation() -> None:
     roots = [(-40.0 + sign * np.sqrt(1600.0 - 4 * M * s)) / (2 * M) for s in (2 * K, K) for sign in (-1, 1)]
     assert not len(found.frequencies_hz)
     np.testing.assert_allclose(found.decays_s, np.sort(-1.0 / np.array(roots))[::-1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("turned", np.linspace(0.0, 1.5, 7))
+@pytest.mark.parametrize("n", [3, 4])
+def test_equal_motions_of_a_symmetric_body_creep_however_it_is_turned(n: int, turned: float) -> None:
+    """A ring of masses, each held by an anchor: of pairs of equal roots none is an oscillation.
+
+    Roots of m z² + d z + s = 0, s the eigenvalues of the stiffness, d far above 2 sqrt(m s): 1e-6.
+    """
+    around = 2.0 * np.pi * np.arange(n) / n + turned
+    ring = np.stack([np.cos(around), np.sin(around)], axis=1)
+    springs = [(i, (i + 1) % n) for i in range(n)] + [(i, n + i) for i in range(n)]
+    network = build_network(np.vstack([ring, 2.0 * ring]), springs, tuple(range(n, 2 * n)), rest_lengths=0.9, drag=40.0)
+    stiffnesses = np.linalg.eigvalsh(stiffness_matrix(network, network.positions))
+    roots = [(-40.0 + sign * np.sqrt(1600.0 - 4.0 * M * s)) / (2.0 * M) for s in stiffnesses for sign in (-1, 1)]
+    found = oscillations(network, network.positions)
+    assert not len(found.frequencies_hz)
+    np.testing.assert_allclose(found.decays_s, np.sort(-1.0 / np.array(roots))[::-1], rtol=1e-6)
 
 
 def test_two_masses_afloat_have_their_one_oscillation_and_no_motion_as_a_whole() -> None:
