@@ -14,7 +14,6 @@ LEAST = 1e-100
 KEPT = 64
 """Transition matrices that are kept, at most: it bounds the memory of a camera whose times are all different."""
 
-
 ROUNDED = 13
 """Decimals of a time step: at one rate steps differ in the last digits of the clock, and each would have its matrix."""
 
@@ -118,9 +117,9 @@ class ModeChain:
 
     def _transition(self, dt: float) -> Floats:
         """exp(rates dt); frames of one camera take few different times, but for rounding; their matrices are kept."""
-        dt = round(dt, ROUNDED)
-        if (known := self._transitions.get(dt)) is None:
+        key = round(dt, ROUNDED)
+        if (known := self._transitions.get(key)) is None:
             if len(self._transitions) >= KEPT:
                 self._transitions.clear()
-            known = self._transitions[dt] = small_expm(self.rates * dt)
+            known = self._transitions[key] = small_expm(self.rates * key)
         return known

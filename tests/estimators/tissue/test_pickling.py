@@ -61,7 +61,7 @@ def frame(tissue: TissueFilter, k: int) -> list[MarkMeasurement]:
     """The marks in frame k: each moves on a circle of its own about its place at rest, and some are not seen."""
     network, rng, dim = tissue.model.network, np.random.default_rng(k), tissue.model.network.dim
     marks = []
-    for n, node in enumerate(OUTER if dim == 2 and "M1" in network.names else ("end",)):
+    for n, node in enumerate(OUTER if "M1" in network.names else ("end",)):
         if (k + n) % 5:
             turn = 0.3 * k + n
             place = network.positions[network.index(node)] + 6e-3 * np.array([np.sin(turn), np.cos(turn)])
