@@ -52,9 +52,10 @@ def live(
             yield folder
 
     films: list[LiveFilm] = []
+    growing = path if path.name else path.resolve()
 
     def filmed(used: Scene, plan: NeedlePlan | None) -> LiveFilm:
-        films.append(LiveFilm(used, path.with_name(f"{path.name}-film"), plan))
+        films.append(LiveFilm(used, growing.with_name(f"{growing.name}-film"), plan))
         return films[-1]
 
     done = followed(

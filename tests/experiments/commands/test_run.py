@@ -210,6 +210,16 @@ def test_a_sweep_says_what_it_read_and_which_runs_failed(monkeypatch: pytest.Mon
     assert "WARNING 1 of 1 runs failed" in Path("out/softaim.log").read_text(encoding="utf-8")
 
 
+def test_a_live_film_grows_beside_the_folder_that_it_is_called_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    assert softaim("live", "--source", tmp_path / "film", "--out", ".", "--film") == 0
+    assert Path("film.avi").is_file()
+    assert not (tmp_path / "empty-film").exists()
+
+
 def test_what_json_cannot_hold_is_null() -> None:
     assert plain({"a": [float("nan"), float("-inf"), 1.5, True], "b": {"c": Path("x/y")}, "d": (1, None)}) == {
         "a": [None, None, 1.5, True],
