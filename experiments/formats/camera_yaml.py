@@ -13,7 +13,6 @@ import numpy as np
 
 from experiments.arrays import Floats
 from experiments.errors import InputError, read_text, shown
-from experiments.formats.outputs import write_whole
 from vision import Lens, quiet_opencv
 
 
@@ -26,13 +25,8 @@ class LensFile:
     name: str | None = None
 
 
-def write_opencv_yaml(content: LensFile, path: Path) -> None:
-    """Write image_width, image_height, camera_matrix and distortion_coefficients as cv2.FileStorage does."""
-    write_whole(path, opencv_text(content))
-
-
 def opencv_text(content: LensFile) -> str:
-    """A lens as cv2.FileStorage writes it."""
+    """A lens as cv2.FileStorage writes it: image_width, image_height, camera_matrix and distortion_coefficients."""
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", content.size_px[0])
     storage.write("image_height", content.size_px[1])
@@ -67,13 +61,8 @@ def read_opencv_yaml(path: Path) -> LensFile:
     return LensFile(lens, (int(size[0].real()), int(size[1].real())))
 
 
-def write_ros_yaml(content: LensFile, path: Path) -> None:
-    """Write what ROS's camera_info_manager reads: matrix, plumb_bob distortion, no rectification."""
-    write_whole(path, ros_text(content))
-
-
 def ros_text(content: LensFile) -> str:
-    """A lens as ROS's camera_info_manager reads it."""
+    """A lens as ROS's camera_info_manager reads it: matrix, plumb_bob distortion, no rectification."""
     projection = np.column_stack([content.lens.matrix, np.zeros(3)])
     lines = [
         f"image_width: {content.size_px[0]}",

@@ -10,7 +10,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.camera_file import read_camera_toml, write_camera_toml
-from experiments.formats.camera_yaml import LensFile, read_opencv_yaml, read_ros_yaml, write_opencv_yaml, write_ros_yaml
+from experiments.formats.camera_yaml import LensFile, opencv_text, read_opencv_yaml, read_ros_yaml, ros_text
 from tests.real_data import DATA
 from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, noisy_views, poses
 from vision import Calibration, calibrate
@@ -103,7 +103,7 @@ def test_faults_of_camera_toml_name_file_and_key(
 
 def test_opencv_yaml_is_read_back_here_and_by_opencv(tmp_path: Path) -> None:
     path = tmp_path / "lens.yml"
-    write_opencv_yaml(CONTENT, path)
+    path.write_text(opencv_text(CONTENT), encoding="utf-8")
     back = read_opencv_yaml(path)
     assert back.size_px == (640, 480)
     np.testing.assert_array_equal(back.lens.matrix, LENS.matrix)
@@ -114,7 +114,7 @@ def test_opencv_yaml_is_read_back_here_and_by_opencv(tmp_path: Path) -> None:
 
 def test_ros_yaml_is_read_back(tmp_path: Path) -> None:
     path = tmp_path / "lens.yaml"
-    write_ros_yaml(CONTENT, path)
+    path.write_text(ros_text(CONTENT), encoding="utf-8")
     back = read_ros_yaml(path)
     assert (back.size_px, back.name) == ((640, 480), "left eye")
     np.testing.assert_array_equal(back.lens.matrix, LENS.matrix)
@@ -169,7 +169,7 @@ def test_faults_of_ros_yaml_name_file_and_key(tmp_path: Path, old: str, new: str
 )
 def test_faults_of_opencv_yaml_name_file_and_key(tmp_path: Path, old: str, new: str, message: str | None) -> None:
     path = tmp_path / "lens.yml"
-    write_opencv_yaml(CONTENT, path)
+    path.write_text(opencv_text(CONTENT), encoding="utf-8")
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
