@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, rest_shape, scale_parameters
+from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, scale_parameters
 from estimators import Budget, FilterSettings, ForceMode, MarkMeasurement
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import OutOfTimeError
@@ -15,29 +15,12 @@ from estimators.identification.forced.centring import score_moments, simulated
 from estimators.identification.forced.forced_filter import Forces, Poke, forces_between
 from estimators.identification.forced.forces import Recorded, find_forces, forced_pass, intervals, smoothed
 from estimators.identification.forced.refined import Scaled, under_forces
+from tests.estimators.identification.test_constants import chain
 
 SD = 5e-4
 WHITE = 0.1
 SETTINGS = FilterSettings(quiet=ForceMode(WHITE, WHITE, 0.05), poked=ForceMode(WHITE, 2.0, 0.2))
 MASS, STIFFNESS, DRAG = 0.2, 40.0, 0.8
-
-
-def chain():
-    """Two masses in a row between two anchors, hung aslant."""
-    network = MassSpringNetwork(
-        names=("A", "near", "far", "B"),
-        positions=np.array([[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]]),
-        masses=np.full(4, MASS),
-        fixed=np.array([True, False, False, True]),
-        drag=np.array([0.0, 0.3, 0.3, 0.0]),
-        friction=np.zeros(4),
-        springs=np.array([[0, 1], [1, 2], [2, 3]]),
-        stiffness=np.full(3, 60.0),
-        rest_lengths=np.full(3, 0.09),
-        damping=np.full(3, 0.3),
-        gravity=np.array([0.0, -9.81]),
-    )
-    return replace(network, positions=rest_shape(network))
 
 
 @pytest.fixture(scope="module")
