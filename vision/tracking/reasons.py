@@ -105,7 +105,8 @@ def _causes(
     for name, seen in found.items():
         if seen.hue_deg == one.hue_deg and squared_distance(one, seen) <= gate:
             yield LostMark(one.name, Reason.TAKEN, name, seen.center_px)
-    of_its_hue = [seen for seen in unassigned if seen.hue_deg == one.hue_deg]
+    taken = [id(seen) for seen in found.values()]  # by a later stage than that of which they were left
+    of_its_hue = [seen for seen in unassigned if seen.hue_deg == one.hue_deg and id(seen) not in taken]
     if of_its_hue:
         nearest = min(of_its_hue, key=lambda seen: squared_distance(one, seen))
         away_px = float(np.hypot(*(nearest.center_px - one.center_px)))

@@ -93,6 +93,19 @@ def test_the_only_mark_where_two_are_expected_is_taken_for_the_other() -> None:
     assert one[name].detail == ({"M3", "M4"} - {name}).pop()
 
 
+def test_what_an_impulse_moved_is_not_what_another_mark_is_too_far_as() -> None:
+    finder = MarkFinder([MarkHue(0.0)], explain=True)
+    finder.find(frame(HOMES), expected(HOMES))
+    moved = {"M1": HOMES["M1"], "M3": (520.0, 260.0)}
+    anywhere = {
+        one.name: Expected(one.name, one.center_px, 1e4 * np.eye(2), 0.0, one.outline) for one in expected(HOMES)
+    }
+    found = finder.find(frame(moved), expected(HOMES), anywhere.__getitem__)
+    assert {one.name for one in found} == {"M1", "M3"}
+    (one,) = finder.lost
+    assert (one.name, one.reason, one.candidate_px) == ("M4", Reason.FEW_PIXELS, None)
+
+
 def test_a_hand_over_the_picture_floods_it() -> None:
     one = lost(frame(HOMES, Disc(np.array([320.0, 240.0]), (300.0, 220.0), 0.0)))
     assert {each.reason for each in one.values()} == {Reason.FLOODED}
