@@ -84,7 +84,7 @@ def verdict(fit: Fit | None, by_status: Mapping[str, int], refused: int = 0) -> 
 
 def _fit_words(fit: Fit | None) -> str:
     if fit is None:
-        return "no marks were taken in: the model alone estimates (is the hue right? softaim hue)"
+        return "no marks were taken in after the start: the model alone estimates (is the hue right? softaim hue)"
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"the marks fit the model: NIS {fit.mean_nis:.2f} in {band}"

@@ -93,4 +93,4 @@ def test_a_verdict_counts_what_was_missed():
 def test_a_run_without_any_mark_is_said_to_be_the_models_alone():
     frames = estimates([None] * 20, status=Status.INITIALISING)
     told = verdict(fit_of(frames), frames_by_status(frames))
-    assert told.startswith("no marks were taken in: the model alone estimates")
+    assert told.startswith("no marks were taken in after the start: the model alone estimates")
