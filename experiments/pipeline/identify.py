@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -178,7 +178,15 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     return combinations
 
 
-def confounded(found: IdentificationResult) -> list[Mapping[str, object]]:
+@dataclass(frozen=True, slots=True)
+class Confounded:
+    """Two constants, or means of whole kinds, that a recording does not tell apart: names, correlation of errors."""
+
+    constants: tuple[str, str]
+    correlation: float
+
+
+def confounded(found: IdentificationResult) -> list[Confounded]:
     """Pairs that the recording does not tell apart, strongest correlation first: constants, and means of whole kinds.
 
     Of such a pair a combination is known better than either; an error of one goes into the other.
@@ -194,7 +202,7 @@ def confounded(found: IdentificationResult) -> list[Mapping[str, object]]:
     pairs = [(a, b) for a in range(len(names)) for b in range(a + 1, len(names)) if (a < n) == (b < n)]
     together = [(a, b) for a, b in pairs if correlation[a, b] ** 2 > MOST_SHARED]
     together.sort(key=lambda pair: -abs(correlation[pair]))
-    return [{"constants": [names[a], names[b]], "correlation": float(correlation[a, b])} for a, b in together]
+    return [Confounded((names[a], names[b]), float(correlation[a, b])) for a, b in together]
 
 
 def hardly_determined(found: IdentificationResult) -> dict[str, list[str]]:
@@ -217,7 +225,7 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
             for c in constants(found)
         ],
         "not_told": undetermined(found),
-        "not_told_apart": confounded(found),
+        "not_told_apart": [asdict(pair) for pair in confounded(found)],
         "hardly_determined": hardly_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
         "residuals": {
@@ -267,10 +275,7 @@ def _known_badly(found: IdentificationResult) -> list[str]:
         counts = ", ".join(f"{len(names)} of {kinds.count(kind)} {kind}" for kind, names in hardly.items())
         lines += [f"Hardly determined, their values are mostly those of the scene given: {counts}"]
     if pairs := confounded(found):
-        named = "; ".join(
-            f"{' and '.join(pair['constants'])} ({pair['correlation']:+.2f})"  # type: ignore[arg-type]
-            for pair in pairs[:NAMED]
-        )
+        named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""
         lines += [f"Not told apart, by their correlation: {named}{more}"]
     return lines

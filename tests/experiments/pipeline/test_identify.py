@@ -133,8 +133,8 @@ def test_what_is_not_told_apart_is_said():
         in_time=True,
     )
     (pair,) = confounded(found)
-    assert pair["constants"] == ["drag M1", "friction M1"]
-    assert pair["correlation"] == pytest.approx(-0.9)
+    assert pair.constants == ("drag M1", "friction M1")
+    assert pair.correlation == pytest.approx(-0.9)
     assert hardly_determined(found) == {"drag": ["drag M1"]}
     lines = fit_lines(found, 5.0)
     assert "Hardly determined, their values are mostly those of the scene given: 1 of 1 drag" in lines
@@ -151,8 +151,8 @@ def test_whole_kinds_that_are_not_told_apart_are_said():
     names = [("drag", "M1"), ("drag", "M2"), ("friction", "M1"), ("friction", "M2")]
     found = SimpleNamespace(groups=[ConstantGroup(kind, (0,), f"{kind} {node}") for kind, node in names], cov=cov)
     (pair,) = confounded(found)
-    assert pair["constants"] == ["all drag", "all friction"]
-    assert pair["correlation"] == pytest.approx(-0.8)
+    assert pair.constants == ("all drag", "all friction")
+    assert pair.correlation == pytest.approx(-0.8)
 
 
 def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, capsys):
