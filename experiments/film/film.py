@@ -17,7 +17,8 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.outputs import write_whole
 from experiments.formats.recording import Recording
 from experiments.pipeline.line import Line, Step
-from vision import NOMINAL_FPS, Frame, PlaneCamera, VideoWriter
+from experiments.pipeline.recorder import rate_of
+from vision import Frame, PlaneCamera, VideoWriter
 from vision.arrays import Image
 
 FILM, WORST = "film.avi", "worst.png"
@@ -34,7 +35,7 @@ class Film:
 
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:
         self.folder, self.plan = folder, plan
-        self.fps = rate_of(recording.exposures_s.tolist())
+        self.fps = rate_of(recording.exposures_s)
         scene = recording.scene
         self.camera: PlaneCamera = scene.cameras[0] if recording.marks is None else ground_camera(scene)
         self.worst = WorstFrames()
@@ -68,12 +69,6 @@ class Film:
 def ground(camera: PlaneCamera) -> Image:
     """The plain ground that marks without pictures are drawn on."""
     return np.full((camera.size_px[1], camera.size_px[0], 3), GROUND, dtype=np.uint8)
-
-
-def rate_of(times_s: list[float]) -> float:
-    """Mean frames a second of a film with these exposure times [s]."""
-    span_s = times_s[-1] - times_s[0] if times_s else 0.0
-    return float(np.clip((len(times_s) - 1) / span_s, 1.0, 1000.0)) if span_s > 0.0 else NOMINAL_FPS
 
 
 def write_worst(worst: WorstFrames, folder: Path) -> None:

@@ -6,7 +6,7 @@ import math
 
 from experiments.errors import InputError, shown
 from experiments.pipeline.frame_sources import open_source
-from vision import HueError, learn_hue
+from vision import NOMINAL_FPS, HueError, learn_hue
 
 
 def hue_lines(source: str, at: str, number: int, fps: float | None = None) -> list[str]:
@@ -20,7 +20,7 @@ def hue_lines(source: str, at: str, number: int, fps: float | None = None) -> li
             raise ValueError(at)
     except ValueError:
         raise InputError(f"--at: expected two numbers, U,V, found {shown(at)}") from None
-    _, frames = open_source(source, None, live=False, fps=fps if fps is not None else 30.0)
+    _, frames = open_source(source, None, live=False, fps=fps if fps is not None else NOMINAL_FPS)
     with frames:
         frame = next((frame for frame in frames if frame.index == number), None)
     if frame is None:

@@ -14,7 +14,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 import vision
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import check_apart, write_whole
 from experiments.formats.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, source_in
@@ -193,6 +196,12 @@ def _begun(
     return recorder
 
 
+def rate_of(exposures_s: Floats) -> float:
+    """Mean frames a second of a film with these exposure times [s], (n_frames,), one or more."""
+    span_s = float(exposures_s[-1] - exposures_s[0])
+    return float(np.clip((len(exposures_s) - 1) / span_s, 1.0, 1000.0)) if span_s > 0.0 else vision.NOMINAL_FPS
+
+
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
     """Join the pieces of a recording into one film; how many frames it has. Raises InputError where there are none.
 
@@ -205,11 +214,9 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
     try:
         if source_in(folder).name not in VIDEOS:
             pieces = vision.segments_in(folder / SEGMENTS)
-            span_s = float(exposures_s[-1] - exposures_s[0])
-            rate = min(max((n_frames - 1) / span_s, 1.0), 1000.0) if span_s > 0 else vision.NOMINAL_FPS
             film = folder / f"video{pieces[0].suffix}"
             write_frames_csv(folder / "frames.csv", exposures_s)
-            vision.join_segments(folder / SEGMENTS, film, n_frames, rate, advance)
+            vision.join_segments(folder / SEGMENTS, film, n_frames, rate_of(exposures_s), advance)
         shutil.rmtree(folder / SEGMENTS)
         for partial in folder.glob(".video.*.partial.*"):
             partial.unlink()
