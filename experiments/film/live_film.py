@@ -85,7 +85,8 @@ class LiveFilm:
 
     def _work(self) -> None:
         try:
-            while (one := self._next()) is not None or not self._ended:
+            while not self._ended or self._waiting:  # in this order: none comes after the end
+                one = self._next()
                 if one is not None:
                     self._write(*one)
                 elif self._recorder is not None:
