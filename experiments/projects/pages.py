@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.formats.toml_file import toml_list, toml_text
-from experiments.projects.template import RADIUS_MM, Template
+from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
-MARK_SD_MM = 0.5
 FRAMES_PER_S = 30
 POKE_M_S2 = {2: 10.0, 3: 40.0}
 """By dimension: a soft breast's masses are 40 g and well held, 40 m/s² is a push of 1 to 2 N."""
@@ -111,10 +111,11 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
         lines += [
             "",
             _with("[marks]", "in space a tracker's marks.csv takes the place of a film"),
-            _with(f"sd_mm = {MARK_SD_MM}", "of a mark, an axis"),
+            _with(f"sd_mm = {NEAR_SD_MM}", "of a mark, an axis"),
         ]
     else:
-        lines += ["", "[video]", _with('light = "paper"', "marks wander by 0.68 px: calibration_sd_px of the scene")]
+        wander = f"marks wander by {CALIBRATION_SD_PX} px: calibration_sd_px of the scene"
+        lines += ["", "[video]", _with('light = "paper"', wander)]
     return "\n".join(lines) + "\n"
 
 
