@@ -64,10 +64,10 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
         raise InputError(f"{nodes}: {error}") from None
     hues = _hues(table, fixed) if "hue_deg" in has else {}
     chosen = _target(table, target, fixed, positions)
+    outer = [name for name in hues if name != chosen] or _outside(names, positions, fixed, chosen)
     joined = None if springs is None else _springs(springs, names)
     given = {} if joined is None else joined.table.numbers
     try:
-        outer = [name for name in hues if name != chosen] or _outside(names, positions, fixed, chosen)
         network = elastic_body(
             names,
             positions,

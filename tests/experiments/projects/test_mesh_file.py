@@ -148,7 +148,7 @@ def test_a_body_of_a_millimetre_has_marks_and_a_camera(tmp_path) -> None:
         (
             "name,x_mm,y_mm,mass_kg,fixed\nA,0,0,1,yes\nB,0,-50,0.01,\nC,0,-90,0.01,\n",
             "from,to,stiffness_N_m,damping_N_s_m\nA,B,99,0.1\nB,C,99,0.1\n",
-            "springs.csv: nodes: expected them not all in a line or plane, found a body without volume",
+            "nodes.csv: nodes: expected them not all in a line or plane, found a body without volume",
         ),
         (PLANE, "from,to,damping_N_s_m\nA,C,-1\n", "springs.csv: row 2: damping_N_s_m: expected 0 or more, found -1"),
     ],
