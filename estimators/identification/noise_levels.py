@@ -11,7 +11,7 @@ from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
-from estimators.identification.filter_pass import Frames, is_linear, likeliest_start, steps
+from estimators.identification.filter_pass import Frames
 from estimators.identification.newton import minimum
 from estimators.identification.stretch import affordable, frame_seconds, liveliest
 from estimators.tissue.filter import TissueFilter
@@ -36,16 +36,23 @@ PART = 0.25
 PART_FRAMES = 100
 """Frames from which on a part of so many is used: numerical."""
 
-TOLERANCE = 1.0
+MOST_OF_STIFF = 60
+"""Frames of a stiff or large body, the liveliest in a row, that are used at most: each costs ten of a phantom's."""
+
+STRAINS = tuple(share * FilterSettings().strain_sd for share in (1.0, 0.3, 0.1, 0.0))
+"""By which the springs of a stiff or large body may be off [1]: the likeliest is taken before levels are searched."""
+
+TOLERANCE, TOLERANCE_OF_STIFF = 1.0, 5.0
 """Of the log posterior that the last step may promise; numerical: it then ends well within a standard error, and a
-likelihood is uneven by half of that, so that smaller steps mean nothing."""
+likelihood is uneven by half of that, that of a stiff or large body by more: smaller steps mean nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuningResult:
     """The noise levels under which a recording's innovations are most probable.
 
-    settings: with the levels found; marks: standard deviation of the marks by the reported one
+    settings: with the levels found, and the likeliest `strain_sd` of a stiff or large body
+    marks: standard deviation of the marks by the reported one
     names, values, log_sd: what was tuned, its value in the unit of its setting, and the standard error of the value's
         logarithm [1], each (3,)
     log_likelihood: of the innovations there, and with the levels from before
@@ -76,24 +83,6 @@ def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None =
         tissue.predict(time_s)
         if tissue.update(marks).marks_used and started:
             total += tissue.mixture.log_likelihood
-    return total
-
-
-def linear_log_likelihood(
-    network: MassSpringNetwork, frames: Frames, marked: Sequence[str], settings: FilterSettings, budget: Budget
-) -> float:
-    """As `log_likelihood` by the linear filter, constants as exact; frames are poked as often as the modes have it.
-
-    Raises OutOfTimeError where the time is over, CovarianceError where there is no finite state.
-    """
-    poked = settings.long_run_poked
-    linear = likeliest_start(network, ParameterUncertainty((), np.zeros((0, 0))), frames, marked, settings)
-    total = 0.0
-    for dt, marks in steps(frames):
-        budget.check()
-        one = linear.advance(dt, marks)
-        if one is not None:
-            total += one.log_likelihood + float(np.log(poked if one.poked else 1.0 - poked))
     return total
 
 
@@ -151,55 +140,61 @@ def tune_noise(
     limit = Budget() if budget is None else budget
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
 
-    def run(logs: Floats, through: Frames) -> float:
+    def run(logs: Floats, through: Frames, strain_sd: float) -> float:
         values = start * np.exp(logs)
-        levels, scaled = with_noise_levels(before, values), with_scaled_noise(through, values[2])
+        levels = replace(with_noise_levels(before, values), strain_sd=strain_sd)
         try:
-            if is_linear(network, len(marked)):
-                return linear_log_likelihood(network, scaled, marked, levels, limit)
             tissue = TissueFilter(network, target, marked, levels, uncertainty=uncertainty)
-            return log_likelihood(tissue, scaled, limit)
+            return log_likelihood(tissue, with_scaled_noise(through, values[2]), limit)
         except (CovarianceError, np.linalg.LinAlgError):
             return -np.inf
 
     def progress(share: float) -> None:
         advance(max(share, limit.share))
 
-    none = np.zeros(len(start))
+    none, strain_sd = np.zeros(len(start)), before.strain_sd
     frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
+    stiff = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model.stiff
+    frames = liveliest(frames, MOST_OF_STIFF) if stiff else frames
     try:
-        frame_s = frame_seconds(lambda some: run(none, some), frames, limit)
+        frame_s = frame_seconds(lambda some: run(none, some, strain_sd), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
-        cost, some = _Cost(lambda logs: run(logs, used), progress), liveliest(used, int(PART * len(used)))
-        cost_before = cost(none)
-        of_part = _Cost(lambda logs: run(logs, some), progress, PART, 1.0) if len(some) >= PART_FRAMES else None
+        likelihood_before = run(none, used, strain_sd)
+        if stiff:
+            strain_sd = max(STRAINS, key=lambda strain: run(none, used, strain))
+        cost = _Cost(lambda logs: run(logs, used, strain_sd), progress)
+        some = liveliest(used, int(PART * len(used)))
+        of_part = None
+        if len(some) >= PART_FRAMES:
+            of_part = _Cost(lambda logs: run(logs, some, strain_sd), progress, PART, 1.0)
+        cost(none)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
         ) from None
-    if not np.isfinite(cost_before):
+    if not np.isfinite(likelihood_before):
         raise IdentificationError("expected levels under which the filter stays finite, found others")
     log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
     try:
-        log_sd = _search(cost, of_part)
+        log_sd = _search(cost, of_part, TOLERANCE_OF_STIFF if stiff else TOLERANCE)
     except OutOfTimeError:
         finished = False
     values = start * np.exp(cost.best)
     advance(1.0)
     return TuningResult(
-        with_noise_levels(before, values),
+        replace(with_noise_levels(before, values), strain_sd=strain_sd),
         float(values[2]),
         NAMES,
         values,
         log_sd,
         prior_cost(cost.best) - cost.least,
-        -cost_before,
+        likelihood_before,
         len(used),
         finished and len(used) == len(frames),
     )
 
 
-def _search(cost: _Cost, of_part: _Cost | None) -> Floats:
+def _search(cost: _Cost, of_part: _Cost | None, tolerance: float = TOLERANCE) -> Floats:
     """Standard errors of the logs about the least cost, (3,), by the curvature along each axis; see `cost` for that.
 
     of_part: as cost, by a part of the frames, which is searched first; None: all of them from the start
@@ -208,10 +203,10 @@ def _search(cost: _Cost, of_part: _Cost | None) -> Floats:
     start, curvature = np.zeros(len(least)), None
     try:
         if of_part is not None:
-            found = minimum(of_part, start, least, tolerance=TOLERANCE)
+            found = minimum(of_part, start, least, tolerance=tolerance)
             cost.passes = of_part.passes
             start, curvature = found.x, least + (found.curvature - least) / of_part.share
-        found = minimum(cost, start, least, tolerance=TOLERANCE, curvature=curvature)
+        found = minimum(cost, start, least, tolerance=tolerance, curvature=curvature)
     except OutOfPassesError:
         return np.full(len(least), PRIOR_LOG_SD)
     return np.asarray(1.0 / np.sqrt(found.curvature))
@@ -222,7 +217,8 @@ def with_noise_levels(settings: FilterSettings, values: Floats) -> FilterSetting
     white, poke = float(values[0]), float(values[1])
     # the quiet modes' poke is a trace that keeps the state's poke alive: as strong as the white noise, as before
     quiet = replace(settings.quiet, white=white, poke=settings.quiet.poke * white / settings.quiet.white)
-    return replace(settings, quiet=quiet, poked=replace(settings.poked, white=white, poke=poke))
+    poked = replace(settings.poked, white=white, poke=poke)
+    return replace(settings, quiet=quiet, poked=poked, least_white=(0.0, 0.0))
 
 
 def with_scaled_noise(frames: Frames, factor: float) -> Frames:

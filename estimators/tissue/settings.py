@@ -9,9 +9,6 @@ import numpy as np
 from estimators.arrays import Floats
 from estimators.process.process_model import FixBias, ForceMode
 
-QUIET_WHITE, POKED_WHITE = 0.3, 1.0
-"""Acceleration noise of stiff or large bodies [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"."""
-
 LED = ForceMode(white=5.0, poke=50.0, lasting_s=0.1)
 """Forces on bodies that a hand leads, ten times a poke; measured: docs/decisions.md, "Stiff or large bodies"."""
 
@@ -22,10 +19,10 @@ class FilterSettings:
 
     Which forces act is told by a chain of states: calm, where nobody pokes; between, where somebody does but not now;
     poked; and apart from these struck, entered by the first blow, with a between and a poked of its own where blows are
-    about. Calm and between have the same forces and differ in what comes next, so that the filter learns whether pokes
-    are about. Where blows are about beliefs are as wide as blows are strong: a thousandth of that among the usual ones
-    would have them explain what they cannot, so all states are modes. Of a stiff or large body, which is led where
-    others are struck, calm and between share one, for time.
+    about. Of a stiff or large body a hand that leads is entered and remembered so, in place of blows. Calm and between
+    have the same forces and differ in what comes next, so that the filter learns whether pokes are about. Where blows
+    are about beliefs are as wide as blows are strong: a thousandth of that among the usual ones would have them explain
+    what they cannot, so all states are modes. Of a stiff or large body states that act alike share one, for time.
 
     quiet, poked: forces without and with a poke; source: fields of `ForceMode`
     jolt: acceleration noise of a blow on each node that may be poked, beside the poke [m/s²/sqrt(Hz)]; choice
@@ -34,7 +31,7 @@ class FilterSettings:
     led_nodes: marked nodes that a hand is known to lead, all the time; then no other is led; source: the scene
     calm_s, between_s, poked_s: mean duration of calm, between pokes, or blows, where they are about, of a poke [s];
         choice
-    unstruck_s: mean time until the first blow [s]; choice
+    unstruck_s: mean time until the first blow, or until a hand leads [s]; choice
     calm_share: share of the pokes, or blows, after which no more are about [1]; choice
     outlier_odds: of a mark to be anywhere in the tissue's reach [1]; choice
     impulse_m_s: a node's velocity may change by this at once [m/s]; choice
@@ -58,6 +55,8 @@ class FilterSettings:
     hidden_share: of a poke, what may act on each node without a mark of a stiff or large body [1]; choice
     strain_sd: strain by which the springs of a stiff or large body may be off, smoothly over it, beside what is known
         of its constants [1]; choice
+    least_white: acceleration noise of a stiff or large body without and with a poke, at least; nought where the noise
+        was tuned [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -87,11 +86,22 @@ class FilterSettings:
     fix_bias: FixBias | None = None
     hidden_share: float = 0.3
     strain_sd: float = 0.01
+    least_white: tuple[float, float] = (0.3, 1.0)
 
     @property
     def strikes(self) -> bool:
         """Whether blows have a mode: not of a body that is led, nor where nodes are known to be poked one at a time."""
         return self.led is None and not self.one_of
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether a hand that leads has a mode: of a body that is led where nobody knows by which nodes."""
+        return self.led is not None and not self.led_nodes
+
+    @property
+    def n_poked(self) -> int:
+        """How many modes poked there are, before blows or a hand that leads."""
+        return max(self.one_of, 1)
 
     @property
     def modes(self) -> tuple[ForceMode, ...]:
@@ -105,18 +115,23 @@ class FilterSettings:
             return (self.quiet, *usual, *usual, replace(self.poked, jolt=self.jolt))
         if self.led is None:
             return (self.quiet, *usual)
-        return usual if self.led_nodes else (*usual, self.led)
+        return (*usual, self.led) if self.may_be_led else usual
 
     @property
     def n_usual(self) -> int:
-        """How many of the modes, the first, are not among blows."""
-        return 3 if self.strikes else len(self.modes)
+        """How many of the modes, the first, are not there for blows or a hand that leads."""
+        return 3 if self.strikes else len(self.modes) - self.may_be_led
 
     @property
     def of_state(self) -> tuple[int, ...]:
-        """Mode of each state of the chain: calm, between, and the others one by one, as `modes` has them."""
-        others = range(len(self.modes))
-        return tuple(others) if self.led is None else (0, *others)
+        """Mode of each state: calm, between, poked; where blows, or a hand, are about between, poked, struck, or led.
+
+        Of a body that is led those that act alike share a mode.
+        """
+        if self.led is None:
+            return tuple(range(len(self.modes)))
+        poked = range(1, 1 + self.n_poked)
+        return (0, 0, *poked, 0, *poked, 1 + self.n_poked) if self.may_be_led else (0, 0, *poked)
 
     @property
     def quiet_modes(self) -> tuple[int, ...]:
@@ -131,31 +146,37 @@ class FilterSettings:
     @property
     def rates(self) -> Floats:
         """How often each state turns into each other [1/s], (n_states, n_states), rows summing to zero."""
-        n_poked, n = max(self.one_of, 1), len(self.of_state)
+        n_poked, n = self.n_poked, len(self.of_state)
         rates, last = np.zeros((n, n)), n - 1
         calm, between, poked = 0, 1, slice(2, 2 + n_poked)
         rates[calm, poked] = 1.0 / self.calm_s / n_poked
         rates[between, poked] = 1.0 / self.between_s / n_poked
         rates[poked, calm] = self.calm_share / self.poked_s
         rates[poked, between] = (1.0 - self.calm_share) / self.poked_s
-        if self.strikes:
-            own = slice(poked.stop, last)
+        if self.strikes or self.may_be_led:
+            own, own_poked = slice(poked.stop, last), slice(poked.stop + 1, last)
             rates[own, own] = rates[between : poked.stop, between : poked.stop]
-            rates[own, : poked.stop][range(1 + n_poked), range(between, poked.stop)] = self.calm_share / self.between_s
+            # blows are remembered as pokes are, a hand that leads until the next poke would be due
+            forgotten = (self.calm_share if self.strikes else 1.0) / self.between_s
+            rates[own, : poked.stop][range(1 + n_poked), range(between, poked.stop)] = forgotten
             rates[: poked.stop, last] = 1.0 / self.unstruck_s
-            rates[own, last] = 1.0 / self.between_s
-            rates[last, poked.stop] = 1.0 / self.mix_s
-        elif self.led is not None and not self.led_nodes:
-            # a hand that leads is slow, then fast
-            rates[poked, last] = 1.0 / self.poked_s
-            rates[last, poked] = 1.0 / self.poked_s / n_poked
+            if self.strikes:
+                rates[own, last] = 1.0 / self.between_s
+                rates[last, poked.stop] = 1.0 / self.mix_s
+            else:  # a hand that leads is slow, then fast
+                rates[own_poked, last] = 1.0 / self.poked_s
+                rates[last, own_poked] = 1.0 / self.poked_s / n_poked
         return rates - np.diag(rates.sum(axis=1))
 
     def for_stiff_or_large(self) -> FilterSettings:
         """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out."""
-        quiet = replace(self.quiet, white=max(self.quiet.white, QUIET_WHITE))
-        poked = replace(self.poked, white=max(self.poked.white, POKED_WHITE))
-        return replace(self, quiet=quiet, poked=poked, led=self.leading)
+        quiet, poked = self.least_white
+        return replace(
+            self,
+            quiet=replace(self.quiet, white=max(self.quiet.white, quiet)),
+            poked=replace(self.poked, white=max(self.poked.white, poked)),
+            led=self.leading,
+        )
 
     @property
     def least_odds(self) -> float:

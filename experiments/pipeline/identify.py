@@ -288,6 +288,7 @@ def tuning_report(found: TuningResult) -> dict[str, object]:
             name: {"value": float(level), "relative_standard_error": float(sd)}
             for name, level, sd in zip(found.names, found.values, found.log_sd, strict=True)
         },
+        "strain": found.settings.strain_sd,
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
         "frames": found.n_frames,

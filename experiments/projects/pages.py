@@ -101,7 +101,8 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
             _with("[tremor]", "of the table, on every mass"),
             "acceleration_m_s2_sqrt_hz = 0.05",
             "",
-            _with("[pokes]", "of a rod, on one of the nodes with measured marks at a time"),
+            _with("[pokes]", "of a rod, on one of these nodes at a time: none inside, where no rod reaches"),
+            f"nodes = [{', '.join(toml_text(node) for node in of.believed.measured_nodes)}]",
             _with(f"acceleration_m_s2 = {strongest:.1f}", "the strongest, by the mass of its node"),
             _with("shortest_s = 0.1", "half a sine wave, from so short ..."),
             _with("longest_s = 0.4", "... to so long"),
@@ -231,7 +232,8 @@ softaim identify still --at-rest --scene scene.toml --out rest.toml
 
 ## 4. Its constants
 
-Stiffness, dashpots, drag and friction from a recording in which it is pushed about and the target is seen.
+Stiffness, dashpots, drag and friction from a recording in which it is pushed about and the target is seen. Push where
+the measured marks are: a push on any other node is taken for a wrong constant.
 
 ```sh
 softaim identify calibration --scene rest.toml --out identified.toml

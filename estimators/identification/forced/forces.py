@@ -81,7 +81,8 @@ def poked_frames(network: MassSpringNetwork, seen: Recorded) -> NDArray[np.bool_
 
     Raises OutOfTimeError, CovarianceError.
     """
-    tissue = TissueFilter(network, seen.nodes[1], seen.nodes[0], replace(seen.settings, strain_sd=0.0))
+    exact = replace(seen.settings, strain_sd=0.0, least_white=(0.0, 0.0))
+    tissue = TissueFilter(network, seen.nodes[1], seen.nodes[0], exact)
     poked = np.zeros(len(seen.frames), dtype=bool)
     for k, (time_s, marks) in enumerate(seen.frames):
         seen.budget.check()

@@ -53,6 +53,8 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
         led_nodes=tuple(table.led_nodes),
         quiet=replace(usual.quiet, white=white, poke=usual.quiet.poke * white / usual.quiet.white),
         poked=replace(usual.poked, white=white, poke=poke, lasting_s=lasting_s),
+        least_white=usual.least_white if table.white_m_s2_sqrt_hz is None else (0.0, 0.0),
+        strain_sd=usual.strain_sd if table.strain is None else table.strain,
         fix_bias=None if table.fix_bias_mm is None else FixBias(1e-3 * table.fix_bias_mm),
         marks_bounds=ADAPTED if table.adapt_marks else usual.marks_bounds,
     )
@@ -60,13 +62,16 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
 
 def filter_table(settings: FilterSettings) -> dict[str, float | bool | list[str]]:
     """The keys of `[filter]` for these settings; none where they are the usual ones."""
-    if settings == FilterSettings():
-        return {}
-    keys: dict[str, float | bool | list[str]] = {
-        "white_m_s2_sqrt_hz": settings.quiet.white,
-        "poke_m_s2": settings.poked.poke,
-        "poke_lasting_s": settings.poked.lasting_s,
-    }
+    usual = FilterSettings()
+    keys: dict[str, float | bool | list[str]] = {}
+    if (settings.quiet.white, settings.least_white) != (usual.quiet.white, usual.least_white):
+        keys["white_m_s2_sqrt_hz"] = settings.quiet.white
+    if settings.poked.poke != usual.poked.poke:
+        keys["poke_m_s2"] = settings.poked.poke
+    if settings.poked.lasting_s != usual.poked.lasting_s:
+        keys["poke_lasting_s"] = settings.poked.lasting_s
+    if settings.strain_sd != usual.strain_sd:
+        keys["strain"] = settings.strain_sd
     if settings.fix_bias is not None:
         keys["fix_bias_mm"] = 1e3 * settings.fix_bias.sd_m
     if settings.marks_bounds != (1.0, 1.0):

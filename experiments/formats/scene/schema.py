@@ -145,6 +145,7 @@ class FilterTable(Strict):
     white_m_s2_sqrt_hz: Positive | None = None
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
+    strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
     adapt_marks: bool = False
     led_nodes: list[Name] = Field(default_factory=list)

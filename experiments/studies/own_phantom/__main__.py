@@ -29,8 +29,8 @@ from experiments.formats.page import rewrite_page
 from experiments.studies.own_phantom.insertions import insertions, reliability_table
 from experiments.studies.own_phantom.steps import PHANTOMS, stepped, times_table
 
-FIRST_SEED = 7000
-N_RUNS = 28
+FIRST_SEED = 7100
+N_RUNS = 56
 
 PAGE = Path(__file__).parents[3] / "docs" / "tutorial.md"
 

@@ -19,7 +19,7 @@ from estimators import FilterSettings, ForceMode, coverage, normalised_error_squ
 from estimators.process.linear_motion import TURNED
 from estimators.tissue.gate import CROWD
 from estimators.tissue.model import STIFFEST
-from estimators.tissue.settings import LED, POKED_WHITE, QUIET_WHITE
+from estimators.tissue.settings import LED
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
 from experiments.simulation.bodies.zoo import make_body
@@ -53,8 +53,8 @@ class BodyConstants:
     strain_sd: float = FilterSettings().strain_sd
     strain_length: float = 1.0
     strain_directions: int = 12
-    quiet_white: float = QUIET_WHITE
-    poked_white: float = POKED_WHITE
+    quiet_white: float = FilterSettings().least_white[0]
+    poked_white: float = FilterSettings().least_white[1]
     led_white: float = LED.white
     led_poke: float = LED.poke
     led_lasting_s: float = LED.lasting_s
@@ -77,18 +77,19 @@ def body_figures(
         length, n_directions = constants.strain_length, constants.strain_directions
         return strain_uncertainty(network, constants.strain_sd, length=length, n_directions=n_directions)
 
+    settings = partial(
+        FilterSettings,
+        hidden_share=constants.hidden_share,
+        least_white=(constants.quiet_white, constants.poked_white),
+    )
     found = {}
     with (
         patch("estimators.tissue.model.strain_uncertainty", strain),
         patch("estimators.tissue.model.STIFFEST", constants.stiffest),
-        patch("estimators.tissue.settings.QUIET_WHITE", constants.quiet_white),
-        patch("estimators.tissue.settings.POKED_WHITE", constants.poked_white),
         patch("estimators.tissue.settings.LED", led),
         patch("estimators.tissue.gate.CROWD", constants.crowd),
         patch("estimators.process.linear_motion.TURNED", constants.turned),
-        patch(
-            "experiments.studies.zoo.run.FilterSettings", partial(FilterSettings, hidden_share=constants.hidden_share)
-        ),
+        patch("experiments.studies.zoo.run.FilterSettings", settings),
     ):
         for name, seconds in bodies.items():
             runs = [_errors(name, seed, seconds) for seed in seeds]

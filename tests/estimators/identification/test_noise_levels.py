@@ -1,5 +1,7 @@
 """Noise levels from innovations alone: the levels that made the marks, within what the recording can tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -157,3 +159,26 @@ def test_after_the_most_passes_the_best_is_kept_and_errors_are_those_of_the_prio
     assert cost.passes == 10
     assert cost.least < 300.0
     assert (cost.best > 0.0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("off", "least", "most"), [(0.0, 0.0, 0.001), (0.03, 0.003, 0.01)])
+def test_how_far_springs_of_a_stiff_body_may_be_off_is_found(pair, driven, off, least, most):
+    """3 s of white force, both masses seen to SD; the model's first spring is right, or 3 % too long, 2 mm of sag.
+
+    A strain of 1 % where there is none would be 1 mm at once, twice what the marks scatter.
+    """
+    stiff, rng = replace(pair, damping=np.full(3, 14.0)), np.random.default_rng(7)
+    start = pack(pair.positions[1:3], np.zeros((2, 2)))
+    states = driven(stiff, start, 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(3 * 120, 2, 2)))[::8]
+    frames = []
+    for k, state in enumerate(states):
+        places = state[:4].reshape(2, 2) + rng.normal(0.0, SD, (2, 2))
+        seen = zip(("near", "far"), places, strict=True)
+        frames.append((k / 15.0, [MarkMeasurement(node, place, SD**2 * np.eye(2)) for node, place in seen]))
+    lengths = stiff.rest_lengths * [1.0 + off, 1.0, 1.0]
+    believed = replace(stiff, rest_lengths=lengths)
+    found = tune_noise(believed, frames, ("near", "far"), "far")
+    assert found.n_frames == len(frames)
+    assert least <= found.settings.strain_sd <= most
+    assert found.settings.least_white == (0.0, 0.0)

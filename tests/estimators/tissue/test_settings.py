@@ -38,6 +38,46 @@ def test_where_led_nodes_are_stated_no_other_is_led():
     np.testing.assert_allclose(stated.rates, FilterSettings(unstruck_s=np.inf).rates[:3, :3], rtol=1e-14)
 
 
+def test_a_hand_that_leads_is_seldom_until_it_has_led():
+    """From calm, between and poked once in 10,000 s; where it is about, from poked every 0.3 s and back as fast.
+
+    States where it is about act as those before: three modes, of which searches for marks expect the first two.
+    """
+    led = FilterSettings().for_stiff_or_large()
+    assert led.of_state == (0, 0, 1, 0, 1, 2)
+    assert (led.n_usual, led.quiet_modes) == (2, (0,))
+    off = np.array(
+        [
+            [0, 0, 1 / 100, 0, 0, 1e-4],
+            [0, 0, 1 / 1.5, 0, 0, 1e-4],
+            [0.05 / 0.3, 0.95 / 0.3, 0, 0, 0, 1e-4],
+            [0, 0.05 / 1.5, 0, 0, 1 / 1.5, 0],
+            [0, 0, 0.05 / 1.5, 0.95 / 0.3, 0, 1 / 0.3],
+            [0, 0, 0, 0, 1 / 0.3, 0],
+        ]
+    )
+    np.testing.assert_allclose(led.rates - np.diag(np.diag(led.rates)), off, rtol=1e-14)
+    np.testing.assert_allclose(led.rates.sum(axis=1), 0.0, atol=1e-14)
+
+
+def test_one_poke_at_a_time_of_a_body_that_may_be_led():
+    """A mode and two states for each of three nodes, as probable together as the one mode for all of them."""
+    one = replace(FilterSettings(), one_of=3).for_stiff_or_large()
+    assert one.of_state == (0, 0, 1, 2, 3, 0, 1, 2, 3, 4)
+    np.testing.assert_allclose(one.rates.sum(axis=1), 0.0, atol=1e-13)
+    together = [[0], [1], [2, 3, 4], [5], [6, 7, 8], [9]]
+    lumped = np.array([[one.rates[i[0], j].sum() for j in together] for i in together])
+    np.testing.assert_allclose(lumped, FilterSettings().for_stiff_or_large().rates, rtol=1e-12)
+
+
+def test_tuned_noise_of_a_stiff_body_is_what_was_tuned():
+    """The usual levels are raised to 0.3 and 1 m/s²/sqrt(Hz), those that a recording told are not."""
+    usual, tuned = FilterSettings(), replace(FilterSettings(), least_white=(0.0, 0.0))
+    raised, kept = usual.for_stiff_or_large(), tuned.for_stiff_or_large()
+    assert (raised.quiet.white, raised.poked.white) == (0.3, 1.0)
+    assert (kept.quiet, kept.poked) == (usual.quiet, usual.poked)
+
+
 def test_blows_have_modes_of_their_own_where_nothing_explains_them():
     """The strongest force, in the last mode, is as strong as a poke but for its jolt; no other has one.
 

@@ -68,16 +68,21 @@ def test_levels_take_the_place_of_the_usual_ones(path):
         usual,
         quiet=ForceMode(0.1, trace, usual.quiet.lasting_s),
         poked=ForceMode(0.1, 2.0, 0.4),
+        least_white=(0.0, 0.0),
         fix_bias=FixBias(2.5e-3),
         marks_bounds=(0.25, 4.0),
     )
 
 
-def test_what_is_read_is_written_and_read_again(path):
+@pytest.mark.parametrize(
+    "level", ["poke_m_s2 = 2.0", "white_m_s2_sqrt_hz = 0.043", "poke_lasting_s = 0.3", "strain = 0.0"]
+)
+def test_what_is_read_is_written_and_read_again(path, level):
+    """White noise is stated though it is the usual one: a stiff body is then given no more of it."""
     scene = told(
         path,
         '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
-        "[filter]\npoke_m_s2 = 2.0\nfix_bias_mm = 2.5\nadapt_marks = true\n",
+        f"[filter]\n{level}\nfix_bias_mm = 2.5\nadapt_marks = true\n",
     )
     write_scene(scene, path)
     again = read_scene(path)
