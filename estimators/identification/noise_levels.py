@@ -51,7 +51,7 @@ likelihood is uneven by half of that, that of a stiff or large body by more: sma
 class TuningResult:
     """The noise levels under which a recording's innovations are most probable.
 
-    settings: with the levels found, and the likeliest `strain_sd` of a stiff or large body
+    settings: with the levels found, and the likeliest strain of a stiff or large body
     marks: standard deviation of the marks by the reported one
     names, values, log_sd: what was tuned, its value in the unit of its setting, and the standard error of the value's
         logarithm [1], each (3,)
