@@ -36,8 +36,9 @@ PART = 0.25
 PART_FRAMES = 100
 """Frames from which on a part of so many is used: numerical."""
 
-MOST_OF_STIFF = 60
-"""Frames of a stiff or large body, the liveliest in a row, that are used at most: each costs ten of a phantom's."""
+MOST_OF_STIFF = 5000
+"""Frames, the liveliest in a row, by states of the filter of a stiff or large body, that are used at most: numerical, a
+pass then takes one or two seconds."""
 
 STRAINS = tuple(share * FilterSettings().strain_sd for share in (1.0, 0.3, 0.1, 0.0))
 """By which the springs of a stiff or large body may be off [1]: the likeliest is taken before levels are searched."""
@@ -154,8 +155,9 @@ def tune_noise(
 
     none, strain_sd = np.zeros(len(start)), before.strain_sd
     frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
-    stiff = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model.stiff
-    frames = liveliest(frames, MOST_OF_STIFF) if stiff else frames
+    model = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model
+    stiff = model.stiff
+    frames = liveliest(frames, MOST_OF_STIFF // model.dim_x) if stiff else frames
     try:
         frame_s = frame_seconds(lambda some: run(none, some, strain_sd), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
