@@ -137,7 +137,7 @@ def plan_table(report: Mapping[str, Any]) -> Table:
 def insertion_table(report: Mapping[str, Any]) -> Table:
     """One row a policy, from summary.json: hits with their interval, misses, time, insertions."""
     table = Table(
-        title=f"{report['runs']} runs, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
+        title=f"runs: {report['runs']}, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
     )
     for head in ("policy", "hits", "95 % interval", "told", "miss [mm]", "s to a hit", "insertions", "never there"):
         table.add_column(head, justify="left" if head == "policy" else "right")

@@ -109,7 +109,7 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
         ax.vlines(changes, 0.0, len(reasons), color=BLACK, lw=0.4, ls=":")
     ax.set(ylim=(len(reasons), 0.0), yticks=[])
     ax.spines["left"].set_visible(False)
-    ax.set_title(f"advice and its reasons; it changes {len(changes)} times")
+    ax.set_title(f"advice and its reasons; changes: {len(changes)}")
 
 
 def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:

@@ -39,7 +39,7 @@ def test_where_led_nodes_are_stated_no_other_is_led():
 
 
 def test_a_hand_that_leads_is_seldom_until_it_has_led():
-    """From calm, between and poked once in 10,000 s; where it is about, from poked every 0.3 s and back as fast.
+    """From calm, between and poked once in 10,000 s; where it is about, for 1.5 s, from poked every 0.3 s and back.
 
     States where it is about act as those before: three modes, of which searches for marks expect the first two.
     """
@@ -51,8 +51,8 @@ def test_a_hand_that_leads_is_seldom_until_it_has_led():
             [0, 0, 1 / 100, 0, 0, 1e-4],
             [0, 0, 1 / 1.5, 0, 0, 1e-4],
             [0.05 / 0.3, 0.95 / 0.3, 0, 0, 0, 1e-4],
-            [0, 0.05 / 1.5, 0, 0, 1 / 1.5, 0],
-            [0, 0, 0.05 / 1.5, 0.95 / 0.3, 0, 1 / 0.3],
+            [0, 1 / 1.5, 0, 0, 1 / 1.5, 0],
+            [0, 0, 1 / 1.5, 0.95 / 0.3, 0, 1 / 0.3],
             [0, 0, 0, 0, 1 / 0.3, 0],
         ]
     )

@@ -66,7 +66,7 @@ def test_each_reason_has_a_lane_of_its_own_with_its_words_and_its_times():
     assert [spans(one) for one in bars[:3]] == [[(0.5, 2.5), (3.5, 4.0)], [(0.0, 0.5)], [(2.5, 3.5)]]
     changes = lanes.collections[-1].get_segments()
     assert [segment[0][0] for segment in changes] == [0.5, 2.5, 3.5]
-    assert lanes.get_title(loc="left") == "advice and its reasons; it changes 3 times"
+    assert lanes.get_title(loc="left") == "advice and its reasons; changes: 3"
 
 
 def test_the_threshold_stands_in_the_picture_and_is_named():
