@@ -192,12 +192,6 @@ class FilterSettings:
         """Probability of a blow, of the odds of the modes, (n_modes,)."""
         return float(odds[-1]) if self.strikes else 0.0
 
-    @property
-    def long_run_poked(self) -> float:
-        """Probability, in the long run, that somebody pokes or strikes."""
-        by_mode = np.bincount(self.of_state, stationary(self.rates))
-        return self.poked_share(by_mode.astype(np.float64))
-
 
 def stationary(rates: Floats) -> Floats:
     """Long-run probability of each state, (n,), of a chain with these rates [1/s], (n, n)."""

@@ -79,7 +79,7 @@ def step(tissue: TissueFilter, k: int) -> None:
     take(tissue, k / 30.0, frame(tissue, k))
 
 
-def same(one: TissueFilter, other: TissueFilter) -> None:
+def assert_same(one: TissueFilter, other: TissueFilter) -> None:
     """The whole state is the same to the last bit."""
     a, b = one.snapshot(), other.snapshot()
     assert a.time_s == b.time_s
@@ -105,15 +105,15 @@ def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make, way):
         step(unbroken, k)
         step(first, k)
     other = way(first)
-    same(other, unbroken)
+    assert_same(other, unbroken)
     for k in range(CUT, N_FRAMES):
         step(unbroken, k)
         step(other, k)
-    same(other, unbroken)
+    assert_same(other, unbroken)
     assert first.time_s == (CUT - 1) / 30.0
     for k in range(CUT, N_FRAMES):
         step(first, k)
-    same(first, unbroken)
+    assert_same(first, unbroken)
 
 
 @way
@@ -129,7 +129,7 @@ def test_branches_of_an_elbow_go_along(way):
         coming = next(seen)
         take(tissue, *coming)
         take(other, *coming)
-        same(other, tissue)
+        assert_same(other, tissue)
 
 
 @way
@@ -144,7 +144,7 @@ def test_a_known_push_moves_the_copy(make, way):
     push = 0.2 * np.ones((n_free, 2))
     for each in (tissue, other):
         each.predict((CUT + 3) / 30.0, push)
-    same(other, tissue)
+    assert_same(other, tissue)
 
 
 @way
@@ -158,7 +158,7 @@ def test_between_prediction_and_update(way):
     other = way(tissue)
     for each in (tissue, other):
         each.update(frame(each, CUT))
-    same(other, tissue)
+    assert_same(other, tissue)
 
 
 @way
@@ -196,7 +196,7 @@ def test_hypotheses_of_names_go_along(way):
         expected, found = named(unbroken, k), named(other, k)
         np.testing.assert_array_equal(found.estimate.mean, expected.estimate.mean)
         assert [mark.node for mark in found.marks] == [mark.node for mark in expected.marks]
-    same(other.tissue, unbroken.tissue)
+    assert_same(other.tissue, unbroken.tissue)
     assert [one.names for one in other.rivals] == [one.names for one in unbroken.rivals]
     assert [one.ahead for one in other.rivals] == [one.ahead for one in unbroken.rivals]
 

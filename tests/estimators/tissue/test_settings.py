@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from estimators import FilterSettings
+from estimators.tissue.settings import stationary
 
 
 def test_odds_of_the_modes():
@@ -98,4 +99,5 @@ def test_blows_have_modes_of_their_own_where_nothing_explains_them():
 def test_long_run_odds_of_a_poke():
     """Of calm 100 s, between 1.5 s and poked 0.3 s without blows: 0.3 s of a cycle of 0.05 100 + 0.95 1.5 + 0.3 s."""
     cycle = 0.05 * 100.0 + 0.95 * 1.5 + 0.3
-    assert FilterSettings(unstruck_s=np.inf).long_run_poked == pytest.approx(0.3 / cycle, rel=1e-9)
+    settings = FilterSettings(unstruck_s=np.inf)
+    assert settings.poked_share(stationary(settings.rates)) == pytest.approx(0.3 / cycle, rel=1e-9)
