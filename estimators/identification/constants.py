@@ -14,24 +14,16 @@ import numpy as np
 
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
-from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, pass_through
-from estimators.identification.forced.forces import Recorded
-from estimators.identification.forced.refined import Scaled, under_forces
-from estimators.identification.groups import (
-    ConstantGroup,
-    constant_groups,
-    group_directions,
-    group_prior_sd,
-    members,
-    scale_groups,
-    touched,
-)
+from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear
+from estimators.identification.forced.forced_filter import Forces
+from estimators.identification.forced.refined import Refined, Scaled, under_forces
+from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
+from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
 from estimators.identification.residuals import ResidualTest, residual_covariance
-from estimators.identification.search import from_starts, gauss_newton, starts
-from estimators.identification.stretch import affordable, frame_seconds, liveliest
-from estimators.identification.withheld import Withheld, principal_directions, withheld_target
+from estimators.identification.search import Optimum, from_starts, gauss_newton, starts
+from estimators.identification.stretch import liveliest
+from estimators.identification.withheld import principal_directions, withheld_target
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
@@ -41,15 +33,8 @@ START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {
 """Starts are within this of the constants given, in logarithms: a third to three times; rest lengths, which are
 measured on a picture, to a tenth; choice, its cost in docs/settings.md."""
 
-SCREENED = 100
-"""Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
-cost time, with fewer half a swing of the phantom is left; choice, its cost in docs/settings.md."""
-
 SEARCH_SHARE = 0.85
 """Share of the time for the search; what is left is for the target without its mark, before and after."""
-
-PASSES_A_START = 6
-"""Of the filter, as expected for the progress and for how many frames the time allows for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +140,7 @@ def identify_constants(
     calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
     dt = frame_interval(frames) if is_linear(network, len(marked)) else 0.0
     sd = group_prior_sd(network, groups, prior_sd, dt)
-    problem = _Problem(network, groups, sd, (tuple(marked), target), calm, limit)
+    problem = Problem(network, groups, sd, (tuple(marked), target), calm, limit)
     try:
         return _identified(problem, frames[first:], chosen, advance)
     except OutOfTimeError:
@@ -165,101 +150,77 @@ def identify_constants(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Problem:
-    network: MassSpringNetwork
-    groups: tuple[ConstantGroup, ...]
-    sd: Floats
-    nodes: tuple[tuple[str, ...], str]
-    settings: FilterSettings
-    budget: Budget
+class _Found:
+    """Where the search ended: best of the starts, pass with the constants given, starts that were followed and agree.
 
-    def model(self, theta: Floats) -> MassSpringNetwork:
-        return scale_groups(self.network, self.groups, self.sd * theta)
+    refined: under the forces of the recording, None where that was not to be or had no time; used: the frames
+    """
 
-    def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Rows in the logs of the groups' factors, (k, n_groups), as directions of the constants."""
-        which = touched(self.groups)
-        return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
-
-    def at(self, theta: Floats, frames: Frames) -> Pass:
-        model = self.model(theta)
-        prior = self.directions(model, np.diag(self.sd))
-        return pass_through(model, prior, frames, self.nodes, self.settings, self.budget)
-
-    def withheld(self, model: MassSpringNetwork, uncertainty: ParameterUncertainty, frames: Frames) -> Withheld | None:
-        """None where there is no time or no finite state."""
-        try:
-            return withheld_target(model, uncertainty, frames, self.nodes, self.settings, self.budget)
-        except (OutOfTimeError, CovarianceError, np.linalg.LinAlgError):
-            return None
+    best: Optimum
+    before: Pass
+    n_starts: int
+    n_agreeing: int
+    refined: Refined | None
+    used: Frames
 
 
-def _planned(problem: _Problem, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-    """How many starts and which frames the time allows for: one start where with all of them few frames are left."""
-    frame_s = frame_seconds(lambda some: problem.at(np.zeros(len(problem.groups)), some), frames, problem.budget)
-    try:
-        starts_s = PASSES_A_START * n_starts * min(SCREENED, len(frames)) * frame_s
-        used = affordable(frames, frame_s, PASSES_A_START + 1, problem.budget, reserved_s=starts_s)
-    except OutOfTimeError:
-        used = frames[:0]
-    if len(used) >= min(SCREENED, len(frames)):
-        return n_starts, used
-    return 1, affordable(frames, frame_s, 2 * PASSES_A_START, problem.budget)
-
-
-def _identified(
-    problem: _Problem, frames: Frames, chosen: IdentificationSettings, advance: Callable[[float], None]
-) -> IdentificationResult:
-    n, passes = len(problem.groups), 0
-    search = replace(problem, budget=problem.budget.part(SEARCH_SHARE))
-    n_starts, used = _planned(search, frames, chosen.n_starts)
-    expected = PASSES_A_START * (n_starts + 1)
+def _searched(problem: Problem, frames: Frames, n_starts: int, advance: Callable[[float], None]) -> _Found:
+    """From several starts through a part of the frames, from the best through all. Raises OutOfTimeError."""
+    n_starts, used = problem.planned(frames, n_starts)
+    expected, passes = PASSES_A_START * n_starts + problem.n_passes, 0
 
     def note() -> None:
         nonlocal passes
-        share = passes / expected
-        advance(min(0.99, max(problem.budget.share, share)))
+        advance(passes / expected)
         passes += 1
 
-    def counted(theta: Floats, through: Frames) -> Pass:
+    def counted(theta: Floats, through: Frames, forces: Forces | None = None) -> Pass:
         note()
-        return search.at(theta, through)
+        return problem.at(theta, through) if forces is None else problem.under(theta, through, forces)
 
     screened = liveliest(used, SCREENED)
+    supposed = None if problem.linear else problem.first_forces(screened)
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
-    found = from_starts(lambda theta: counted(theta, screened), list(starts(spread, n_starts)), problem.sd)
-    first, best = found[0], max(found, key=lambda one: one.log_posterior)
+    found = from_starts(lambda theta: counted(theta, screened, supposed), list(starts(spread, n_starts)), problem.sd)
+    before, best = found[0].at_start, max(found, key=lambda one: one.log_posterior)
     n_agreeing = sum(best.agrees(one) for one in found)
-    before = first.at_start
     if not np.isfinite(best.log_posterior):
         raise IdentificationError("expected constants under which the filter stays finite, found none")
     refined = None
-    if not is_linear(problem.network, len(problem.nodes[0])):
-        scaled = Scaled(search.model, lambda model: search.directions(model, np.diag(search.sd)), search.sd, note)
-        seen = Recorded(used, search.nodes, search.settings, search.budget)
-        try:
-            refined = under_forces(scaled, seen, best.theta)
-        except OutOfTimeError:
-            best = replace(best, in_time=False)
-    if refined is not None:
-        best, before = refined.optimum, refined.given
-    elif len(screened) < len(used):
-        try:
-            before_all = counted(np.zeros(n), used)
-            best = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd)
-            before = before_all
-        except OutOfTimeError:
-            used = screened
+    try:
+        if not problem.linear:
+            scaled = Scaled(problem.model, problem.moved, problem.prior, problem.alike, problem.sd, note)
+            refined = under_forces(scaled, problem.recorded(used), best.theta)
+        if refined is not None:
+            best, before = refined.optimum, refined.given
+        elif len(screened) < len(used):
+            of_all = counted(np.zeros(len(problem.groups)), used)
+            best, before = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd), of_all
+    except OutOfTimeError:
+        best, used = replace(best, in_time=False), screened
+    return _Found(best, before, len(found), n_agreeing, refined, used)
+
+
+def _identified(
+    problem: Problem, frames: Frames, chosen: IdentificationSettings, advance: Callable[[float], None]
+) -> IdentificationResult:
+    n = len(problem.groups)
+    found = _searched(
+        replace(problem, budget=problem.budget.part(SEARCH_SHARE)),
+        frames,
+        chosen.n_starts,
+        lambda share: advance(min(0.99, max(problem.budget.share, share))),
+    )
+    best, refined, used = found.best, found.refined, found.used
     model = problem.model(best.theta)
-    by_prior, residuals = residual_covariance(best.found, np.eye(n))
-    if refined is not None:
-        reach = np.linalg.inv(best.precision)
+    by_prior, residuals = residual_covariance(best.found, np.eye(n), None if refined is None else refined.information)
+    if refined is not None and refined.information is not None and refined.mean_cov is not None:
+        reach = np.linalg.inv(refined.information + np.eye(n))
         by_prior = by_prior + reach @ refined.mean_cov @ reach
     cov = by_prior * np.outer(problem.sd, problem.sd)
     wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
     after = problem.withheld(model, wide, used)
-    given = problem.directions(problem.network, np.diag(problem.sd))
-    given_withheld = problem.withheld(problem.network, given, used)
+    given = problem.withheld(problem.network, problem.prior(problem.network), used)
     advance(1.0)
     return IdentificationResult(
         network=model,
@@ -272,13 +233,13 @@ def _identified(
         converged=best.converged,
         residuals=residuals,
         log_likelihood=best.found.log_likelihood,
-        log_likelihood_before=before.log_likelihood,
+        log_likelihood_before=found.before.log_likelihood,
         target_error_m=None if after is None else after.median_m,
-        target_error_before_m=None if given_withheld is None else given_withheld.median_m,
-        n_starts=len(found),
-        n_agreeing=n_agreeing,
+        target_error_before_m=None if given is None else given.median_m,
+        n_starts=found.n_starts,
+        n_agreeing=found.n_agreeing,
         n_frames=len(used),
-        in_time=best.in_time and len(found) == chosen.n_starts and len(used) == len(frames),
+        in_time=best.in_time and found.n_starts == chosen.n_starts and len(used) == len(frames),
     )
 
 

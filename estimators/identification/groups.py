@@ -134,6 +134,27 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
     )
 
 
+def with_straight_tensions(
+    network: MassSpringNetwork, groups: Sequence[ConstantGroup], logs: Floats, move: Floats
+) -> Floats:
+    """Logs of the groups' factors moved by so much, (n_groups,), to first order, on a curve of straight tensions.
+
+    The tension in the drawn shape of a spring that has a stiffness and a rest length of its own changes in proportion
+    to the move, so that the body goes on resting where it does: rest lengths are changed by the rest that this takes.
+    """
+    ends = np.asarray(logs + move, dtype=float)
+    own = {(group.kind, group.places[0]): k for k, group in enumerate(groups) if len(group.places) == 1}
+    model, drawn = scale_groups(network, groups, logs), _drawn_lengths(network)
+    for (kind, s), at in own.items():
+        if kind == "rest_length" and ("stiffness", s) in own:
+            stiffer = move[own["stiffness", s]]
+            stretch = drawn[s] - model.rest_lengths[s]
+            stretch = (stretch * (1.0 + stiffer) - model.rest_lengths[s] * move[at]) * np.exp(-stiffer)
+            if drawn[s] - stretch > LEAST_REST * model.rest_lengths[s]:
+                ends[at] = logs[at] + np.log((drawn[s] - stretch) / model.rest_lengths[s])
+    return ends
+
+
 def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup], which: Sequence[Parameter]) -> Floats:
     """What one unit of the logarithm of each group's factor adds to the log of each constant, (n_groups, n)."""
     column = {one: k for k, one in enumerate(which)}

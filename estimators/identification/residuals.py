@@ -32,14 +32,18 @@ class ResidualTest:
     explained: bool
 
 
-def residual_covariance(found: Pass, prior_precision: Floats) -> tuple[Floats, ResidualTest]:
+def residual_covariance(
+    found: Pass, prior_precision: Floats, information: Floats | None = None
+) -> tuple[Floats, ResidualTest]:
     """Covariance of constants at the optimum, (n, n), inflated by what the model leaves unexplained, and the test.
 
-    The sandwich H^-1 (J + prior) H^-1, H the information with the prior's, J the long-run covariance of the scores with
-    Bartlett's weights, so that correlated innovations count for fewer. Source: [newey1987]. Where J exceeds what white
-    innovations of their mean square would give by no more than sampling makes it [davidson2001], the latter is kept.
+    information: of the likelihood, (n, n), where it is not that of the scores
+    The sandwich H^-1 (H + excess) H^-1, H the information with the prior's. The excess is what the long-run covariance
+    of the scores, with Bartlett's weights, so that correlated innovations count for fewer, has beyond that of white
+    innovations. Source: [newey1987]. It is none along directions in which sampling alone may make as much
+    [davidson2001].
     """
-    H = found.information + prior_precision
+    H = (found.information if information is None else information) + prior_precision
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
         return np.asarray(np.linalg.inv(H), dtype=np.float64), ResidualTest(
@@ -58,8 +62,9 @@ def residual_covariance(found: Pass, prior_precision: Floats) -> tuple[Floats, R
     samples = 1.5 * n_frames / n_lags
     edge = (1.0 + np.sqrt(n / samples) + np.sqrt(-2.0 * np.log(LEVEL) / samples)) ** 2
     inflated = np.where(ratios > edge, ratios, 1.0)
-    around = np.linalg.solve(H, root @ axes)
-    cov = (around * inflated) @ around.T
+    excess = (root @ axes * inflated) @ (root @ axes).T - found.information - prior_precision
+    around = np.linalg.inv(H)
+    cov = around + around @ excess @ around
     worst = float(np.linalg.eigvals(cov @ H).real.max()) if too_large or inflated.max() > 1.0 else 1.0
     test = ResidualTest(size, float(np.sqrt(worst)), int(dof), dof / worst, explained=worst == 1.0)
     return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test

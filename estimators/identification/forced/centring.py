@@ -1,26 +1,27 @@
-"""What a score has of expectation at the true constants: by recordings that are simulated with the constants found.
+"""What a likelihood's slope has of expectation at the true constants: by recordings simulated with the constants found.
 
-Velocities that the filter estimates have errors, and these errors are in the innovations and in their sensitivities to
-dashpots, drag and friction alike: the score of these does not vanish on average where the constants are right. How much
-is left of it does not depend on the pokes, but on how little the filter knows of them, so that simulated recordings
-with the smoothed pokes of the true one show it. Source: [gourieroux1993].
+A filter that takes forces for possible which do not act takes noise of the marks for velocity: dashpots, drag and
+friction seem stronger than they are. By how much does not depend on the pokes, but on how little the filter knows of
+them, so that simulated recordings with the smoothed pokes of the true one show it. Source: [gourieroux1993].
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, Stepper
+from dynamics import MassSpringNetwork, Stepper
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.filter_pass import Frames
 from estimators.identification.forced.forced_filter import Forces
-from estimators.identification.forced.forces import Recorded, forced_pass, smoothed
+from estimators.identification.forced.forces import smoothed
+from estimators.identification.forced.recorded import Recorded
 
 SIMULATED = 8
-"""Recordings that are simulated: an eighth is added to the variance of the score, and stated; numerical."""
+"""Recordings that are simulated: an eighth is added to the variance of the slope, and stated; numerical."""
 
 SIMULATION_SEED = 2
 """Of the noise of simulated recordings: the same recording gives the same constants."""
@@ -28,38 +29,66 @@ SIMULATION_SEED = 2
 KNOT_S = 1.0 / 240.0
 """Outside forces of a simulated recording are constant over this time at the longest [s]: that of its steps."""
 
+STEP = 0.7
+"""Of the differences, in standard errors, as of those on the recording itself; numerical."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ScoreMoments:
-    """Mean of the score at the true constants, by their prior deviations [1], (n,), and its covariance, (n, n)."""
+class SlopeMoments:
+    """Mean of the likelihood's gradient at the true constants, by their prior deviations [1], (n,), and its covariance.
+
+    mean_cov: what simulation leaves uncertain of that mean, (n, n)
+    """
 
     mean: Floats
     mean_cov: Floats
 
 
-def score_moments(
-    network: MassSpringNetwork, uncertainty: ParameterUncertainty, seen: Recorded, forces: Forces
-) -> ScoreMoments:
-    """Moments of the score by simulated recordings under these forces.
+def slope_moments(
+    log_likelihoods: Callable[[Sequence[Floats], Recorded], Floats],
+    recordings: Sequence[Recorded],
+    theta: Floats,
+    information: Floats,
+    alike: Floats,
+) -> SlopeMoments:
+    """The gradient's moments over recordings simulated with the constants theta, (n,).
 
-    Raises OutOfTimeError; CovarianceError where fewer than two of them leave the filter finite, too.
+    log_likelihoods: of several points on a recording; information: of the likelihood, (n, n)
+    alike: constants of one kind, on which velocities act alike, (n_kinds, n), 0 or 1: the slope along each kind is
+        measured, and shared out by the constants' information
+    The slope is by the information given as it is by the curvature of the simulated recordings: of the latter is where
+    their likelihoods are largest. Raises OutOfTimeError; CovarianceError where fewer than two recordings leave
+    likelihoods finite.
     """
-    scores = []
-    for frames in simulated(network, seen, forces, SIMULATED):
-        found = forced_pass(network, uncertainty, replace(seen, frames=frames), forces)
-        if np.isfinite(found.log_likelihood):
-            scores.append(found.gradient)
-    if len(scores) < 2:
-        raise CovarianceError(f"simulated recordings: expected two or more of finite likelihood, found {len(scores)}")
-    n = len(uncertainty.directions)
-    return ScoreMoments(np.mean(scores, axis=0), np.cov(np.array(scores).T).reshape(n, n) / len(scores))
+    precision = information + np.eye(len(theta))
+    along = np.einsum("ki,ij,kj->k", alike, precision, alike)
+    lengths = STEP / np.sqrt(along)
+    moves = lengths[:, None] * alike
+    slopes, bends = [], []
+    for seen in recordings:
+        found = log_likelihoods([theta, *(theta + moves), *(theta - moves)], seen)
+        if np.isfinite(found).all():
+            middle, (ahead, behind) = found[0], found[1:].reshape(2, -1)
+            slopes.append((ahead - behind) / (2.0 * lengths))
+            bends.append((2.0 * middle - ahead - behind) / lengths**2)
+    if len(slopes) < 2:
+        raise CovarianceError(f"simulated recordings: expected two or more of finite likelihood, found {len(slopes)}")
+    weights = alike * np.maximum(np.diag(information), np.finfo(float).tiny)
+    shared = (weights / weights.sum(axis=1, keepdims=True)).T
+    least = alike.sum(axis=1)  # curvature of the prior
+    shared *= along / (np.maximum(np.mean(bends, axis=0), 0.0) + least)
+    cov = np.atleast_2d(np.cov(np.array(slopes).T)) / len(slopes)
+    return SlopeMoments(shared @ np.mean(slopes, axis=0), shared @ cov @ shared.T)
 
 
-def simulated(network: MassSpringNetwork, seen: Recorded, forces: Forces, n: int) -> list[Frames]:
-    """So many recordings of the same marks: the smoothed pokes, white noise on every node, noise of the marks."""
+def simulated(network: MassSpringNetwork, seen: Recorded, forces: Forces, n: int = SIMULATED) -> list[Recorded]:
+    """So many recordings of the same marks: the smoothed pokes, white noise on every node, noise of the marks.
+
+    Raises OutOfTimeError, CovarianceError.
+    """
     rng = np.random.default_rng(SIMULATION_SEED)
     states = _states(network, seen, forces, n, rng)
-    return [_marks_of(network, seen.frames, forces.marks, states[:, k], rng) for k in range(n)]
+    return [replace(seen, frames=_marks_of(network, seen.frames, forces.marks, states[:, k], rng)) for k in range(n)]
 
 
 def _states(network: MassSpringNetwork, seen: Recorded, forces: Forces, n: int, rng: np.random.Generator) -> Floats:

@@ -105,6 +105,7 @@ class Moved:
 class ForcedFilter:
     """Unscented Kalman filter of a tissue model in one mode at a time, with the sensitivities of its error.
 
+    scale, weights: of its sigma points, as `symmetric_points_each` and `moments_each` take them for one belief
     State: belief, None before the start; trace: None, or a list to which each motion adds its `Moved`.
     """
 
@@ -120,8 +121,8 @@ class ForcedFilter:
         self.belief: Belief | None = None
         self.trace: list[Moved] | None = None
         points = positive_points(self.model.dim_x)
-        self._weights = points.Wm[None], points.Wc[None]
-        self._scale = np.array([points.alpha**2 * (points.n + points.kappa)])
+        self.weights = points.Wm[None], points.Wc[None]
+        self.scale = np.array([points.alpha**2 * (points.n + points.kappa)])
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._H: dict[tuple[str, ...], tuple[list[int], Floats]] = {}
 
@@ -140,8 +141,8 @@ class ForcedFilter:
         mean = np.zeros(model.dim_x)
         mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
         moved = accumulated_noise(*model.linearised(shape, self.settings.poked), self.settings.lost_s)
-        rows, H = self._rows(marks)
-        z, R = _stacked(marks, 1.0)
+        rows, H = self.rows(marks)
+        z, R = stacked(marks, 1.0)
         columns = model.resting_columns(shape, rows)
         x, P, _, _, K, *_ = joseph_update(mean, within_reach(moved, network), z, H, R)
         self.belief = Belief(x, P, columns - K @ columns[rows])
@@ -156,20 +157,20 @@ class ForcedFilter:
         if self.belief is None:
             raise ValueError("advance: expected start(marks) before, found no state")
         model = self.model
-        before = self.belief if self.belief.mode == mode[0] else self._between_pokes(self.belief, mode[0])
+        before = self.belief if self.belief.mode == mode[0] else self.between_pokes(self.belief, mode[0])
         x, P, columns = before.x[None], before.P[None], before.columns[None]
         F = np.eye(model.dim_x)
         n_steps = model.stepper.n_steps(dt)
         Q = model.noise_of_modes(dt / n_steps, mode)[0][None]
         for _ in range(n_steps):
-            points, definite = symmetric_points_each(x, P, self._scale)
+            points, definite = symmetric_points_each(x, P, self.scale)
             if not definite.all():
                 raise CovarianceError("covariance: expected positive definite, found otherwise")
             columns = model.propagate_columns(x, columns, dt / n_steps, mode)
             moved = model.propagate_each(points, dt / n_steps, mode)
             if self.trace is not None:
                 F = regressions(points, moved)[0] @ F
-            x, P = moments_each(moved, *self._weights, Q)
+            x, P = moments_each(moved, *self.weights, Q)
         if self.trace is not None:
             self.trace.append(Moved(before, x[0], P[0], F))
         now = Belief(x[0], P[0], columns[0], mode[0])
@@ -177,7 +178,7 @@ class ForcedFilter:
         return self._taken(now, marks, factor) if marks else None
 
     def _taken(self, now: Belief, marks: Sequence[MarkMeasurement], factor: float) -> Taken:
-        (rows, H), (z, R) = self._rows(marks), _stacked(marks, factor)
+        (rows, H), (z, R) = self.rows(marks), stacked(marks, factor)
         R = self._with_gate(now, rows, z, R)
         T = H @ now.columns
         x, P, y, S, K, nis, log_det, definite = joseph_update(now.x, now.P, z, H, R)
@@ -201,7 +202,7 @@ class ForcedFilter:
             widened[np.ix_(blocks[k], blocks[k])] += (nis[k] / gate - 1.0) * S[k]
         return widened
 
-    def _between_pokes(self, before: Belief, mode: ForceMode) -> Belief:
+    def between_pokes(self, before: Belief, mode: ForceMode) -> Belief:
         """The belief as this mode follows another: pokes begin and end without a force."""
         model = self.model
         own = np.arange(model.pokes.start, model.pokes.stop)
@@ -221,7 +222,8 @@ class ForcedFilter:
         P[which, which] = none[last != now] ** 2
         return Belief(x, P, columns, mode)
 
-    def _rows(self, marks: Sequence[MarkMeasurement]) -> tuple[list[int], Floats]:
+    def rows(self, marks: Sequence[MarkMeasurement]) -> tuple[list[int], Floats]:
+        """Rows of the state that these marks measure, and the matrix that picks them, (m, dim_x)."""
         names = tuple(mark.node for mark in marks)
         if names not in self._H:
             rows = [i for name in names for i in range(self._places[name].start, self._places[name].stop)]
@@ -231,7 +233,7 @@ class ForcedFilter:
         return self._H[names]
 
 
-def _stacked(marks: Sequence[MarkMeasurement], factor: float) -> tuple[Floats, Floats]:
+def stacked(marks: Sequence[MarkMeasurement], factor: float) -> tuple[Floats, Floats]:
     """All marks' coordinates [m], (m,), and their covariance [m²], (m, m)."""
     dim = len(marks[0].position)
     R = np.zeros((len(marks) * dim, len(marks) * dim))

@@ -8,7 +8,7 @@ which they are smoothed again. Source: [shumway1982].
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
-from estimators.identification.budget import Budget
-from estimators.identification.filter_pass import Frames, Pass, failed_pass
+from estimators.identification.filter_pass import Pass, failed_pass
 from estimators.identification.forced.forced_filter import ForcedFilter, Forces, Poke, Taken, forces_between
+from estimators.identification.forced.likelihoods import log_likelihoods
+from estimators.identification.forced.recorded import Recorded
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.settings import FilterSettings
 
 MARGIN = 2
 """Frames before and after those in which the bank of modes sees a poke that belong to it, too: it rises before it is
@@ -32,16 +32,6 @@ ROUNDS = 3
 STEP, FARTHEST = 0.2, 1.0
 """Of the logarithms of noise levels: for the parabola that gives the most likely ones, and how far it is followed;
 numerical: levels and constants are found in turn."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Recorded:
-    """What constants are identified from: frames, the nodes that may be poked and the target, filter's settings."""
-
-    frames: Frames
-    nodes: tuple[Sequence[str], str]
-    settings: FilterSettings
-    budget: Budget
 
 
 def forced_pass(network: MassSpringNetwork, uncertainty: ParameterUncertainty, seen: Recorded, forces: Forces) -> Pass:
@@ -161,21 +151,20 @@ def _with_levels(network: MassSpringNetwork, seen: Recorded, forces: Forces) -> 
 
 def _with_noise(network: MassSpringNetwork, seen: Recorded, forces: Forces) -> Forces:
     """The forces with the white noise and the factor on the marks' noise under which the frames are most likely."""
-    none = ParameterUncertainty((), np.zeros((0, 0)))
 
-    def at(logs: Floats) -> float:
-        return forced_pass(network, none, seen, _scaled(forces, logs)).log_likelihood
+    def at(places: Sequence[Floats]) -> Floats:
+        return log_likelihoods([(network, _scaled(forces, logs)) for logs in places], seen)
 
-    logs = np.zeros(2)
-    middle = at(logs)
-    for axis in np.eye(2):
-        below, above = at(-STEP * axis), at(STEP * axis)
+    none, axes = np.zeros(2), STEP * np.eye(2)
+    middle, *beside = at([none, *-axes, *axes]).tolist()
+    logs = none.copy()
+    for k, (below, above) in enumerate(zip(beside[:2], beside[2:], strict=True)):
         bend = 2.0 * middle - below - above
         if np.isfinite(bend):
             # where the likelihood does not bend down, as far as it rises
             top = 0.5 * STEP * (above - below) / bend if bend > 0.0 else np.sign(above - below) * FARTHEST
-            logs += np.clip(top, -FARTHEST, FARTHEST) * axis
-    return _scaled(forces, logs if at(logs) > middle else np.zeros(2))
+            logs[k] = np.clip(top, -FARTHEST, FARTHEST)
+    return _scaled(forces, logs if at([logs])[0] > middle else none)
 
 
 def _scaled(forces: Forces, logs: Floats) -> Forces:

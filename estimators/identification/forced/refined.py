@@ -1,8 +1,8 @@
-"""Constants under the forces of a recording: forces and constants found in turn, then the score centred."""
+"""Constants under the forces of a recording: forces and constants found in turn, then the likelihood's own step."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,9 +13,12 @@ from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import OutOfTimeError
 from estimators.identification.filter_pass import Pass
-from estimators.identification.forced.centring import score_moments
+from estimators.identification.forced.centring import SlopeMoments, simulated, slope_moments
 from estimators.identification.forced.forced_filter import Forces
-from estimators.identification.forced.forces import Recorded, find_forces, forced_pass
+from estimators.identification.forced.forces import find_forces, forced_pass
+from estimators.identification.forced.likeliest import likeliest
+from estimators.identification.forced.likelihoods import log_likelihoods
+from estimators.identification.forced.recorded import Recorded
 from estimators.identification.search import Optimum, gauss_newton
 
 IN_TURN = 2
@@ -26,11 +29,15 @@ IN_TURN = 2
 class Scaled:
     """Constants in prior standard deviations: the network at such a point, its uncertainty there, and the units.
 
+    moved: a point moved by so much, (n,) both, along curves of straight tensions
+    alike: which constants are of one kind, (n_kinds, n), 0 or 1
     unit: prior standard deviation of the log of each constant, (n,); note: called before each pass
     """
 
     model: Callable[[Floats], MassSpringNetwork]
+    moved: Callable[[Floats, Floats], Floats]
     prior: Callable[[MassSpringNetwork], ParameterUncertainty]
+    alike: Floats
     unit: Floats
     note: Callable[[], None]
 
@@ -45,29 +52,30 @@ class Scaled:
 class Refined:
     """Constants under known forces: where the search ended, the pass with the constants given, under the same forces.
 
-    mean_cov: what simulation leaves uncertain of the score's mean, (n, n)
+    information: of the likelihood about the end, (n, n); None where it is that of the scores
+    mean_cov: what simulation leaves uncertain of its slope's mean, (n, n); None where that was not taken off
     """
 
     optimum: Optimum
     given: Pass
     forces: Forces
-    mean_cov: Floats
+    information: Floats | None = None
+    mean_cov: Floats | None = None
 
 
 def under_forces(scaled: Scaled, seen: Recorded, start: Floats) -> Refined | None:
-    """The constants that are the most probable under the forces of the recording, their score centred.
+    """The constants that are the most probable under the forces of the recording.
 
-    None where there is no finite state; not centred where simulation has none, or no time for that. Raises
-    OutOfTimeError before a first result.
+    None where there is no finite state; by scores alone, or not centred, where there is no time for likelihoods, or
+    none finite. Raises OutOfTimeError before a first result.
     """
     found = _in_turn(scaled, seen, start)
-    return None if found is None else _centred(scaled, seen, found)
+    return None if found is None else _likeliest(scaled, seen, found)
 
 
 def _in_turn(scaled: Scaled, seen: Recorded, start: Floats) -> Refined | None:
     """Forces, then constants under them, and so again. Raises OutOfTimeError before the first end."""
     found: Refined | None = None
-    none = np.zeros((len(start), len(start)))
     for _ in range(IN_TURN):
         theta = start if found is None else found.optimum.theta
         try:
@@ -82,39 +90,52 @@ def _in_turn(scaled: Scaled, seen: Recorded, start: Floats) -> Refined | None:
             return found
         if not np.isfinite(optimum.log_posterior):
             return found
-        found = Refined(optimum, given, forces, none)
+        found = Refined(optimum, given, forces)
     return found
 
 
-def _centred(scaled: Scaled, seen: Recorded, found: Refined) -> Refined:
-    """A step against the mean of the score; without time or a finite state for that, what was found."""
-    optimum, forces = found.optimum, found.forces
-    network = scaled.model(optimum.theta)
+def _likeliest(scaled: Scaled, seen: Recorded, found: Refined) -> Refined:
+    """What was found, moved to where the likelihood itself is largest, and its slope centred."""
+    forces = found.forces
+
+    def at(points: Sequence[Floats], recorded: Recorded) -> Floats:
+        return log_likelihoods([(scaled.model(theta), forces) for theta in points], recorded)
+
     try:
-        moments = score_moments(network, scaled.prior(network), seen, forces)
-        theta = optimum.theta - np.linalg.solve(optimum.precision, moments.mean)
-        last = scaled.passed(theta, seen, forces)
+        start = found.optimum.theta
+        best = likeliest(partial(at, recorded=seen), partial(scaled.moved, start), start, found.optimum.precision)
+        if best is None:
+            return found
+        found = _at(scaled, seen, found, best.theta, best.information)
+        recordings = simulated(scaled.model(best.theta), seen, forces)
+        moments = slope_moments(at, recordings, best.theta, best.information, scaled.alike)
+        return _centred(scaled, seen, found, best.information, moments)
     except OutOfTimeError:
-        return replace(found, optimum=replace(optimum, in_time=False))
+        return replace(found, optimum=replace(found.optimum, in_time=False))
     except (CovarianceError, np.linalg.LinAlgError):
         return found
-    if not np.isfinite(last.log_likelihood):
-        return found
-    centred = _less_mean(last, moments.mean, theta - optimum.theta)
-    return Refined(
-        replace(optimum, theta=theta, found=centred, passes=optimum.passes + 1),
-        _less_mean(found.given, moments.mean, -optimum.theta),
-        forces,
-        moments.mean_cov,
-    )
 
 
-def _less_mean(found: Pass, mean: Floats, away: Floats) -> Pass:
-    """A pass less the mean of its score, so far away from where that was found, (n,)."""
-    if not len(found.scores):
-        return found
-    return replace(
-        found,
-        scores=found.scores - mean / len(found.scores),
-        log_likelihood=found.log_likelihood - float(mean @ away),
-    )
+def _at(scaled: Scaled, seen: Recorded, found: Refined, theta: Floats, information: Floats) -> Refined:
+    """What was found, moved to a point. Raises CovarianceError where there is no finite state."""
+    passed = scaled.passed(theta, seen, found.forces)
+    if not np.isfinite(passed.log_likelihood):
+        raise CovarianceError("likelihood: expected a finite one, found none")
+    moved = replace(found.optimum, theta=theta, found=passed, passes=found.optimum.passes + 1)
+    return replace(found, optimum=moved, information=information)
+
+
+def _centred(scaled: Scaled, seen: Recorded, found: Refined, information: Floats, moments: SlopeMoments) -> Refined:
+    """What was found, moved to where the likelihood less its mean slope is largest."""
+    before = found.optimum.theta
+    move = np.asarray(np.linalg.solve(information + np.eye(len(before)), -moments.mean), dtype=np.float64)
+    theta = scaled.moved(before, move)
+    moved = _at(scaled, seen, found, theta, information)
+    end = replace(moved.optimum, found=_less_slope(moved.optimum.found, moments.mean, theta - before))
+    given = _less_slope(found.given, moments.mean, -before)
+    return replace(moved, optimum=end, given=given, mean_cov=moments.mean_cov)
+
+
+def _less_slope(found: Pass, slope: Floats, away: Floats) -> Pass:
+    """A pass less the mean slope of its likelihood, so far away from where that was found, (n,)."""
+    return replace(found, log_likelihood=found.log_likelihood - float(slope @ away))

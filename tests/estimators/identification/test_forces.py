@@ -1,26 +1,18 @@
-"""Forces of a recording, found without truth, and scores that vanish on average where the constants are right."""
+"""Forces of a recording, found without truth, and constants under them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
-from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, pack, scale_parameters
+from dynamics import Parameter, independent_uncertainty, pack, scale_parameters
 from estimators import Budget, FilterSettings, ForceMode, MarkMeasurement, TissueFilter
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import OutOfTimeError
-from estimators.identification.filter_pass import failed_pass, pass_through
-from estimators.identification.forced.centring import score_moments, simulated
+from estimators.identification.filter_pass import pass_through
 from estimators.identification.forced.forced_filter import Forces, Poke, forces_between
-from estimators.identification.forced.forces import (
-    Recorded,
-    find_forces,
-    forced_pass,
-    intervals,
-    poked_frames,
-    smoothed,
-)
+from estimators.identification.forced.forces import find_forces, forced_pass, intervals, poked_frames, smoothed
+from estimators.identification.forced.recorded import Recorded
 from estimators.identification.forced.refined import Scaled, under_forces
 from tests.estimators.identification.test_constants import chain
 
@@ -104,107 +96,33 @@ def test_without_pokes_it_is_the_filter_of_the_bank(poked):
     assert ours.log_likelihood == pytest.approx(bank.log_likelihood, abs=5.0)
 
 
-def pendant():
-    """One mass on four equal springs at right angles: near its rest each axis is one linear oscillator with drag."""
-    return MassSpringNetwork(
-        names=("m", "L", "R", "D", "U"),
-        positions=np.array([[0.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]]),
-        masses=np.array([MASS, 1.0, 1.0, 1.0, 1.0]),
-        fixed=np.array([False, True, True, True, True]),
-        drag=np.array([DRAG, 0.0, 0.0, 0.0, 0.0]),
-        friction=np.zeros(5),
-        springs=np.array([[0, 1], [0, 2], [0, 3], [0, 4]]),
-        stiffness=np.full(4, 0.5 * STIFFNESS),
-        rest_lengths=np.full(4, 1.0),
-        damping=np.zeros(4),
-        gravity=np.zeros(2),
-    )
-
-
-def pendant_frames(rng, n_frames=61, dt=1.0 / 30.0):
-    """Marks of the mass under white noise alone, by the exact transition of its equations; no code of ours."""
-    A = np.array([[0.0, 1.0], [-STIFFNESS / MASS, -DRAG / MASS]])
-    h = dt / 20.0
-    F = expm(A * h)
-    state, frames, cov = np.zeros((2, 2)), [], SD**2 * np.eye(2)
-    for k in range(n_frames):
-        frames.append((k * dt, [MarkMeasurement("m", state[0] + rng.normal(0.0, SD, 2), cov)]))
-        for _ in range(20):
-            state = F @ state
-            state[1] += WHITE * np.sqrt(h) * rng.normal(size=2)
-    return frames
-
-
-@pytest.mark.slow
-def test_a_score_is_centred_where_forces_are_supposed_that_do_not_act(monkeypatch):
-    """Drag at its true value, pokes supposed in a third of the frames, none acting: the score of drag has a mean.
-
-    Over 100 recordings that mean is above nought by more than 3 of its standard errors. What 100 simulated recordings
-    of the first of them have for a mean is within 3 of the two means' standard errors of it, and farther from nought.
-    """
-    monkeypatch.setattr("estimators.identification.forced.centring.SIMULATED", 100)
-    network, rng = pendant(), np.random.default_rng(2)
-    uncertainty = independent_uncertainty((Parameter("drag", 0),), [0.5])
-    forces = Forces(WHITE, pokes=tuple(Poke(0, k, k + 4, 4.0) for k in range(5, 60, 14)))
-    scores, first = [], None
-    for _ in range(100):
-        seen = Recorded(pendant_frames(rng), (("m",), "m"), SETTINGS, Budget())
-        first = seen if first is None else first
-        scores.append(forced_pass(network, uncertainty, seen, forces).gradient[0])
-    mean, error = np.mean(scores), np.std(scores, ddof=1) / np.sqrt(len(scores))
-    moments = score_moments(network, uncertainty, first, forces)
-    assert mean > 3.0 * error
-    simulated_error = np.sqrt(moments.mean_cov[0, 0])
-    assert abs(mean - moments.mean[0]) < 3.0 * np.hypot(error, simulated_error)
-    assert moments.mean[0] > 3.0 * simulated_error
-    assert simulated_error == pytest.approx(error, rel=0.3)
-
-
-def test_recordings_that_leave_no_finite_filter_have_no_moments(poked, monkeypatch):
-    monkeypatch.setattr("estimators.identification.forced.centring.forced_pass", lambda *_: failed_pass(1))
-    uncertainty = independent_uncertainty((Parameter("drag", 1),), [0.5])
-    with pytest.raises(CovarianceError, match=r"expected two or more of finite likelihood, found 0"):
-        score_moments(chain(), uncertainty, poked, Forces(WHITE))
-
-
-def test_simulated_recordings_have_the_marks_of_the_true_one(poked):
-    """Times and nodes are the same; places differ by the noises: by 0.1 to 10 of the marks' standard deviations."""
-    network = chain()
-    lost = [(t, marks[:1] if k % 7 == 3 else marks) for k, (t, marks) in enumerate(poked.frames)]
-    seen = replace(poked, frames=lost)
-    first, second = simulated(network, seen, find_forces(network, seen, None), 2)
-    assert [(t, [m.node for m in marks]) for t, marks in first] == [(t, [m.node for m in marks]) for t, marks in lost]
-    for a, b in ((first, second), (first, lost)):
-        apart = [
-            m.position - n.position
-            for (_, one), (_, two) in zip(a, b, strict=True)
-            for m, n in zip(one, two, strict=True)
-        ]
-        assert 0.1 * SD < np.sqrt(np.mean(np.square(apart))) < 10.0 * SD
-
-
 def of_one_stiffness():
     """The middle spring's stiffness by its prior deviation of 30 %."""
     constants = (Parameter("stiffness", 1),)
     return Scaled(
         lambda theta: scale_parameters(chain(), constants, 0.3 * theta),
+        lambda theta, move: theta + move,
         lambda _network: independent_uncertainty(constants, [0.3]),
+        np.eye(1),
         np.array([0.3]),
         lambda: None,
     )
 
 
-@pytest.mark.parametrize(("error", "in_time"), [(OutOfTimeError(), False), (CovarianceError("none"), True)])
-def test_what_cannot_be_centred_is_kept_beside_the_constants_given(poked, monkeypatch, error, in_time):
+@pytest.mark.parametrize("in_time", [False, True])
+def test_without_likelihoods_it_is_where_scores_vanish(poked, monkeypatch, in_time):
     """The pass of the constants given is at 0, wherever the search began: the same pass made anew, bit for bit."""
 
-    def fails(*_):
-        raise error
+    def none(points, _seen):
+        if not in_time:
+            raise OutOfTimeError
+        return np.full(len(points), -np.inf)
 
-    monkeypatch.setattr("estimators.identification.forced.refined.score_moments", fails)
+    monkeypatch.setattr("estimators.identification.forced.refined.log_likelihoods", none)
     scaled = of_one_stiffness()
     found = under_forces(scaled, poked, np.array([0.8]))
     assert found is not None
+    assert found.information is None
     assert abs(found.optimum.theta[0]) < 0.5
     assert found.optimum.in_time is in_time
     given = forced_pass(chain(), scaled.prior(chain()), poked, found.forces)
