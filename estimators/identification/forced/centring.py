@@ -32,6 +32,9 @@ KNOT_S = 1.0 / 240.0
 STEP = 0.7
 """Of the differences, in standard errors, as of those on the recording itself; numerical."""
 
+WITHIN = 0.25, 1.5
+"""Of the way to where a parabola is largest, what may be taken; numerical."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlopeMoments:
@@ -54,31 +57,52 @@ def slope_moments(
     """The gradient's moments over recordings simulated with the constants theta, (n,).
 
     log_likelihoods: of several points on a recording; information: of the likelihood, (n, n)
-    alike: constants of one kind, on which velocities act alike, (n_kinds, n), 0 or 1: the slope along each kind is
-        measured, and shared out by the constants' information
-    The slope is by the information given as it is by the curvature of the simulated recordings: of the latter is where
-    their likelihoods are largest. Raises OutOfTimeError; CovarianceError where fewer than two recordings leave
-    likelihoods finite.
+    alike: constants of one kind, on which velocities act alike, (n_kinds, n), 0 or 1: by how much the likelihoods of
+        simulated recordings are largest elsewhere along each kind is measured, and shared out by the information
+    The slope is the one that has as much of an effect by the information given. Raises OutOfTimeError; CovarianceError
+    where fewer than two recordings leave likelihoods finite.
     """
-    precision = information + np.eye(len(theta))
-    along = np.einsum("ki,ij,kj->k", alike, precision, alike)
+    along = np.einsum("ki,ij,kj->k", alike, information + np.eye(len(theta)), alike)
+    least = alike.sum(axis=1)  # curvature of the prior
     lengths = STEP / np.sqrt(along)
-    moves = lengths[:, None] * alike
-    slopes, bends = [], []
-    for seen in recordings:
-        found = log_likelihoods([theta, *(theta + moves), *(theta - moves)], seen)
-        if np.isfinite(found).all():
-            middle, (ahead, behind) = found[0], found[1:].reshape(2, -1)
-            slopes.append((ahead - behind) / (2.0 * lengths))
-            bends.append((2.0 * middle - ahead - behind) / lengths**2)
-    if len(slopes) < 2:
-        raise CovarianceError(f"simulated recordings: expected two or more of finite likelihood, found {len(slopes)}")
+    slopes, bends = _along(log_likelihoods, recordings, theta, lengths[:, None] * alike)
+    slopes, bends = slopes / lengths, bends / lengths**2
+    mean = slopes.mean(axis=0)
+    away = mean / (np.maximum(bends, 0.0) + least)
+    beyond, _ = _along(log_likelihoods, recordings, theta, lengths[:, None] * alike, away[:, None] * alike)
+    # a likelihood of dashpots is no parabola: the secant of both slopes, where it leads nearer to where they are nought
+    fall = mean - (beyond.mean(axis=0) / lengths - least * away)
+    away = away * np.clip(mean / np.where(fall == 0.0, np.inf, fall), *WITHIN)
     weights = alike * np.maximum(np.diag(information), np.finfo(float).tiny)
     shared = (weights / weights.sum(axis=1, keepdims=True)).T
-    least = alike.sum(axis=1)  # curvature of the prior
-    shared *= along / (np.maximum(np.mean(bends, axis=0), 0.0) + least)
-    cov = np.atleast_2d(np.cov(np.array(slopes).T)) / len(slopes)
-    return SlopeMoments(shared @ np.mean(slopes, axis=0), shared @ cov @ shared.T)
+    of_slope = shared * (along / (np.maximum(bends, 0.0) + least))
+    cov = np.atleast_2d(np.cov(slopes.T)) / len(slopes)
+    return SlopeMoments(shared @ (along * away), of_slope @ cov @ of_slope.T)
+
+
+def _along(
+    log_likelihoods: Callable[[Sequence[Floats], Recorded], Floats],
+    recordings: Sequence[Recorded],
+    theta: Floats,
+    moves: Floats,
+    about: Floats | None = None,
+) -> tuple[Floats, Floats]:
+    """Differences along moves (n_kinds, n) about a point, or about one for each: of recordings with finite likelihoods.
+
+    Slopes by a move, (n_recordings, n_kinds), and the mean of the curvatures about the point itself, (n_kinds,).
+    """
+    start = theta + (np.zeros_like(moves) if about is None else about)
+    slopes: list[Floats] = []
+    bends: list[Floats] = []
+    for seen in recordings:
+        found = log_likelihoods([theta, *(start + moves), *(start - moves)], seen)
+        if np.isfinite(found).all():
+            middle, (ahead, behind) = found[0], found[1:].reshape(2, -1)
+            slopes.append(0.5 * (ahead - behind))
+            bends.append(2.0 * middle - ahead - behind)
+    if len(slopes) < 2:
+        raise CovarianceError(f"simulated recordings: expected two or more of finite likelihood, found {len(slopes)}")
+    return np.array(slopes), np.asarray(np.mean(bends, axis=0))
 
 
 def simulated(network: MassSpringNetwork, seen: Recorded, forces: Forces, n: int = SIMULATED) -> list[Recorded]:

@@ -82,13 +82,13 @@ def test_many_at_once_are_each_by_itself():
 
 
 def test_a_filter_without_a_finite_state_has_no_likelihood():
-    """Noise without bound in one of two cases; and frames that do not begin with marks."""
+    """After a mark at 1e200 m; and of frames that do not begin with marks."""
     seen = recorded(3)
-    finite, infinite = log_likelihoods([(pendant(), Forces(WHITE)), (pendant(), Forces(1e154))], seen)
-    assert np.isfinite(finite)
-    assert infinite == -np.inf
-    empty = replace(seen, frames=[(0.0, []), *seen.frames[1:]])
-    assert log_likelihoods([(pendant(), Forces(WHITE))], empty).tolist() == [-np.inf]
+    absurd = replace(seen.frames[9][1][0], position=np.full(2, 1e200))
+    for k, marks in ((9, [absurd]), (0, [])):
+        frames = [*seen.frames[:k], (seen.frames[k][0], marks), *seen.frames[k + 1 :]]
+        assert log_likelihoods([(pendant(), Forces(WHITE))], replace(seen, frames=frames)).tolist() == [-np.inf]
+    assert np.isfinite(log_likelihoods([(pendant(), Forces(WHITE))], seen)).all()
 
 
 def test_likelihoods_end_with_the_time():
@@ -189,8 +189,8 @@ def test_recordings_that_leave_no_finite_likelihood_have_no_moments():
 def test_drag_is_less_wrong_on_average_where_forces_are_supposed_that_do_not_act():
     """Pokes supposed in a tenth of the frames, none acting: the likeliest drag is too large, centred less wrong.
 
-    20 recordings of 6 s, the true drag given: the mean log is beyond 3 of its standard errors, centred within three
-    quarters of that: what is taken off is by a parabola.
+    20 recordings of 6 s, the true drag given: the mean log is beyond 3 of its standard errors, centred within half
+    of that: what is taken off is by two slopes, and one Newton step.
     """
     uncertainty = independent_uncertainty((Parameter("drag", 0),), [1.0])
     forces = Forces(WHITE, pokes=POKES)
@@ -210,4 +210,4 @@ def test_drag_is_less_wrong_on_average_where_forces_are_supposed_that_do_not_act
         centred_logs.append((found.theta - np.linalg.solve(found.information + np.eye(1), moments.mean))[0])
     before = np.mean(likeliest_logs)
     assert before > 3.0 * np.std(likeliest_logs) / np.sqrt(20)
-    assert abs(np.mean(centred_logs)) < 0.75 * before
+    assert abs(np.mean(centred_logs)) < 0.5 * before
