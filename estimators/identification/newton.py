@@ -5,7 +5,7 @@ As is the likelihood of a recording, which gates and merged modes make uneven. A
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,28 +36,34 @@ class Minimum:
 
 
 def minimum(
-    cost: Callable[[Floats], float], start: Floats, least: Floats, *, tolerance: float, curvature: Floats | None = None
+    cost: Callable[[Floats], float],
+    start: Floats,
+    least: Floats,
+    *,
+    tolerance: float,
+    curvature: Floats | None = None,
+    costs: Callable[[Sequence[Floats]], Sequence[float]] | None = None,
 ) -> Minimum:
     """Where a function of x (n,), in units in which 1 is far, is the least, by a last step that promised no more.
 
     Slopes and curvatures are central differences; mixed derivatives are left out, for a step costs as many values more.
     least: curvature along the axes that it has at least, as that of a prior, (n,); curvature: about the start, if known
-    tolerance: what the last step may promise, in units of the function
+    tolerance: what the last step may promise, in units of the function; costs: of several places, where that is quicker
     Where the function is not finite at the start, the search ends there with the least curvature.
     """
     best, lowest = start, cost(start)
     if not np.isfinite(lowest):
         return Minimum(start, lowest, least)
 
-    def asked(x: Floats) -> float:
-        value = cost(x)
-        return value if np.isfinite(value) else lowest + WALL
+    def asked(*places: Floats) -> list[float]:
+        values = [cost(x) for x in places] if costs is None else costs(places)
+        return [value if np.isfinite(value) else lowest + WALL for value in values]
 
     found = least if curvature is None else curvature
     while True:
         steps = np.clip(2.0 / np.sqrt(found), SHORTEST, LONGEST)
         beside = [best + move for move in np.concatenate([np.diag(steps), -np.diag(steps)])]
-        values = np.array([asked(x) for x in beside])
+        values = np.array(asked(*beside))
         ahead, behind = values.reshape(2, -1)
         slope = (ahead - behind) / (2.0 * steps)
         found = np.maximum((ahead + behind - 2.0 * lowest) / steps**2, least)
@@ -65,7 +71,7 @@ def minimum(
         promised = 0.5 * float(np.sum(slope**2 / found))
         before, tried = lowest, best + move
         for _ in range(HALVINGS if promised >= tolerance else 1):
-            if (value := asked(tried)) < before:
+            if (value := asked(tried)[0]) < before:
                 best, lowest = tried, value
                 break
             tried = 0.5 * (best + tried)

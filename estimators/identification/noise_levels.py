@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -36,9 +37,9 @@ PART = 0.25
 PART_FRAMES = 100
 """Frames from which on a part of so many is used: numerical."""
 
-MOST_OF_STIFF = 5000
-"""Frames, the liveliest in a row, by states of the filter of a stiff or large body, that are used at most: numerical, a
-pass then takes one or two seconds."""
+MOST_OF_STIFF, MOST_FRAMES = 5000, 300
+"""Frames, the liveliest in a row, that are used at most, by the states of the filter of a stiff or large body, and of
+others: numerical, a pass then takes one or two seconds."""
 
 STRAINS = tuple(share * FilterSettings().strain_sd for share in (1.0, 0.3, 0.1, 0.0))
 """By which the springs of a stiff or large body may be off [1]: the likeliest is taken before levels are searched."""
@@ -87,29 +88,81 @@ def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None =
     return total
 
 
+Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""A map, such as that of a pool of processes: function and arguments can be pickled."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Passes:
+    """Passes through frames at several levels, in logs by those before, (3,): their log likelihoods.
+
+    start: the levels before, (3,)
+    """
+
+    network: MassSpringNetwork
+    nodes: tuple[Sequence[str], str]
+    uncertainty: ParameterUncertainty | None
+    settings: FilterSettings
+    start: Floats
+    frames: Frames
+    budget: Budget
+
+    def __call__(self, logs: Floats) -> float:
+        values = self.start * np.exp(logs)
+        levels = with_noise_levels(self.settings, values)
+        try:
+            tissue = TissueFilter(self.network, self.nodes[1], self.nodes[0], levels, uncertainty=self.uncertainty)
+            return log_likelihood(tissue, with_scaled_noise(self.frames, values[2]), self.budget)
+        except (CovarianceError, np.linalg.LinAlgError):
+            return -np.inf
+
+    def with_strain(self, strain_sd: float) -> _Passes:
+        """The same where springs may be off by so much."""
+        return replace(self, settings=replace(self.settings, strain_sd=strain_sd))
+
+    def by_strain(self, strain_sd: float) -> float:
+        """Of the levels before, where springs may be off by so much."""
+        return self.with_strain(strain_sd)(np.zeros(len(self.start)))
+
+
 class _Cost:
     """Minus the log posterior of noise levels, in logs by the levels before, (3,).
 
-    share: of all frames that it passes through
+    share: of all frames that it passes through; workers: that several passes are shared out to
     State: passes done, those before it included, a pass of all frames as one; the least cost and where it was.
     """
 
     def __init__(
-        self, run: Callable[[Floats], float], advance: Callable[[float], None], share: float = 1.0, passes: float = 0.0
+        self,
+        run: Callable[[Floats], float],
+        advance: Callable[[float], None],
+        share: float = 1.0,
+        passes: float = 0.0,
+        workers: Workers = map,
     ) -> None:
-        self._run, self._advance, self.share = run, advance, share
+        self._run, self._advance, self.share, self._workers = run, advance, share, workers
         self.passes = passes
         self.least, self.best = np.inf, np.zeros(len(NAMES))
 
     def __call__(self, logs: Floats) -> float:
-        if self.passes >= MOST_PASSES:
+        return self.each([logs])[0]
+
+    def each(self, places: Sequence[Floats]) -> list[float]:
+        """Of several levels. Raises OutOfPassesError after those for which passes are left."""
+        left = max(0, int(np.ceil((MOST_PASSES - self.passes) / self.share)))
+        if left < len(places):
+            self.each(places[:left])
             raise OutOfPassesError
-        self.passes += self.share
-        cost = prior_cost(logs) - self._run(logs)
-        self._advance(min(1.0, self.passes / FEW_PASSES))
-        if cost < self.least:
-            self.least, self.best = cost, np.array(logs)
-        return cost
+        found = []
+        runs = self._workers(self._run, places) if len(places) > 1 else map(self._run, places)
+        for logs, likelihood in zip(places, runs, strict=True):
+            self.passes += self.share
+            cost = prior_cost(logs) - likelihood
+            self._advance(min(1.0, self.passes / FEW_PASSES))
+            if cost < self.least:
+                self.least, self.best = cost, np.array(logs)
+            found.append(cost)
+        return found
 
 
 class OutOfPassesError(Exception):
@@ -130,45 +183,41 @@ def tune_noise(
     uncertainty: ParameterUncertainty | None = None,
     settings: FilterSettings | None = None,
     budget: Budget | None = None,
+    workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
     """Fit the noise levels; the target's mark is used where the frames have it. `advance` gets the share done.
 
-    budget: the time that it may take, then the best until then is returned. Raises IdentificationError where it is
-    too short for anything.
+    budget: the time that it may take, then the best until then is returned. workers: `map` of this process, or that of
+    a pool of processes, among which passes of the filter are shared out, as SciPy's solvers do. Raises
+    IdentificationError where the time is too short for anything.
     """
     before = FilterSettings() if settings is None else settings
     limit = Budget() if budget is None else budget
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
 
-    def run(logs: Floats, through: Frames, strain_sd: float) -> float:
-        values = start * np.exp(logs)
-        levels = replace(with_noise_levels(before, values), strain_sd=strain_sd)
-        try:
-            tissue = TissueFilter(network, target, marked, levels, uncertainty=uncertainty)
-            return log_likelihood(tissue, with_scaled_noise(through, values[2]), limit)
-        except (CovarianceError, np.linalg.LinAlgError):
-            return -np.inf
-
     def progress(share: float) -> None:
         advance(max(share, limit.share))
 
-    none, strain_sd = np.zeros(len(start)), before.strain_sd
+    none = np.zeros(len(start))
     frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
     model = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model
     stiff = model.stiff
-    frames = liveliest(frames, MOST_OF_STIFF // model.dim_x) if stiff else frames
+    frames = liveliest(frames, MOST_OF_STIFF // model.dim_x if stiff else MOST_FRAMES)
+    run = _Passes(network, (tuple(marked), target), uncertainty, before, start, frames, limit)
     try:
-        frame_s = frame_seconds(lambda some: run(none, some, strain_sd), frames, limit)
+        frame_s = frame_seconds(lambda some: replace(run, frames=some)(none), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
-        likelihood_before = run(none, used, strain_sd)
+        run = replace(run, frames=used)
+        likelihood_before = run(none)
         if stiff:
-            strain_sd = max(STRAINS, key=lambda strain: run(none, used, strain))
-        cost = _Cost(lambda logs: run(logs, used, strain_sd), progress)
+            found = dict(zip(STRAINS, workers(run.by_strain, STRAINS), strict=True))
+            run = run.with_strain(max(STRAINS, key=lambda strain: found[strain]))
+        cost = _Cost(run, progress, workers=workers)
         some = liveliest(used, int(PART * len(used)))
         of_part = None
         if len(some) >= PART_FRAMES:
-            of_part = _Cost(lambda logs: run(logs, some, strain_sd), progress, PART, 1.0)
+            of_part = _Cost(replace(run, frames=some), progress, PART, 1.0, workers)
         cost(none)
     except OutOfTimeError:
         raise IdentificationError(
@@ -184,7 +233,7 @@ def tune_noise(
     values = start * np.exp(cost.best)
     advance(1.0)
     return TuningResult(
-        replace(with_noise_levels(before, values), strain_sd=strain_sd),
+        with_noise_levels(run.settings, values),
         float(values[2]),
         NAMES,
         values,
@@ -205,10 +254,10 @@ def _search(cost: _Cost, of_part: _Cost | None, tolerance: float = TOLERANCE) ->
     start, curvature = np.zeros(len(least)), None
     try:
         if of_part is not None:
-            found = minimum(of_part, start, least, tolerance=tolerance)
+            found = minimum(of_part, start, least, tolerance=tolerance, costs=of_part.each)
             cost.passes = of_part.passes
             start, curvature = found.x, least + (found.curvature - least) / of_part.share
-        found = minimum(cost, start, least, tolerance=tolerance, curvature=curvature)
+        found = minimum(cost, start, least, tolerance=tolerance, curvature=curvature, costs=cost.each)
     except OutOfPassesError:
         return np.full(len(least), PRIOR_LOG_SD)
     return np.asarray(1.0 / np.sqrt(found.curvature))

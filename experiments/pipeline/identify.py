@@ -19,6 +19,7 @@ from estimators import (
     identify_constants,
     tune_noise,
 )
+from experiments.engine.spare import spare_cores
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
@@ -130,16 +131,18 @@ def tuned_scene(
     """
     scene = recording.scene
     try:
-        found = tune_noise(
-            scene.network,
-            frames,
-            scene.measured_nodes,
-            scene.target.node,
-            uncertainty=scene.uncertainty,
-            settings=scene.settings,
-            budget=Budget(60.0 * minutes),
-            advance=advance,
-        )
+        with spare_cores() as workers:
+            found = tune_noise(
+                scene.network,
+                frames,
+                scene.measured_nodes,
+                scene.target.node,
+                uncertainty=scene.uncertainty,
+                settings=scene.settings,
+                budget=Budget(60.0 * minutes),
+                workers=workers,
+                advance=advance,
+            )
     except IdentificationError as error:
         raise InputError(f"{recording.folder}: {error}") from None
     return replace(scene, settings=found.settings), found

@@ -7,7 +7,13 @@ import pytest
 
 from dynamics import MassSpringNetwork, four_mass_phantom, node_forces, rest_shape, scale_parameters
 from estimators import constant_groups, group_label, group_value
-from estimators.identification.groups import group_directions, group_prior_sd, scale_groups, touched
+from estimators.identification.groups import (
+    group_directions,
+    group_prior_sd,
+    scale_groups,
+    touched,
+    with_straight_tensions,
+)
 
 
 def ladder(n=16):
@@ -86,6 +92,46 @@ def test_a_tissue_that_rests_where_it_is_drawn_does_so_at_any_stiffness():
     plain = scale_parameters(network, [one for group in groups for one in group.parameters], np.full(92, 0.26))
     left = node_forces(plain, network.positions, np.zeros_like(network.positions))[network.free]
     assert np.abs(left).max() > 0.1 * weight
+
+
+def test_tensions_change_in_proportion_to_a_move():
+    """Of springs with a stiffness and a rest length of their own, in the drawn shape, from wherever the move begins.
+
+    To first order it is the move given; of other constants, and of springs that share one, wholly.
+    """
+    network = four_mass_phantom()
+    groups = constant_groups(network, ("stiffness", "rest_length", "drag"), ["", "fat", "fat"] + [""] * 7)
+    rng = np.random.default_rng(3)
+    logs, move = 0.1 * rng.normal(size=(2, len(groups)))
+    i, j = network.springs.T
+    drawn = np.linalg.norm(network.positions[j] - network.positions[i], axis=1)
+
+    def tensions(change):
+        scaled = scale_groups(network, groups, change)
+        return scaled.stiffness * (drawn - scaled.rest_lengths)
+
+    def moved(share):
+        return with_straight_tensions(network, groups, logs, share * move)
+
+    single = [s for s in range(10) if s not in (1, 2)]
+    before, half, whole = (tensions(moved(share))[single] for share in (0.0, 0.5, 1.0))
+    np.testing.assert_allclose(whole - before, 2.0 * (half - before), rtol=1e-9, atol=1e-12)
+    plain = tensions(logs + move)[single]
+    assert np.abs(plain - whole).max() > 0.02 * np.abs(whole - before).max()
+    np.testing.assert_allclose((moved(1e-6) - moved(-1e-6)) / 2e-6, move, atol=1e-6)
+    others = [k for k, group in enumerate(groups) if group.kind != "rest_length" or len(group.places) > 1]
+    np.testing.assert_allclose(moved(1.0)[others], (logs + move)[others])
+
+
+def test_no_rest_length_is_moved_to_nothing():
+    """A spring that had to be shorter than nothing for its tension is moved as it is said."""
+    network = four_mass_phantom()
+    groups = constant_groups(network, ("stiffness", "rest_length"))
+    move = np.r_[np.full(10, -4.0), np.full(10, -1.0)]
+    ends = with_straight_tensions(network, groups, np.zeros(20), move)
+    scaled = scale_groups(network, groups, ends)
+    assert (scaled.rest_lengths > 0.0).all()
+    assert (ends[10:] == -1.0).any()
 
 
 def test_directions_are_the_slope_of_the_scaling():

@@ -72,3 +72,16 @@ def test_a_constant_that_no_residual_shows_keeps_its_prior():
     cov, _ = residual_covariance(found, np.eye(2))
     assert cov[1, 1] == pytest.approx(1.0, rel=1e-9)
     assert cov[0, 0] * N > 50.0
+
+
+def test_the_information_of_the_likelihood_takes_the_place_of_that_of_the_scores():
+    """Explained: its own inverse. With correlated scores: the sandwich of what these have beyond their information."""
+    rng = np.random.default_rng(4)
+    own = np.diag([0.2 * N, N, 2.0 * N])
+    scores, nis = rng.normal(size=(N, 3)), rng.chisquare(2.0, N)
+    cov, test = residual_covariance(made_pass(scores, nis), np.eye(3), own)
+    np.testing.assert_allclose(cov, np.linalg.inv(own + np.eye(3)), rtol=1e-12, atol=1e-18)
+    assert test.explained
+    scores[:, 0] = autoregressive(rng, 0.9, N, 1)[:, 0]
+    cov, _ = residual_covariance(made_pass(scores, nis), np.eye(3), own)
+    np.testing.assert_allclose(np.diag(cov) * N, [(0.2 + 18.0) / 0.2**2, 1.0, 0.5], rtol=0.5)

@@ -1,0 +1,44 @@
+"""Other cores for the passes of one estimation: processes that begin only where that saves time."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from typing import Any
+
+from experiments.threads import one_thread_each
+
+WORTH_S = 4.0
+"""Time that several calls took here [s], beyond which the next are shared out: a process needs two seconds to begin."""
+
+
+@contextmanager
+def spare_cores(n_cores: int | None = None) -> Iterator[Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]]:
+    """A map that works in this process, and from calls that took `WORTH_S` on in one process for each core.
+
+    n_cores: as many as there are, by default. Functions and arguments must be such that pickle takes them.
+    """
+    n = os.cpu_count() or 1 if n_cores is None else n_cores
+    pool: ProcessPoolExecutor | None = None
+    longest_s = 0.0
+
+    def shared(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
+        nonlocal pool, longest_s
+        if n < 2 or longest_s < WORTH_S:
+            began = time.perf_counter()
+            found = [function(item) for item in items]
+            longest_s = max(longest_s, time.perf_counter() - began)
+            return found
+        if pool is None:
+            pool = ProcessPoolExecutor(n, multiprocessing.get_context("spawn"), one_thread_each)
+        return pool.map(function, items)
+
+    try:
+        yield shared
+    finally:
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
