@@ -25,6 +25,9 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.identification.withheld import Withheld, withheld_target
 from estimators.tissue.settings import FilterSettings
 
+SLOWING = "damping", "drag", "friction"
+"""Kinds of constants by which a velocity makes a force."""
+
 SCREENED = 100
 """Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
 cost time, with fewer half a swing of the phantom is left; choice, its cost in docs/settings.md."""
@@ -71,9 +74,10 @@ class Problem:
 
     @property
     def alike(self) -> Floats:
-        """Which constants are of one kind, a row for each kind, (n_kinds, n), 0 or 1."""
+        """Which constants that act on velocities are of one kind, a row for each kind, (n_kinds, n), 0 or 1."""
         kinds = [group.kind for group in self.groups]
-        return np.array([[float(kind == one) for kind in kinds] for one in dict.fromkeys(kinds)])
+        slowing = [one for one in SLOWING if one in kinds]
+        return np.array([[float(kind == one) for kind in kinds] for one in slowing]).reshape(-1, len(kinds))
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
         """Rows in the logs of the groups' factors, (k, n_groups), as directions of the constants."""

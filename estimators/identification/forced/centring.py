@@ -57,7 +57,7 @@ def slope_moments(
     """The gradient's moments over recordings simulated with the constants theta, (n,).
 
     log_likelihoods: of several points on a recording; information: of the likelihood, (n, n)
-    alike: constants of one kind, on which velocities act alike, (n_kinds, n), 0 or 1: by how much the likelihoods of
+    alike: constants of one kind that act on velocities, (n_kinds, n), 0 or 1: by how much the likelihoods of
         simulated recordings are largest elsewhere along each kind is measured, and shared out by the information
     The slope is the one that has as much of an effect by the information given. Raises OutOfTimeError; CovarianceError
     where fewer than two recordings leave likelihoods finite.

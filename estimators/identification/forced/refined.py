@@ -25,12 +25,17 @@ IN_TURN = 2
 """Times that forces are found, then constants; numerical: the first time errors of the model pass for pokes."""
 
 
+MOST_LOST = 8.0
+"""Of the log posterior, by which a centred end may lie below the largest; numerical: four standard errors of one
+constant, or one of sixteen."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaled:
     """Constants in prior standard deviations: the network at such a point, its uncertainty there, and the units.
 
     moved: a point moved by so much, (n,) both, along curves of straight tensions
-    alike: which constants are of one kind, (n_kinds, n), 0 or 1
+    alike: which constants that act on velocities are of one kind, (n_kinds, n), 0 or 1
     unit: prior standard deviation of the log of each constant, (n,); note: called before each pass
     """
 
@@ -107,6 +112,8 @@ def _likeliest(scaled: Scaled, seen: Recorded, found: Refined) -> Refined:
         if best is None:
             return found
         found = _at(scaled, seen, found, best.theta, best.information)
+        if not len(scaled.alike):
+            return found
         recordings = simulated(scaled.model(best.theta), seen, forces)
         moments = slope_moments(at, recordings, best.theta, best.information, scaled.alike)
         return _centred(scaled, seen, found, best.information, moments)
@@ -126,11 +133,13 @@ def _at(scaled: Scaled, seen: Recorded, found: Refined, theta: Floats, informati
 
 
 def _centred(scaled: Scaled, seen: Recorded, found: Refined, information: Floats, moments: SlopeMoments) -> Refined:
-    """What was found, moved to where the likelihood less its mean slope is largest."""
+    """What was found, moved to where the likelihood less its mean slope is largest; as it was where that is far off."""
     before = found.optimum.theta
     move = np.asarray(np.linalg.solve(information + np.eye(len(before)), -moments.mean), dtype=np.float64)
     theta = scaled.moved(before, move)
     moved = _at(scaled, seen, found, theta, information)
+    if moved.optimum.log_posterior < found.optimum.log_posterior - MOST_LOST:
+        return found
     end = replace(moved.optimum, found=_less_slope(moved.optimum.found, moments.mean, theta - before))
     given = _less_slope(found.given, moments.mean, -before)
     return replace(moved, optimum=end, given=given, mean_cov=moments.mean_cov)
