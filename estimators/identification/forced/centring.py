@@ -32,6 +32,9 @@ KNOT_S = 1.0 / 240.0
 STEP = 0.7
 """Of the differences, in standard errors, as of those on the recording itself; numerical."""
 
+FARTHEST = 3.0
+"""Steps of the differences along a kind, two standard errors, up to which its likelihoods are followed; numerical."""
+
 WITHIN = 0.25, 1.5
 """Of the way to where a parabola is largest, what may be taken; numerical."""
 
@@ -68,7 +71,8 @@ def slope_moments(
     slopes, bends = _along(log_likelihoods, recordings, theta, lengths[:, None] * alike)
     slopes, bends = slopes / lengths, bends / lengths**2
     mean = slopes.mean(axis=0)
-    away = mean / (np.maximum(bends, 0.0) + least)
+    # no farther than the differences mean something: dashpots far stronger would take ever shorter steps
+    away = np.clip(mean / (np.maximum(bends, 0.0) + least), -FARTHEST * lengths, FARTHEST * lengths)
     beyond, _ = _along(log_likelihoods, recordings, theta, lengths[:, None] * alike, away[:, None] * alike)
     # a likelihood of dashpots is no parabola: the secant of both slopes, where it leads nearer to where they are nought
     fall = mean - (beyond.mean(axis=0) / lengths - least * away)

@@ -211,3 +211,15 @@ def test_drag_is_less_wrong_on_average_where_forces_are_supposed_that_do_not_act
     before = np.mean(likeliest_logs)
     assert before > 3.0 * np.std(likeliest_logs) / np.sqrt(20)
     assert abs(np.mean(centred_logs)) < 0.5 * before
+
+
+def test_likelihoods_without_a_top_are_not_followed_far():
+    """Slopes of 1,000 by a standard error, no curvature: asked for two standard errors on, and no farther."""
+    asked = []
+
+    def at(points, _seen):
+        asked.extend(points)
+        return 1000.0 * np.array(points)[:, 0]
+
+    slope_moments(at, [recorded(0)] * 2, np.zeros(1), np.array([[24.0]]), np.eye(1))
+    assert np.abs(asked).max() == pytest.approx((2.0 + 0.8) / 5.0, rel=0.1)
