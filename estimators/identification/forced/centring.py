@@ -18,6 +18,7 @@ from estimators.filters.unscented import CovarianceError
 from estimators.identification.filter_pass import Frames
 from estimators.identification.forced.forced_filter import Forces
 from estimators.identification.forced.forces import smoothed
+from estimators.identification.forced.likeliest import STEP
 from estimators.identification.forced.recorded import Recorded
 
 SIMULATED = 8
@@ -28,9 +29,6 @@ SIMULATION_SEED = 2
 
 KNOT_S = 1.0 / 240.0
 """Outside forces of a simulated recording are constant over this time at the longest [s]: that of its steps."""
-
-STEP = 0.7
-"""Of the differences, in standard errors, as of those on the recording itself; numerical."""
 
 FARTHEST = 3.0
 """Steps of the differences along a kind, two standard errors, up to which its likelihoods are followed; numerical."""
