@@ -3,7 +3,7 @@
 What may enter: what is estimated once from a recording and then fixed.
 """
 
-from estimators.identification.budget import Budget, IdentificationError
+from estimators.identification.budget import Budget, IdentificationError, Workers
 from estimators.identification.constants import (
     IdentificationResult,
     IdentificationSettings,
@@ -22,6 +22,7 @@ __all__ = [
     "IdentificationSettings",
     "ResidualTest",
     "TuningResult",
+    "Workers",
     "constant_groups",
     "group_label",
     "group_value",

@@ -1,9 +1,13 @@
-"""The time that an estimation from a recording may take, and what is raised where there is no result."""
+"""The time and processes that an estimation from a recording may take, and what is raised where nothing comes of it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
+
+Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""A map, such as that of a pool of processes: function and arguments can be pickled."""
 
 UNLIMITED = float("inf")
 """As many seconds as it takes."""

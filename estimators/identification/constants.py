@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
 from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear
 from estimators.identification.forced.forced_filter import Forces
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
@@ -122,12 +123,14 @@ def identify_constants(
     settings: FilterSettings | None = None,
     search: IdentificationSettings | None = None,
     budget: Budget | None = None,
+    workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
     """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
 
     frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
     spring_groups: see `constant_groups`; budget: the time that it may take, then the best until then is returned
+    workers: `map` of this process, or that of a pool of processes, among which passes of the filter are shared out
     `advance` gets the share done. Raises IdentificationError where the target is never seen, where the time is too
     short for anything, and where the constants given fit the recording as well as any that were found.
     """
@@ -142,7 +145,7 @@ def identify_constants(
     sd = group_prior_sd(network, groups, prior_sd, dt)
     problem = Problem(network, groups, sd, (tuple(marked), target), calm, limit)
     try:
-        return _identified(problem, frames[first:], chosen, advance)
+        return _identified(problem, frames[first:], chosen, workers, advance)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
@@ -202,7 +205,11 @@ def _searched(problem: Problem, frames: Frames, n_starts: int, advance: Callable
 
 
 def _identified(
-    problem: Problem, frames: Frames, chosen: IdentificationSettings, advance: Callable[[float], None]
+    problem: Problem,
+    frames: Frames,
+    chosen: IdentificationSettings,
+    workers: Workers,
+    advance: Callable[[float], None],
 ) -> IdentificationResult:
     n = len(problem.groups)
     found = _searched(
@@ -219,8 +226,8 @@ def _identified(
         by_prior = by_prior + reach @ refined.mean_cov @ reach
     cov = by_prior * np.outer(problem.sd, problem.sd)
     wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
-    after = problem.withheld(model, wide, used)
-    given = problem.withheld(problem.network, problem.prior(problem.network), used)
+    cases = (model, wide), (problem.network, problem.prior(problem.network))
+    after, given = workers(partial(problem.withheld, used), cases)
     advance(1.0)
     return IdentificationResult(
         network=model,

@@ -44,11 +44,12 @@ def minimum(
     curvature: Floats | None = None,
     costs: Callable[[Sequence[Floats]], Sequence[float]] | None = None,
 ) -> Minimum:
-    """Where a function of x (n,), in units in which 1 is far, is the least, by a last step that promised no more.
+    """Where a function of x (n,), in units in which 1 is far, is the least, by a last step that had little to bring.
 
     Slopes and curvatures are central differences; mixed derivatives are left out, for a step costs as many values more.
     least: curvature along the axes that it has at least, as that of a prior, (n,); curvature: about the start, if known
-    tolerance: what the last step may promise, in units of the function; costs: of several places, where that is quicker
+    tolerance: what the last step may promise, or bring, in units of the function: where steps bring less than they
+        promise, the function is rough by that; costs: of several places, where that is quicker
     Where the function is not finite at the start, the search ends there with the least curvature.
     """
     best, lowest = start, cost(start)
@@ -77,5 +78,5 @@ def minimum(
             tried = 0.5 * (best + tried)
         if values.min() < lowest:
             best, lowest = beside[int(values.argmin())], float(values.min())
-        if promised < tolerance or not lowest < before:
+        if promised < tolerance or not before - lowest >= tolerance:
             return Minimum(best, lowest, found)

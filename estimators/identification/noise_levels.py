@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
 from estimators.identification.filter_pass import Frames
 from estimators.identification.newton import minimum
 from estimators.identification.stretch import affordable, frame_seconds, liveliest
@@ -88,10 +87,6 @@ def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None =
     return total
 
 
-Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A map, such as that of a pool of processes: function and arguments can be pickled."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Passes:
     """Passes through frames at several levels, in logs by those before, (3,): their log likelihoods.
@@ -129,6 +124,7 @@ class _Cost:
     """Minus the log posterior of noise levels, in logs by the levels before, (3,).
 
     share: of all frames that it passes through; workers: that several passes are shared out to
+    known: log likelihoods that were found before, by `_key` of the levels
     State: passes done, those before it included, a pass of all frames as one; the least cost and where it was.
     """
 
@@ -139,8 +135,10 @@ class _Cost:
         share: float = 1.0,
         passes: float = 0.0,
         workers: Workers = map,
+        known: Mapping[bytes, float] | None = None,
     ) -> None:
         self._run, self._advance, self.share, self._workers = run, advance, share, workers
+        self._known = dict(known or {})
         self.passes = passes
         self.least, self.best = np.inf, np.zeros(len(NAMES))
 
@@ -149,20 +147,30 @@ class _Cost:
 
     def each(self, places: Sequence[Floats]) -> list[float]:
         """Of several levels. Raises OutOfPassesError after those for which passes are left."""
+        new = [logs for logs in places if _key(logs) not in self._known]
         left = max(0, int(np.ceil((MOST_PASSES - self.passes) / self.share)))
-        if left < len(places):
-            self.each(places[:left])
+        if left < len(new):
+            self.each(new[:left])
             raise OutOfPassesError
-        found = []
-        runs = self._workers(self._run, places) if len(places) > 1 else map(self._run, places)
-        for logs, likelihood in zip(places, runs, strict=True):
+        runs = self._workers if len(new) > 1 else map
+        for logs, likelihood in zip(new, runs(self._run, new), strict=True):
+            self._known[_key(logs)] = likelihood
             self.passes += self.share
-            cost = prior_cost(logs) - likelihood
             self._advance(min(1.0, self.passes / FEW_PASSES))
-            if cost < self.least:
-                self.least, self.best = cost, np.array(logs)
-            found.append(cost)
-        return found
+            self._cost(logs)
+        return [self._cost(logs) for logs in places]
+
+    def _cost(self, logs: Floats) -> float:
+        """Of levels whose likelihood is known."""
+        cost = prior_cost(logs) - self._known[_key(logs)]
+        if cost < self.least:
+            self.least, self.best = cost, np.array(logs)
+        return cost
+
+
+def _key(logs: Floats) -> bytes:
+    """Of levels that are the same."""
+    return (logs + 0.0).tobytes()  # no negative nought
 
 
 class OutOfPassesError(Exception):
@@ -209,11 +217,14 @@ def tune_noise(
         frame_s = frame_seconds(lambda some: replace(run, frames=some)(none), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
         run = replace(run, frames=used)
-        likelihood_before = run(none)
+        likelihood_before = likelihood = run(none)
         if stiff:
-            found = dict(zip(STRAINS, workers(run.by_strain, STRAINS), strict=True))
-            run = run.with_strain(max(STRAINS, key=lambda strain: found[strain]))
-        cost = _Cost(run, progress, workers=workers)
+            found = {before.strain_sd: likelihood_before}
+            others = [strain for strain in STRAINS if strain not in found]
+            found |= zip(others, workers(run.by_strain, others), strict=True)
+            likeliest = max(STRAINS, key=lambda strain: found[strain])
+            run, likelihood = run.with_strain(likeliest), found[likeliest]
+        cost = _Cost(run, progress, workers=workers, known={_key(none): likelihood})
         some = liveliest(used, int(PART * len(used)))
         of_part = None
         if len(some) >= PART_FRAMES:

@@ -109,10 +109,11 @@ class Problem:
         except (CovarianceError, np.linalg.LinAlgError):
             return None
 
-    def withheld(self, model: MassSpringNetwork, uncertainty: ParameterUncertainty, frames: Frames) -> Withheld | None:
-        """None where there is no time or no finite state."""
+    def withheld(self, frames: Frames, case: tuple[MassSpringNetwork, ParameterUncertainty]) -> Withheld | None:
+        """Of a network and its uncertainty; None where there is no time or no finite state."""
+        network, uncertainty = case
         try:
-            return withheld_target(model, uncertainty, frames, self.nodes, self.settings, self.budget)
+            return withheld_target(network, uncertainty, frames, self.nodes, self.settings, self.budget)
         except (OutOfTimeError, CovarianceError, np.linalg.LinAlgError):
             return None
 

@@ -8,36 +8,50 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
+from estimators.identification import Workers
 from experiments.threads import one_thread_each
 
 WORTH_S = 4.0
 """Time that several calls took here [s], beyond which the next are shared out: a process needs two seconds to begin."""
 
 
+NEEDED = "estimators"
+"""What a process that begins ahead imports: most of what takes it two seconds."""
+
+
 @contextmanager
-def spare_cores(n_cores: int | None = None) -> Iterator[Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]]:
+def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Workers]:
     """A map that works in this process, and from calls that took `WORTH_S` on in one process for each core.
 
     n_cores: as many as there are, by default. Functions and arguments must be such that pickle takes them.
+    ahead: the other cores' processes begin now, while this one does something else; then all calls of several go there
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None
     longest_s = 0.0
 
+    def begun() -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(n, multiprocessing.get_context("spawn"), one_thread_each)
+
     def shared(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
         nonlocal pool, longest_s
-        if n < 2 or longest_s < WORTH_S:
-            began = time.perf_counter()
+        if pool is None and (n < 2 or longest_s < WORTH_S):
+            start = time.perf_counter()
             found = [function(item) for item in items]
-            longest_s = max(longest_s, time.perf_counter() - began)
+            longest_s = max(longest_s, time.perf_counter() - start)
             return found
         if pool is None:
-            pool = ProcessPoolExecutor(n, multiprocessing.get_context("spawn"), one_thread_each)
+            pool = begun()
         return pool.map(function, items)
 
     try:
+        if ahead and n > 1:
+            pool = begun()
+            for _ in range(n - 1):
+                pool.submit(import_module, NEEDED)
         yield shared
     finally:
         if pool is not None:

@@ -19,7 +19,7 @@ from estimators import (
     identify_constants,
     tune_noise,
 )
-from experiments.engine.spare import spare_cores
+from estimators.identification import Workers
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
@@ -80,10 +80,15 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
 
 
 def identified_scene(
-    recording: Recording, frames: Frames, minutes: float, advance: Advance = lambda _share: None
+    recording: Recording,
+    frames: Frames,
+    minutes: float,
+    advance: Advance = lambda _share: None,
+    workers: Workers = map,
 ) -> tuple[Scene, IdentificationResult]:
     """The scene with the constants found in a calibration recording, how well they are known, and all that was found.
 
+    workers: to which passes of the filter are shared out.
     Raises InputError where the hidden mark is not seen, and where what was found fits worse than the scene.
     """
     scene = recording.scene
@@ -96,6 +101,7 @@ def identified_scene(
             spring_groups=scene.spring_groups,
             settings=scene.settings,
             budget=Budget(60.0 * minutes),
+            workers=workers,
             advance=advance,
         )
     except IdentificationError as error:
@@ -123,26 +129,30 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
 
 
 def tuned_scene(
-    recording: Recording, frames: Frames, minutes: float, advance: Advance = lambda _share: None
+    recording: Recording,
+    frames: Frames,
+    minutes: float,
+    advance: Advance = lambda _share: None,
+    workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
     """The scene with the noise levels under which the recording is most probable, and all that was found.
 
+    workers: to which passes of the filter are shared out.
     Raises InputError where the time is too short for anything.
     """
     scene = recording.scene
     try:
-        with spare_cores() as workers:
-            found = tune_noise(
-                scene.network,
-                frames,
-                scene.measured_nodes,
-                scene.target.node,
-                uncertainty=scene.uncertainty,
-                settings=scene.settings,
-                budget=Budget(60.0 * minutes),
-                workers=workers,
-                advance=advance,
-            )
+        found = tune_noise(
+            scene.network,
+            frames,
+            scene.measured_nodes,
+            scene.target.node,
+            uncertainty=scene.uncertainty,
+            settings=scene.settings,
+            budget=Budget(60.0 * minutes),
+            workers=workers,
+            advance=advance,
+        )
     except IdentificationError as error:
         raise InputError(f"{recording.folder}: {error}") from None
     return replace(scene, settings=found.settings), found

@@ -26,6 +26,8 @@ N_FITS = 2
 """Iterations of the fitted colour: more change no figure."""
 COARSE_PX = 3
 """Step of the search that comes first [px]: it only saves time."""
+SHAPE_PX = 1.0 / 16.0
+"""To which the axes of a shape count when a mark is drawn in it [px]; numerical: a tenth of what an outline is off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +79,7 @@ class AppearanceModel:
         self.hue_deg, self._settings = hue_deg, settings
         self.unseen = 0
         self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=settings.n_views)
+        self._drawn: tuple[tuple[bytes, int], _Template] | None = None
 
     @property
     def is_full(self) -> bool:
@@ -90,9 +93,10 @@ class AppearanceModel:
         u, v = round(x), round(y)
         height, width = frame_bgr.shape[:2]
         if half <= u < width - half and half <= v < height - half:
-            view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1].copy()
-            self._kept.append((view, np.array([x - u + half, y - v + half]), outline.shape_px))
-            self.unseen = 0
+            view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1]
+            smooth = np.asarray(cv2.GaussianBlur(view.copy(), (0, 0), self._settings.blur_px), dtype=np.uint8)
+            self._kept.append((smooth, np.array([x - u + half, y - v + half]), outline.shape_px))
+            self._drawn, self.unseen = None, 0
 
     def place(
         self,
@@ -152,21 +156,27 @@ class AppearanceModel:
         )
 
     def _template(self, outline: Outline) -> _Template:
-        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
+        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline.
+
+        The shape counts to a part of a pixel, so that a template serves for as long as a mark hardly turns.
+        """
         settings, half = self._settings, _half(outline, self._settings)
-        inside, ring = _pixels(outline.shape_px.tobytes(), half, settings)
+        shape = np.round(outline.shape_px / SHAPE_PX) * SHAPE_PX
+        key = shape.tobytes(), half
+        if self._drawn is not None and self._drawn[0] == key:
+            return self._drawn[1]
+        inside, ring = _pixels(shape.tobytes(), half, settings)
         size, middle, inverse = (
             (2 * half + 1, 2 * half + 1),
             np.full(2, float(half)),
-            np.asarray(np.linalg.inv(outline.shape_px)),
+            np.asarray(np.linalg.inv(shape)),
         )
-        views: Floats = np.array(
-            [_redrawn(*kept, inverse, middle, size, settings.blur_px) for kept in self._kept], dtype=np.float64
-        )
-        median = np.median(views, axis=0)
+        median = _median(np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept]))
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
-        return _Template(inside, ring, colors, np.median(colors, axis=0), behind, settings)
+        template = _Template(inside, ring, colors, np.median(colors, axis=0), behind, settings)
+        self._drawn = key, template
+        return template
 
 
 def _weighed(
@@ -216,14 +226,12 @@ def _redrawn(
     inverse: Floats,
     middle: Floats,
     size: tuple[int, int],
-    blur_px: float,
 ) -> Image:
     """A view of a mark seen as one shape, as it were seen as the shape whose inverse is given."""
     turn = shape_px @ inverse
     back = np.column_stack([turn, center_px - turn @ middle])
-    smooth = cv2.GaussianBlur(view, (0, 0), blur_px)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(cv2.warpAffine(smooth, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
+    return np.asarray(cv2.warpAffine(view, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
 def _half(outline: Outline, settings: AppearanceSettings) -> int:
@@ -261,14 +269,37 @@ def _peak(line: Floats, k: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _squared_distance(frame, y, x, color, level):  # type: ignore[no-untyped-def]
-    """As `_squared`, of one pixel."""
+def _median(views):  # type: ignore[no-untyped-def]
+    """Median of pictures, (n, height, width, 3) uint8: as `np.median` of the first axis, for few of them."""
+    n, height, width = views.shape[:3]
+    median, several = np.empty((height, width, 3)), np.empty(n)
+    for y in range(height):
+        for x in range(width):
+            for c in range(3):
+                for k in range(n):
+                    value, j = float(views[k, y, x, c]), k
+                    while j > 0 and several[j - 1] > value:
+                        several[j] = several[j - 1]
+                        j -= 1
+                    several[j] = value
+                median[y, x, c] = 0.5 * (several[(n - 1) // 2] + several[n // 2])
+    return median
+
+
+@njit(cache=True, nogil=True)
+def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
+    """Into weights, (n, 3): of squared differences from colours (n, 3), for a mean in units of pixels alike."""
     shade, noise = level
-    squared = 0.0
-    for c in range(3):
-        error = frame[y, x, c] - color[c]
-        squared += error * error / (noise * noise + (shade * color[c]) ** 2)
-    return squared / 3.0
+    for k in range(len(colors)):
+        for c in range(3):
+            weights[k, c] = 1.0 / (3.0 * (noise * noise + (shade * colors[k, c]) ** 2))
+
+
+@njit(cache=True, nogil=True)
+def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
+    """As `_squared`, of one pixel."""
+    b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
+    return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
 
 
 @njit(cache=True, nogil=True)
@@ -280,41 +311,53 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, an
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
     evidence = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
-    own_core, own_colors = core.copy(), colors.copy()
+    # of the mark at a place: its core, with its weight, and its pixels, with theirs; and of what is behind it
+    own_core, core_weight = core.reshape(1, 3).copy(), np.empty((1, 3))
+    own_colors, weights = colors.copy(), np.empty(colors.shape)
+    behind_weight = np.empty((1, 3))
+    _by_shade(own_core, level, core_weight)
+    _by_shade(own_colors, level, weights)
+    _by_shade(behind.reshape(1, 3), level, behind_weight)
     for v in range(v0, v1, step):
         for u in range(u0, u1, step):
             row, column = (v - v0) // step, (u - u0) // step
             if another:
-                _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors)
+                _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights)
+                _by_shade(own_core, level, core_weight)
             total, like = 0.0, 0
             for k in range(len(inside)):
                 x, y = u + inside[k, 0], v + inside[k, 1]
                 if x < 0 or y < 0 or x >= width or y >= height:
                     total -= hidden
                     continue
-                distance = _squared_distance(frame, y, x, own_colors[k], level)
+                distance = _squared_distance(frame, y, x, own_colors[k], weights[k])
                 if distance < 1.0:
                     like += 1
                     total += 1.0 - distance
+                elif not another and _squared_distance(frame, y, x, behind, behind_weight[0]) < 1.0:
+                    total -= 1.0
                 else:
-                    total -= 1.0 if not another and _squared_distance(frame, y, x, behind, level) < 1.0 else hidden
+                    total -= hidden
             around, n_ring = 0.0, 0
             for k in range(len(ring)):
                 x, y = u + ring[k, 0], v + ring[k, 1]
                 if 0 <= x < width and 0 <= y < height:
                     n_ring += 1
-                    around += max(1.0 - contrast * _squared_distance(frame, y, x, own_core, level), -1.0)
+                    around += max(1.0 - contrast * _squared_distance(frame, y, x, own_core[0], core_weight[0]), -1.0)
             evidence[0, row, column] = total / len(inside)
             evidence[1, row, column] = like / len(inside)
             evidence[2, row, column] = around / max(n_ring, 1)
             for c in range(3):
-                evidence[3 + c, row, column] = own_core[c]
+                evidence[3 + c, row, column] = own_core[0, c]
     return evidence
 
 
 @njit(cache=True, nogil=True)
-def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors):  # type: ignore[no-untyped-def]
-    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all."""
+def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
+    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all.
+
+    Into own_core (1, 3), and own_colors and weights, (n, 3).
+    """
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0
     for turn in range(N_FITS):
@@ -324,15 +367,16 @@ def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors):  
             x, y = u + inside[k, 0], v + inside[k, 1]
             if x < 0 or y < 0 or x >= width or y >= height:
                 continue
-            if turn == 0 or _squared_distance(frame, y, x, own_colors[k], level) < 1.0:
+            if turn == 0 or _squared_distance(frame, y, x, own_colors[k], weights[k]) < 1.0:
                 n += 1
                 for c in range(3):
                     sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
         if n == 0:
             return
         for c in range(3):
-            own_core[c] = max(sums[c] / n, 0.0)
+            own_core[0, c] = max(sums[c] / n, 0.0)
         light = own_core.max() / max(core.max(), 1.0)
         for c in range(3):
             for k in range(len(inside)):
-                own_colors[k, c] = own_core[c] + light * (colors[k, c] - core[c])
+                own_colors[k, c] = own_core[0, c] + light * (colors[k, c] - core[c])
+        _by_shade(own_colors, level, weights)

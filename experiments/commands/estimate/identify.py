@@ -25,6 +25,7 @@ def identify(
 ) -> Answer:
     """Find the tissue's constants: write a scene to track with, state how well each is known."""
     from experiments.commands.console import constants_table
+    from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new
     from experiments.formats.recording import read_recording
     from experiments.pipeline.identify import (
@@ -38,11 +39,13 @@ def identify(
     opened = read_recording(recording, scene, run.stage("read"))
     check_new(out, force)
     run.use(opened.scene, before=None if at_rest else "identify")
-    frames = marks_in(opened, run.stage("marks"))
     if at_rest:
+        frames = marks_in(opened, run.stage("marks"))
         run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])
         return Answer({"out": out}, lambda: print(f"Scene in {out}: it rests where the recording shows it"))
-    found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"))
+    with spare_cores(ahead=opened.marks is None) as workers:
+        frames = marks_in(opened, run.stage("marks"))
+        found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"), workers)
     run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene])
     report = identification_report(found)
 

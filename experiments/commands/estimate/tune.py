@@ -17,6 +17,7 @@ def tune(
 ) -> Answer:
     """Find the noise levels under which a recording is most probable; no truth is needed. Write a scene with them."""
     from experiments.commands.console import levels_table
+    from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new
     from experiments.formats.recording import read_recording
     from experiments.pipeline.identify import marks_in, tuned_scene, tuning_report
@@ -24,8 +25,9 @@ def tune(
     opened = read_recording(recording, scene, run.stage("read"))
     check_new(out, force)
     run.use(opened.scene, before="tune")
-    frames = marks_in(opened, run.stage("marks"))
-    found_scene, found = tuned_scene(opened, frames, minutes, run.stage("tune"))
+    with spare_cores(ahead=opened.marks is None) as workers:
+        frames = marks_in(opened, run.stage("marks"))
+        found_scene, found = tuned_scene(opened, frames, minutes, run.stage("tune"), workers)
     run.write_scene(found_scene, out, "tune", recording=recording, inputs=[scene])
     report = tuning_report(found)
 
