@@ -1,16 +1,24 @@
-"""One thread for each library that would start more: at some twenty states they only wait for each other."""
+"""One thread for each library that would start more: at some twenty states, on parts of a picture, they only wait."""
 
 from __future__ import annotations
 
 import os
 
 ONE_THREAD = dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), 1
+    (
+        "OPENBLAS_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "OPENCV_FOR_THREADS_NUM",
+    ),
+    1,
 )
 """Environment of a process that works by itself, or of one of as many workers as there are cores."""
 
 
 def one_thread_each() -> None:
-    """Set these variables where the user has not; of use before NumPy is loaded."""
+    """Set these variables where the user has not; of use before NumPy and OpenCV are loaded."""
     for name, n_threads in ONE_THREAD.items():
         os.environ.setdefault(name, str(n_threads))

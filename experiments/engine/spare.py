@@ -6,7 +6,8 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
@@ -20,6 +21,22 @@ WORTH_S = 4.0
 
 NEEDED = "estimators"
 """What a process that begins ahead imports: most of what takes it two seconds."""
+
+
+def _through(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+    """As `pool.map`; what a process that was killed leaves undone is done here."""
+    asked: list[tuple[Any, Future[Any] | None]] = []
+    for item in items:
+        try:
+            asked.append((item, pool.submit(function, item)))
+        except BrokenProcessPool:
+            asked.append((item, None))
+    for item, answer in asked:
+        try:
+            found = function(item) if answer is None else answer.result()
+        except BrokenProcessPool:
+            found = function(item)
+        yield found
 
 
 @contextmanager
@@ -45,7 +62,7 @@ def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[
             return found
         if pool is None:
             pool = begun()
-        return pool.map(function, items)
+        return _through(pool, function, items)
 
     try:
         if ahead and n > 1:

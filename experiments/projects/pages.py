@@ -12,7 +12,7 @@ from experiments.formats.toml_file import toml_list, toml_text
 from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
-POKE_M_S2 = {2: 10.0, 3: 40.0}
+POKE_M_S2 = {2: 10.0, 3: 15.0}
 """By dimension: a soft breast's masses are 40 g and well held, 40 m/s² is a push of 1 to 2 N."""
 
 HORIZON_S = 1.0

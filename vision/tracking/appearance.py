@@ -26,8 +26,6 @@ N_FITS = 2
 """Iterations of the fitted colour: more change no figure."""
 COARSE_PX = 3
 """Step of the search that comes first [px]: it only saves time."""
-SHAPE_PX = 1.0 / 16.0
-"""To which the axes of a shape count when a mark is drawn in it [px]; numerical: a tenth of what an outline is off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +77,7 @@ class AppearanceModel:
         self.hue_deg, self._settings = hue_deg, settings
         self.unseen = 0
         self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=settings.n_views)
-        self._drawn: tuple[tuple[bytes, int], _Template] | None = None
+        self._drawn: tuple[bytes, _Template] | None = None
 
     @property
     def is_full(self) -> bool:
@@ -156,16 +154,12 @@ class AppearanceModel:
         )
 
     def _template(self, outline: Outline) -> _Template:
-        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline.
-
-        The shape counts to a part of a pixel, so that a template serves for as long as a mark hardly turns.
-        """
-        settings, half = self._settings, _half(outline, self._settings)
-        shape = np.round(outline.shape_px / SHAPE_PX) * SHAPE_PX
-        key = shape.tobytes(), half
+        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
+        settings, half, shape = self._settings, _half(outline, self._settings), outline.shape_px
+        key = shape.tobytes()
         if self._drawn is not None and self._drawn[0] == key:
             return self._drawn[1]
-        inside, ring = _pixels(shape.tobytes(), half, settings)
+        inside, ring = _pixels(key, half, settings)
         size, middle, inverse = (
             (2 * half + 1, 2 * half + 1),
             np.full(2, float(half)),

@@ -3,6 +3,8 @@
 import os
 import time
 
+import pytest
+
 from experiments.engine.spare import WORTH_S, spare_cores
 
 
@@ -33,3 +35,29 @@ def test_one_core_is_this_process(monkeypatch):
     with spare_cores(1) as shared:
         assert list(shared(own_process, [0])) == [os.getpid()]
     assert WORTH_S > 1.0
+
+
+def test_processes_begun_ahead_take_the_first_calls():
+    with spare_cores(2, ahead=True) as shared:
+        assert os.getpid() not in list(shared(own_process, range(4)))
+
+
+def end_unless(process):
+    if os.getpid() != process:
+        os._exit(1)
+    return process
+
+
+def test_what_a_killed_process_leaves_undone_is_done_here():
+    own = os.getpid()
+    with spare_cores(2, ahead=True) as shared:
+        assert [list(shared(end_unless, [own] * 3)) for _ in range(2)] == [[own] * 3] * 2
+
+
+def test_an_error_of_a_call_is_not_taken_for_a_killed_process():
+    with spare_cores(2, ahead=True) as shared, pytest.raises(ZeroDivisionError):
+        list(shared(divmod_by, [0]))
+
+
+def divmod_by(item):
+    return divmod(1, item)
