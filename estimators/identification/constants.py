@@ -17,7 +17,6 @@ from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
 from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear
-from estimators.identification.forced.forced_filter import Forces
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
 from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
@@ -167,24 +166,31 @@ class _Found:
     used: Frames
 
 
-def _searched(problem: Problem, frames: Frames, n_starts: int, advance: Callable[[float], None]) -> _Found:
+def _searched(
+    problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
+) -> _Found:
     """From several starts through a part of the frames, from the best through all. Raises OutOfTimeError."""
     n_starts, used = problem.planned(frames, n_starts)
     expected, passes = PASSES_A_START * n_starts + problem.n_passes, 0
 
-    def note() -> None:
+    def note(n: int = 1) -> None:
         nonlocal passes
         advance(passes / expected)
-        passes += 1
+        passes += n
 
-    def counted(theta: Floats, through: Frames, forces: Forces | None = None) -> Pass:
+    def counted(optimum: Optimum | None) -> Optimum | None:
+        note(0 if optimum is None else optimum.passes)
+        return optimum
+
+    def of_all(theta: Floats) -> Pass:
         note()
-        return problem.at(theta, through) if forces is None else problem.under(theta, through, forces)
+        return problem.at(theta, used)
 
     screened = liveliest(used, SCREENED)
     supposed = None if problem.linear else problem.first_forces(screened)
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
-    found = from_starts(lambda theta: counted(theta, screened, supposed), list(starts(spread, n_starts)), problem.sd)
+    led_to = workers(partial(problem.followed, screened, supposed), starts(spread, n_starts))
+    found = from_starts(counted(optimum) for optimum in led_to)
     before, best = found[0].at_start, max(found, key=lambda one: one.log_posterior)
     n_agreeing = sum(best.agrees(one) for one in found)
     if not np.isfinite(best.log_posterior):
@@ -197,8 +203,8 @@ def _searched(problem: Problem, frames: Frames, n_starts: int, advance: Callable
         if refined is not None:
             best, before = refined.optimum, refined.given
         elif len(screened) < len(used):
-            of_all = counted(np.zeros(len(problem.groups)), used)
-            best, before = gauss_newton(lambda theta: counted(theta, used), best.theta, problem.sd), of_all
+            given = of_all(np.zeros(len(problem.groups)))
+            best, before = gauss_newton(of_all, best.theta, problem.sd), given
     except OutOfTimeError:
         best, used = replace(best, in_time=False), screened
     return _Found(best, before, len(found), n_agreeing, refined, used)
@@ -216,6 +222,7 @@ def _identified(
         replace(problem, budget=problem.budget.part(SEARCH_SHARE)),
         frames,
         chosen.n_starts,
+        workers,
         lambda share: advance(min(0.99, max(problem.budget.share, share))),
     )
     best, refined, used = found.best, found.refined, found.used

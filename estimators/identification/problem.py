@@ -21,6 +21,7 @@ from estimators.identification.groups import (
     touched,
     with_straight_tensions,
 )
+from estimators.identification.search import Optimum, followed
 from estimators.identification.stretch import affordable, frame_seconds
 from estimators.identification.withheld import Withheld, withheld_target
 from estimators.tissue.settings import FilterSettings
@@ -101,6 +102,14 @@ class Problem:
         """The filter that knows them. Raises OutOfTimeError."""
         model = self.model(theta)
         return forced_pass(model, self.prior(model), self.recorded(frames), forces)
+
+    def followed(self, frames: Frames, forces: Forces | None, start: Floats) -> Optimum | None:
+        """What a start leads to, with or without known forces; None where there is no time for a pass."""
+
+        def passed(theta: Floats) -> Pass:
+            return self.at(theta, frames) if forces is None else self.under(theta, frames, forces)
+
+        return followed(passed, start, self.sd)
 
     def first_forces(self, frames: Frames) -> Forces | None:
         """By the constants given, whose errors pass for pokes; None where there is no finite state."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,14 +111,21 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
     return best
 
 
-def from_starts(at: At, points: Sequence[Floats], unit: Floats) -> list[Optimum]:
-    """What each start leads to, the first first; those that the time did not allow are left out."""
-    found: list[Optimum] = []
-    for point in points:
-        try:
-            found.append(gauss_newton(at, point, unit))
-        except OutOfTimeError:
-            if not found:
-                raise
+def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
+    """As `gauss_newton`; None where the time is over before the first pass ends."""
+    try:
+        return gauss_newton(at, start, unit)
+    except OutOfTimeError:
+        return None
+
+
+def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
+    """What starts led to, the first first, up to one without time. Raises OutOfTimeError where that is the first."""
+    in_time: list[Optimum] = []
+    for optimum in found:
+        if optimum is None:
             break
-    return found
+        in_time.append(optimum)
+    if not in_time:
+        raise OutOfTimeError
+    return in_time

@@ -23,35 +23,42 @@ NEEDED = "estimators"
 """What a process that begins ahead imports: most of what takes it two seconds."""
 
 
-def _through(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """As `pool.map`; what a process that was killed leaves undone is done here."""
+def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+    """The answers in the order of the items: the pool works from the first on, this process from the last.
+
+    What a process that was killed leaves undone is done here.
+    """
     asked: list[tuple[Any, Future[Any] | None]] = []
     for item in items:
         try:
             asked.append((item, pool.submit(function, item)))
         except BrokenProcessPool:
             asked.append((item, None))
+    own: list[Any] = []
+    while asked and ((answer := asked[-1][1]) is None or answer.cancel()):
+        own.append(function(asked.pop()[0]))
     for item, answer in asked:
         try:
             found = function(item) if answer is None else answer.result()
         except BrokenProcessPool:
             found = function(item)
         yield found
+    yield from reversed(own)
 
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Workers]:
-    """A map that works in this process, and from calls that took `WORTH_S` on in one process for each core.
+    """A map that works in this process, and from calls that took `WORTH_S` on in one for each other core, too.
 
     n_cores: as many as there are, by default. Functions and arguments must be such that pickle takes them.
-    ahead: the other cores' processes begin now, while this one does something else; then all calls of several go there
+    ahead: those processes begin now, while this one does something else, and take part from the first call on
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None
     longest_s = 0.0
 
     def begun() -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(n, multiprocessing.get_context("spawn"), one_thread_each)
+        return ProcessPoolExecutor(n - 1, multiprocessing.get_context("spawn"), one_thread_each)
 
     def shared(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
         nonlocal pool, longest_s
@@ -62,7 +69,7 @@ def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[
             return found
         if pool is None:
             pool = begun()
-        return _through(pool, function, items)
+        return _shared_out(pool, function, items)
 
     try:
         if ahead and n > 1:

@@ -1,5 +1,6 @@
 """Constants of a real pendulum: rigid links, seen from the first frame on in motion, by a network of springs."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,20 @@ from tests.estimators.identification.pendulum import LENGTHS
 FACTORS = (1.08, 0.93)
 
 
+def by_post(function, items):
+    """What a pool of processes does to functions and items: they go there by pickle, and are done in any order."""
+    sent = [pickle.dumps((function, item)) for item in items]
+    answers = [pickle.dumps(call(*pickle.loads(one))) for one in reversed(sent)]
+    return [pickle.loads(answer) for answer in reversed(answers)]
+
+
+def call(function, item):
+    return function(item)
+
+
 @pytest.fixture(scope="module")
 def found(swing, links):
-    return identify_constants(links(FACTORS), swing, ("end",), "joint")
+    return identify_constants(links(FACTORS), swing, ("end",), "joint", workers=by_post)
 
 
 def test_the_lengths_of_rigid_links_are_found(found):
@@ -101,7 +113,7 @@ def test_too_little_time_is_said(swing, links):
 def test_the_noise_of_marks_is_found(swing, links):
     """Marks said to be twice as precise as they are: 2 within a quarter, and no pokes where there are none."""
     frames = [(time_s, [replace(mark, cov=0.25 * mark.cov) for mark in marks]) for time_s, marks in swing]
-    found = tune_noise(links(), frames, ("end",), "joint")
+    found = tune_noise(links(), frames, ("end",), "joint", workers=by_post)
     assert found.in_time
     assert found.n_frames == len(swing)
     assert found.marks == pytest.approx(2.0, rel=0.25)

@@ -6,7 +6,7 @@ import pytest
 from estimators import MarkMeasurement
 from estimators.identification.budget import Budget, OutOfTimeError
 from estimators.identification.filter_pass import Pass, failed_pass
-from estimators.identification.search import from_starts, gauss_newton, starts
+from estimators.identification.search import followed, from_starts, gauss_newton, starts
 from estimators.identification.stretch import affordable, liveliest
 
 T = np.random.default_rng(0).normal(size=(50, 3))
@@ -46,7 +46,7 @@ def test_starts_begin_with_the_constants_given_and_spread_over_the_prior():
 
 
 def test_starts_that_find_another_maximum_do_not_agree():
-    found = from_starts(bent, [np.array([x]) for x in (1.0, 3.0, -1.0)], np.array([0.1]))
+    found = from_starts(followed(bent, np.array([x]), np.array([0.1])) for x in (1.0, 3.0, -1.0))
     np.testing.assert_allclose([one.theta[0] for one in found], np.sqrt(4.2) * np.array([1, 1, -1]), rtol=0.01)
     assert [found[0].agrees(one) for one in found] == [True, True, False]
 
@@ -74,12 +74,12 @@ def test_out_of_time_what_was_found_until_then_is_returned():
             raise OutOfTimeError
         return bent(theta)
 
-    found = from_starts(at, [np.array([1.0]), np.array([3.0])], np.array([0.1]))
+    found = from_starts(followed(at, np.array([x]), np.array([0.1])) for x in (1.0, 3.0))
     assert len(found) == 1
     assert not found[0].in_time
     assert found[0].log_posterior > bent(np.array([1.0])).log_likelihood
     with pytest.raises(OutOfTimeError):
-        from_starts(at, [np.array([1.0])], np.array([0.1]))
+        from_starts([followed(at, np.array([1.0]), np.array([0.1]))])
 
 
 def test_a_budget_ends_and_a_part_of_it_earlier():
