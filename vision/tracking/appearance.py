@@ -67,6 +67,28 @@ class _Template:
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
+class _View:
+    """A mark as one frame showed it, smoothed: its picture, its centre there, (2,), and its shape then, (2, 2).
+
+    State: the picture as it was last redrawn, and for which shape.
+    """
+
+    def __init__(self, picture: Image, center_px: Floats, shape_px: Floats) -> None:
+        self.picture, self.center_px, self._shape = picture, center_px, shape_px
+        self._drawn: tuple[bytes, Image] | None = None
+
+    def redrawn(self, shape_px: Floats, half: int) -> Image:
+        """The picture as it were of this shape, (2, 2), to so many pixels from its centre."""
+        key = shape_px.tobytes()
+        if self._drawn is None or self._drawn[0] != key:
+            turn = self._shape @ np.linalg.inv(shape_px)
+            back = np.column_stack([turn, self.center_px - turn @ np.full(2, float(half))])
+            size, flags = (2 * half + 1, 2 * half + 1), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+            drawn = cv2.warpAffine(self.picture, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            self._drawn = key, np.asarray(drawn, dtype=np.uint8)
+        return self._drawn[1]
+
+
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it whole.
 
@@ -76,7 +98,7 @@ class AppearanceModel:
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
         self.hue_deg, self._settings = hue_deg, settings
         self.unseen = 0
-        self._kept: deque[tuple[Image, Floats, Floats]] = deque(maxlen=settings.n_views)
+        self._kept: deque[_View] = deque(maxlen=settings.n_views)
         self._drawn: tuple[bytes, _Template] | None = None
 
     @property
@@ -93,7 +115,7 @@ class AppearanceModel:
         if half <= u < width - half and half <= v < height - half:
             view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1]
             smooth = np.asarray(cv2.GaussianBlur(view.copy(), (0, 0), self._settings.blur_px), dtype=np.uint8)
-            self._kept.append((smooth, np.array([x - u + half, y - v + half]), outline.shape_px))
+            self._kept.append(_View(smooth, np.array([x - u + half, y - v + half]), outline.shape_px))
             self._drawn, self.unseen = None, 0
 
     def place(
@@ -142,7 +164,7 @@ class AppearanceModel:
         u, v = (template.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
         alike = _squared(pixels, template.colors - template.core + evidence[3:, j, i], settings) < 1.0
-        color = np.median(pixels[alike], axis=0) if alike.any() else np.zeros(3)
+        color = _middle(pixels[alike]) if alike.any() else np.zeros(3)
         share, around = (float(x) for x in evidence[1:3, j, i])
         return AppearanceMatch(
             center,
@@ -160,15 +182,10 @@ class AppearanceModel:
         if self._drawn is not None and self._drawn[0] == key:
             return self._drawn[1]
         inside, ring = _pixels(key, half, settings)
-        size, middle, inverse = (
-            (2 * half + 1, 2 * half + 1),
-            np.full(2, float(half)),
-            np.asarray(np.linalg.inv(shape)),
-        )
-        median = _median(np.array([_redrawn(*kept, inverse, middle, size) for kept in self._kept]))
+        median = _median(np.array([view.redrawn(shape, half) for view in self._kept]))
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
-        behind = np.median(median[ring[:, 1] + half, ring[:, 0] + half], axis=0)
-        template = _Template(inside, ring, colors, np.median(colors, axis=0), behind, settings)
+        behind = _middle(median[ring[:, 1] + half, ring[:, 0] + half])
+        template = _Template(inside, ring, colors, _middle(colors), behind, settings)
         self._drawn = key, template
         return template
 
@@ -188,18 +205,12 @@ def _weighed(
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
-    evidence = _likeness(
-        part,
-        inside,
-        step,
-        template.inside,
-        template.ring,
-        template.colors,
-        template.core,
-        template.behind,
-        template.settings.for_kernel(),
-        another,
-    )
+    of_mark = template.inside, template.ring, template.colors, template.core
+    settings = template.settings.for_kernel()
+    if another:
+        evidence = _likeness_in_other_light(part, inside, step, *of_mark, settings)
+    else:
+        evidence = _likeness(part, inside, *of_mark, template.behind, settings)
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
@@ -211,21 +222,6 @@ def _weighed(
 def _score(evidence: Floats, ring_weight: float) -> Any:
     """By evidence inside and around, as `_likeness` returns them."""
     return evidence[0] - ring_weight * evidence[2]
-
-
-def _redrawn(
-    view: Image,
-    center_px: Floats,
-    shape_px: Floats,
-    inverse: Floats,
-    middle: Floats,
-    size: tuple[int, int],
-) -> Image:
-    """A view of a mark seen as one shape, as it were seen as the shape whose inverse is given."""
-    turn = shape_px @ inverse
-    back = np.column_stack([turn, center_px - turn @ middle])
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return np.asarray(cv2.warpAffine(view, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
 
 
 def _half(outline: Outline, settings: AppearanceSettings) -> int:
@@ -281,6 +277,12 @@ def _median(views):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def _middle(colors):  # type: ignore[no-untyped-def]
+    """Median of colours (n, 3), each channel by itself."""
+    return np.array([np.median(colors[:, 0].copy()), np.median(colors[:, 1].copy()), np.median(colors[:, 2].copy())])
+
+
+@njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
     """Into weights, (n, 3): of squared differences from colours (n, 3), for a mean in units of pixels alike."""
     shade, noise = level
@@ -297,27 +299,67 @@ def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True)
-def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, another):  # type: ignore[no-untyped-def]
-    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width)."""
-    shade, noise, ring_contrast, hidden = settings
-    contrast = ring_contrast if another else 1.0
+def _likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
+    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width).
+
+    What a pixel counts as beside or behind the mark is the same wherever that is: found once, added up at each place.
+    """
+    shade, noise, _, hidden = settings
+    u0, v0, u1, v1 = box
+    height, width = frame.shape[:2]
+    evidence = np.zeros((6, v1 - v0, u1 - u0))
+    weights, weight = np.empty(colors.shape), np.empty((2, 3))
+    _by_shade(colors, (shade, noise), weights)
+    _by_shade(np.stack((core, behind)), (shade, noise), weight)
+    beside, unlike = np.empty((height, width)), np.empty((height, width))
+    for y in range(height):
+        for x in range(width):
+            beside[y, x] = max(1.0 - _squared_distance(frame, y, x, core, weight[0]), -1.0)
+            unlike[y, x] = 1.0 if _squared_distance(frame, y, x, behind, weight[1]) < 1.0 else hidden
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            total, like = 0.0, 0
+            for k in range(len(inside)):
+                x, y = u + inside[k, 0], v + inside[k, 1]
+                if x < 0 or y < 0 or x >= width or y >= height:
+                    total -= hidden
+                    continue
+                distance = _squared_distance(frame, y, x, colors[k], weights[k])
+                if distance < 1.0:
+                    like += 1
+                    total += 1.0 - distance
+                else:
+                    total -= unlike[y, x]
+            around, n_ring = 0.0, 0
+            for k in range(len(ring)):
+                x, y = u + ring[k, 0], v + ring[k, 1]
+                if 0 <= x < width and 0 <= y < height:
+                    n_ring += 1
+                    around += beside[y, x]
+            evidence[0, v - v0, u - u0] = total / len(inside)
+            evidence[1, v - v0, u - u0] = like / len(inside)
+            evidence[2, v - v0, u - u0] = around / max(n_ring, 1)
+            for c in range(3):
+                evidence[3 + c, v - v0, u - u0] = core[c]
+    return evidence
+
+
+@njit(cache=True, nogil=True)
+def _likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
+    """As `_likeness`, of every `step`-th place of a box, with the core that the mark would have there."""
+    shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box
     height, width = frame.shape[:2]
     evidence = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
-    # of the mark at a place: its core, with its weight, and its pixels, with theirs; and of what is behind it
     own_core, core_weight = core.reshape(1, 3).copy(), np.empty((1, 3))
     own_colors, weights = colors.copy(), np.empty(colors.shape)
-    behind_weight = np.empty((1, 3))
-    _by_shade(own_core, level, core_weight)
     _by_shade(own_colors, level, weights)
-    _by_shade(behind.reshape(1, 3), level, behind_weight)
     for v in range(v0, v1, step):
         for u in range(u0, u1, step):
             row, column = (v - v0) // step, (u - u0) // step
-            if another:
-                _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights)
-                _by_shade(own_core, level, core_weight)
+            _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights)
+            _by_shade(own_core, level, core_weight)
             total, like = 0.0, 0
             for k in range(len(inside)):
                 x, y = u + inside[k, 0], v + inside[k, 1]
@@ -328,8 +370,6 @@ def _likeness(frame, box, step, inside, ring, colors, core, behind, settings, an
                 if distance < 1.0:
                     like += 1
                     total += 1.0 - distance
-                elif not another and _squared_distance(frame, y, x, behind, behind_weight[0]) < 1.0:
-                    total -= 1.0
                 else:
                     total -= hidden
             around, n_ring = 0.0, 0

@@ -149,13 +149,13 @@ def test_score_and_share_are_those_of_their_definition(seed: int) -> None:
     place = look.place(picture, expected((101.0, 79.0)))
     at_there = look.place(picture, expected((101.0, 79.0)), there, within_px=0.0)
 
-    views = [view.astype(float) for view, _, _ in look._kept]  # they are kept smooth
+    views = [view.picture.astype(float) for view in look._kept]  # they are kept smooth
     half = int(np.ceil((1.0 + SETTINGS.margin) * RADIUS + SETTINGS.ring_px + 1.0))
     v, u = np.mgrid[-half : half + 1, -half : half + 1]
     cut = np.array(
         [
             np.dstack([map_coordinates(view[..., c], [v + at[1], u + at[0]], order=1) for c in range(3)])
-            for view, (_, at, _) in zip(views, look._kept, strict=True)
+            for view, at in zip(views, [kept.center_px for kept in look._kept], strict=True)
         ]
     )
     median = np.median(cut, axis=0)
