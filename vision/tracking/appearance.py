@@ -14,16 +14,14 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from vision.arrays import Floats, Image
 from vision.detection.expected import Expected
 from vision.detection.outline import Outline
+from vision.tracking.likeness import likeness, likeness_in_other_light, median_color, median_picture
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
-N_FITS = 2
-"""Iterations of the fitted colour: more change no figure."""
 COARSE_PX = 3
 """Step of the search that comes first [px]: it only saves time."""
 
@@ -164,7 +162,7 @@ class AppearanceModel:
         u, v = (template.inside + np.array([u0 + i - left, v0 + j - top])).clip(0, np.array(part.shape[1::-1]) - 1).T
         pixels = part[v, u].astype(np.float64)
         alike = _squared(pixels, template.colors - template.core + evidence[3:, j, i], settings) < 1.0
-        color = _middle(pixels[alike]) if alike.any() else np.zeros(3)
+        color = median_color(pixels[alike]) if alike.any() else np.zeros(3)
         share, around = (float(x) for x in evidence[1:3, j, i])
         return AppearanceMatch(
             center,
@@ -182,10 +180,10 @@ class AppearanceModel:
         if self._drawn is not None and self._drawn[0] == key:
             return self._drawn[1]
         inside, ring = _pixels(key, half, settings)
-        median = _median(np.array([view.redrawn(shape, half) for view in self._kept]))
+        median = median_picture(np.array([view.redrawn(shape, half) for view in self._kept]))
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
-        behind = _middle(median[ring[:, 1] + half, ring[:, 0] + half])
-        template = _Template(inside, ring, colors, _middle(colors), behind, settings)
+        behind = median_color(median[ring[:, 1] + half, ring[:, 0] + half])
+        template = _Template(inside, ring, colors, median_color(colors), behind, settings)
         self._drawn = key, template
         return template
 
@@ -199,7 +197,7 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """The evidence of `_likeness` for the places of a box, and their scores by distance from the expected place.
+    """The evidence of `likeness` for the places of a box, and their scores by distance from the expected place.
 
     part, corner: of the picture, and where its first pixel is; box: in the picture
     """
@@ -208,9 +206,9 @@ def _weighed(
     of_mark = template.inside, template.ring, template.colors, template.core
     settings = template.settings.for_kernel()
     if another:
-        evidence = _likeness_in_other_light(part, inside, step, *of_mark, settings)
+        evidence = likeness_in_other_light(part, inside, step, *of_mark, settings)
     else:
-        evidence = _likeness(part, inside, *of_mark, template.behind, settings)
+        evidence = likeness(part, inside, *of_mark, template.behind, settings)
     (uu, uv), (_, vv) = np.linalg.inv(expected.cov_px2)
     du = np.arange(u0, u1, step) - expected.center_px[0]
     dv = (np.arange(v0, v1, step) - expected.center_px[1])[:, None]
@@ -220,7 +218,7 @@ def _weighed(
 
 
 def _score(evidence: Floats, ring_weight: float) -> Any:
-    """By evidence inside and around, as `_likeness` returns them."""
+    """By evidence inside and around, as `likeness` returns them."""
     return evidence[0] - ring_weight * evidence[2]
 
 
@@ -256,161 +254,3 @@ def _peak(line: Floats, k: int) -> float:
         return 0.0
     bend = 2.0 * line[k] - line[k - 1] - line[k + 1]
     return 0.0 if bend <= 0.0 else float(np.clip(0.5 * (line[k + 1] - line[k - 1]) / bend, -0.5, 0.5))
-
-
-@njit(cache=True, nogil=True)
-def _median(views):  # type: ignore[no-untyped-def]
-    """Median of pictures, (n, height, width, 3) uint8: as `np.median` of the first axis, for few of them."""
-    n, height, width = views.shape[:3]
-    median, several = np.empty((height, width, 3)), np.empty(n)
-    for y in range(height):
-        for x in range(width):
-            for c in range(3):
-                for k in range(n):
-                    value, j = float(views[k, y, x, c]), k
-                    while j > 0 and several[j - 1] > value:
-                        several[j] = several[j - 1]
-                        j -= 1
-                    several[j] = value
-                median[y, x, c] = 0.5 * (several[(n - 1) // 2] + several[n // 2])
-    return median
-
-
-@njit(cache=True, nogil=True)
-def _middle(colors):  # type: ignore[no-untyped-def]
-    """Median of colours (n, 3), each channel by itself."""
-    return np.array([np.median(colors[:, 0].copy()), np.median(colors[:, 1].copy()), np.median(colors[:, 2].copy())])
-
-
-@njit(cache=True, nogil=True)
-def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Into weights, (n, 3): of squared differences from colours (n, 3), for a mean in units of pixels alike."""
-    shade, noise = level
-    for k in range(len(colors)):
-        for c in range(3):
-            weights[k, c] = 1.0 / (3.0 * (noise * noise + (shade * colors[k, c]) ** 2))
-
-
-@njit(cache=True, nogil=True)
-def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
-    """As `_squared`, of one pixel."""
-    b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
-    return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
-
-
-@njit(cache=True, nogil=True)
-def _likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
-    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width).
-
-    What a pixel counts as beside or behind the mark is the same wherever that is: found once, added up at each place.
-    """
-    shade, noise, _, hidden = settings
-    u0, v0, u1, v1 = box
-    height, width = frame.shape[:2]
-    evidence = np.zeros((6, v1 - v0, u1 - u0))
-    weights, weight = np.empty(colors.shape), np.empty((2, 3))
-    _by_shade(colors, (shade, noise), weights)
-    _by_shade(np.stack((core, behind)), (shade, noise), weight)
-    beside, unlike = np.empty((height, width)), np.empty((height, width))
-    for y in range(height):
-        for x in range(width):
-            beside[y, x] = max(1.0 - _squared_distance(frame, y, x, core, weight[0]), -1.0)
-            unlike[y, x] = 1.0 if _squared_distance(frame, y, x, behind, weight[1]) < 1.0 else hidden
-    for v in range(v0, v1):
-        for u in range(u0, u1):
-            total, like = 0.0, 0
-            for k in range(len(inside)):
-                x, y = u + inside[k, 0], v + inside[k, 1]
-                if x < 0 or y < 0 or x >= width or y >= height:
-                    total -= hidden
-                    continue
-                distance = _squared_distance(frame, y, x, colors[k], weights[k])
-                if distance < 1.0:
-                    like += 1
-                    total += 1.0 - distance
-                else:
-                    total -= unlike[y, x]
-            around, n_ring = 0.0, 0
-            for k in range(len(ring)):
-                x, y = u + ring[k, 0], v + ring[k, 1]
-                if 0 <= x < width and 0 <= y < height:
-                    n_ring += 1
-                    around += beside[y, x]
-            evidence[0, v - v0, u - u0] = total / len(inside)
-            evidence[1, v - v0, u - u0] = like / len(inside)
-            evidence[2, v - v0, u - u0] = around / max(n_ring, 1)
-            for c in range(3):
-                evidence[3 + c, v - v0, u - u0] = core[c]
-    return evidence
-
-
-@njit(cache=True, nogil=True)
-def _likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """As `_likeness`, of every `step`-th place of a box, with the core that the mark would have there."""
-    shade, noise, contrast, hidden = settings
-    level = shade, noise
-    u0, v0, u1, v1 = box
-    height, width = frame.shape[:2]
-    evidence = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
-    own_core, core_weight = core.reshape(1, 3).copy(), np.empty((1, 3))
-    own_colors, weights = colors.copy(), np.empty(colors.shape)
-    _by_shade(own_colors, level, weights)
-    for v in range(v0, v1, step):
-        for u in range(u0, u1, step):
-            row, column = (v - v0) // step, (u - u0) // step
-            _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights)
-            _by_shade(own_core, level, core_weight)
-            total, like = 0.0, 0
-            for k in range(len(inside)):
-                x, y = u + inside[k, 0], v + inside[k, 1]
-                if x < 0 or y < 0 or x >= width or y >= height:
-                    total -= hidden
-                    continue
-                distance = _squared_distance(frame, y, x, own_colors[k], weights[k])
-                if distance < 1.0:
-                    like += 1
-                    total += 1.0 - distance
-                else:
-                    total -= hidden
-            around, n_ring = 0.0, 0
-            for k in range(len(ring)):
-                x, y = u + ring[k, 0], v + ring[k, 1]
-                if 0 <= x < width and 0 <= y < height:
-                    n_ring += 1
-                    around += max(1.0 - contrast * _squared_distance(frame, y, x, own_core[0], core_weight[0]), -1.0)
-            evidence[0, row, column] = total / len(inside)
-            evidence[1, row, column] = like / len(inside)
-            evidence[2, row, column] = around / max(n_ring, 1)
-            for c in range(3):
-                evidence[3 + c, row, column] = own_core[0, c]
-    return evidence
-
-
-@njit(cache=True, nogil=True)
-def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all.
-
-    Into own_core (1, 3), and own_colors and weights, (n, 3).
-    """
-    height, width = frame.shape[:2]
-    sums, light = np.zeros(3), 1.0
-    for turn in range(N_FITS):
-        sums[:] = 0.0
-        n = 0
-        for k in range(len(inside)):
-            x, y = u + inside[k, 0], v + inside[k, 1]
-            if x < 0 or y < 0 or x >= width or y >= height:
-                continue
-            if turn == 0 or _squared_distance(frame, y, x, own_colors[k], weights[k]) < 1.0:
-                n += 1
-                for c in range(3):
-                    sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
-        if n == 0:
-            return
-        for c in range(3):
-            own_core[0, c] = max(sums[c] / n, 0.0)
-        light = own_core.max() / max(core.max(), 1.0)
-        for c in range(3):
-            for k in range(len(inside)):
-                own_colors[k, c] = own_core[0, c] + light * (colors[k, c] - core[c])
-        _by_shade(own_colors, level, weights)

@@ -1,0 +1,172 @@
+"""Compiled comparisons of a picture with a mark's appearance, place by place.
+
+frame: (height, width, 3) uint8; box: the places u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's centre,
+(n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
+settings: as `AppearanceSettings.for_kernel` returns them
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+N_FITS = 2
+"""Iterations of the fitted colour: more change no figure."""
+
+
+@njit(cache=True, nogil=True)
+def median_picture(views):  # type: ignore[no-untyped-def]
+    """Median of pictures, (n, height, width, 3) uint8: as `np.median` of the first axis, for few of them."""
+    n, height, width = views.shape[:3]
+    median, several = np.empty((height, width, 3)), np.empty(n)
+    for y in range(height):
+        for x in range(width):
+            for c in range(3):
+                for k in range(n):
+                    value, j = float(views[k, y, x, c]), k
+                    while j > 0 and several[j - 1] > value:
+                        several[j] = several[j - 1]
+                        j -= 1
+                    several[j] = value
+                median[y, x, c] = 0.5 * (several[(n - 1) // 2] + several[n // 2])
+    return median
+
+
+@njit(cache=True, nogil=True)
+def median_color(colors):  # type: ignore[no-untyped-def]
+    """Median of colours (n, 3), each channel by itself."""
+    return np.array([np.median(colors[:, 0].copy()), np.median(colors[:, 1].copy()), np.median(colors[:, 2].copy())])
+
+
+@njit(cache=True, nogil=True)
+def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
+    """Into weights, (n, 3): of squared differences from colours (n, 3), for a mean in units of pixels alike."""
+    shade, noise = level
+    for k in range(len(colors)):
+        for c in range(3):
+            weights[k, c] = 1.0 / (3.0 * (noise * noise + (shade * colors[k, c]) ** 2))
+
+
+@njit(cache=True, nogil=True)
+def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
+    """Of a pixel from a colour, by the weights of that, (3,): 1 is what pixels alike may differ by."""
+    b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
+    return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
+
+
+@njit(cache=True, nogil=True)
+def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
+    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width).
+
+    What a pixel counts as beside or behind the mark is the same wherever that is: found once, added up at each place.
+    """
+    shade, noise, _, hidden = settings
+    u0, v0, u1, v1 = box
+    height, width = frame.shape[:2]
+    evidence = np.zeros((6, v1 - v0, u1 - u0))
+    weights, weight = np.empty(colors.shape), np.empty((2, 3))
+    _by_shade(colors, (shade, noise), weights)
+    _by_shade(np.stack((core, behind)), (shade, noise), weight)
+    beside, unlike = np.empty((height, width)), np.empty((height, width))
+    for y in range(height):
+        for x in range(width):
+            beside[y, x] = max(1.0 - _squared_distance(frame, y, x, core, weight[0]), -1.0)
+            unlike[y, x] = 1.0 if _squared_distance(frame, y, x, behind, weight[1]) < 1.0 else hidden
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            total, like = 0.0, 0
+            for k in range(len(inside)):
+                x, y = u + inside[k, 0], v + inside[k, 1]
+                if x < 0 or y < 0 or x >= width or y >= height:
+                    total -= hidden
+                    continue
+                distance = _squared_distance(frame, y, x, colors[k], weights[k])
+                if distance < 1.0:
+                    like += 1
+                    total += 1.0 - distance
+                else:
+                    total -= unlike[y, x]
+            around, n_ring = 0.0, 0
+            for k in range(len(ring)):
+                x, y = u + ring[k, 0], v + ring[k, 1]
+                if 0 <= x < width and 0 <= y < height:
+                    n_ring += 1
+                    around += beside[y, x]
+            evidence[0, v - v0, u - u0] = total / len(inside)
+            evidence[1, v - v0, u - u0] = like / len(inside)
+            evidence[2, v - v0, u - u0] = around / max(n_ring, 1)
+            for c in range(3):
+                evidence[3 + c, v - v0, u - u0] = core[c]
+    return evidence
+
+
+@njit(cache=True, nogil=True)
+def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
+    """As `likeness`, of every `step`-th place of a box, with the core that the mark would have there."""
+    shade, noise, contrast, hidden = settings
+    level = shade, noise
+    u0, v0, u1, v1 = box
+    height, width = frame.shape[:2]
+    evidence = np.zeros((6, (v1 - v0 + step - 1) // step, (u1 - u0 + step - 1) // step))
+    own_core, core_weight = core.reshape(1, 3).copy(), np.empty((1, 3))
+    own_colors, weights = colors.copy(), np.empty(colors.shape)
+    _by_shade(own_colors, level, weights)
+    for v in range(v0, v1, step):
+        for u in range(u0, u1, step):
+            row, column = (v - v0) // step, (u - u0) // step
+            _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights)
+            _by_shade(own_core, level, core_weight)
+            total, like = 0.0, 0
+            for k in range(len(inside)):
+                x, y = u + inside[k, 0], v + inside[k, 1]
+                if x < 0 or y < 0 or x >= width or y >= height:
+                    total -= hidden
+                    continue
+                distance = _squared_distance(frame, y, x, own_colors[k], weights[k])
+                if distance < 1.0:
+                    like += 1
+                    total += 1.0 - distance
+                else:
+                    total -= hidden
+            around, n_ring = 0.0, 0
+            for k in range(len(ring)):
+                x, y = u + ring[k, 0], v + ring[k, 1]
+                if 0 <= x < width and 0 <= y < height:
+                    n_ring += 1
+                    around += max(1.0 - contrast * _squared_distance(frame, y, x, own_core[0], core_weight[0]), -1.0)
+            evidence[0, row, column] = total / len(inside)
+            evidence[1, row, column] = like / len(inside)
+            evidence[2, row, column] = around / max(n_ring, 1)
+            for c in range(3):
+                evidence[3 + c, row, column] = own_core[0, c]
+    return evidence
+
+
+@njit(cache=True, nogil=True)
+def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
+    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all.
+
+    Into own_core (1, 3), and own_colors and weights, (n, 3).
+    """
+    height, width = frame.shape[:2]
+    sums, light = np.zeros(3), 1.0
+    for turn in range(N_FITS):
+        sums[:] = 0.0
+        n = 0
+        for k in range(len(inside)):
+            x, y = u + inside[k, 0], v + inside[k, 1]
+            if x < 0 or y < 0 or x >= width or y >= height:
+                continue
+            if turn == 0 or _squared_distance(frame, y, x, own_colors[k], weights[k]) < 1.0:
+                n += 1
+                for c in range(3):
+                    sums[c] += frame[y, x, c] - light * (colors[k, c] - core[c])
+        if n == 0:
+            return
+        for c in range(3):
+            own_core[0, c] = max(sums[c] / n, 0.0)
+        light = own_core.max() / max(core.max(), 1.0)
+        for c in range(3):
+            for k in range(len(inside)):
+                own_colors[k, c] = own_core[0, c] + light * (colors[k, c] - core[c])
+        _by_shade(own_colors, level, weights)
