@@ -12,8 +12,10 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-from estimators.identification import Workers
 from experiments.threads import one_thread_each
+
+Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""A map, such as that of a pool of processes."""
 
 WORTH_S = 4.0
 """Time that several calls took here [s], beyond which the next are shared out: a process needs two seconds to begin."""
@@ -47,7 +49,7 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 
 @contextmanager
-def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Workers]:
+def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
     """A map that works in this process, and from calls that took `WORTH_S` on in one for each other core, too.
 
     n_cores: as many as there are, by default. Functions and arguments must be such that pickle takes them.
