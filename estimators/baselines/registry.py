@@ -18,6 +18,7 @@ from estimators.baselines.particles import ParticleFilter
 from estimators.baselines.smoother import FixedIntervalSmoother
 from estimators.baselines.stock import StockUnscented
 from estimators.process.target import TargetPoint
+from estimators.smoothing.smoother import TimedFix
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
@@ -31,7 +32,7 @@ class TrackingProblem:
     """What every method is given: the tissue, the target (a node or a point beside it), and the belief about forces.
 
     marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
-    seed: of methods that draw random numbers
+    seed: of methods that draw random numbers; fixes: direct sightings of the target, for a method that uses them
     """
 
     network: MassSpringNetwork
@@ -41,6 +42,7 @@ class TrackingProblem:
     uncertainty: ParameterUncertainty | None = None
     n_calibration: int = 0
     seed: int = 0
+    fixes: Sequence[TimedFix] = ()
 
     @property
     def physics(self) -> tuple[MassSpringNetwork, str | TargetPoint, Sequence[str], FilterSettings]:
@@ -73,7 +75,7 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
     "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng),
     "particles": lambda problem: ParticleFilter(*problem.physics, rng=problem.rng),
     "smoother": lambda problem: FixedIntervalSmoother(
-        *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration
+        *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration, fixes=problem.fixes
     ),
 }
 """Factories by name, in the order of tables and plots."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.process.target import TargetPoint
-from estimators.smoothing.smoother import fixed_interval
+from estimators.smoothing.smoother import TimedFix, fixed_interval
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
@@ -15,6 +15,7 @@ from estimators.tissue.settings import FilterSettings
 class FixedIntervalSmoother:
     """`TissueFilter` forth and smoothed back; a lower bound on the error of what filters with the same belief.
 
+    fixes: direct sightings of the target, used at their times
     State: tissue, the filter, before or after its frames.
     """
 
@@ -27,7 +28,9 @@ class FixedIntervalSmoother:
         *,
         uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
+        fixes: Sequence[TimedFix] = (),
     ) -> None:
+        self._fixes = tuple(fixes)
         self.tissue = TissueFilter(
             network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
         )
@@ -41,4 +44,4 @@ class FixedIntervalSmoother:
 
         advance: gets the share done.
         """
-        yield fixed_interval(self.tissue, frames, advance)
+        yield fixed_interval(self.tissue, frames, advance, fixes=self._fixes)

@@ -29,6 +29,9 @@ CERTAIN = 1.0 - 1e-12
 
 Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
 
+TimedFix = tuple[float, Floats, Floats]
+"""A direct sighting of the target: when [s], where [m], (dim,), and its covariance [m²], (dim, dim)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilteredStep:
@@ -58,6 +61,14 @@ class ForwardPass:
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> FilteredStep:
         """The filter's estimate at this exposure time [s], and what led to it; raises ValueError as the filter does."""
+        return self._taken(time_s, lambda: self.tissue.update(marks))
+
+    def fix(self, fix: TimedFix) -> FilteredStep:
+        """The same of a direct sighting of the target."""
+        time_s, position, cov = fix
+        return self._taken(time_s, lambda: self.tissue.fix(position, cov))
+
+    def _taken(self, time_s: float, update: Callable[[], TargetEstimate]) -> FilteredStep:
         mixture = self.tissue.mixture
         first = self.tissue.seen_s is None
         mixture.trace = []
@@ -66,7 +77,7 @@ class ForwardPass:
             cycles = tuple(mixture.trace)
         finally:
             mixture.trace = None
-        estimate = self.tissue.update(marks)
+        estimate = update()
         restarts = sum(self.tissue.repairs[kind] for kind in RESTARTS)
         restarted = first or restarts != self._restarts
         self._restarts = restarts
@@ -75,19 +86,31 @@ class ForwardPass:
 
 
 def fixed_interval(
-    tissue: TissueFilter, frames: Frames, advance: Callable[[float], None] = lambda _share: None
+    tissue: TissueFilter,
+    frames: Frames,
+    advance: Callable[[float], None] = lambda _share: None,
+    *,
+    fixes: Iterable[TimedFix] = (),
 ) -> list[TargetEstimate]:
-    """The target at each frame, given the marks of all frames: (time [s], marks) in order.
+    """The target at each frame, given the marks of all frames: (time [s], marks) in order, and all fixes.
 
-    advance: gets the share done, half of it forth, half back
+    advance: gets the share done, half of it forth, half back. fixes: used at their times; one before the first marks
+    or after the last frame is not.
     """
     passage, taken = ForwardPass(tissue), list(frames)
+    waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
     passed: list[FilteredStep] = []
+    of_frames: list[int] = []
     for time_s, marks in taken:
+        while waiting and waiting[0][0] <= time_s:
+            fix = waiting.popleft()
+            if tissue.seen_s is not None:
+                passed.append(passage.fix(fix))
+        of_frames.append(len(passed))
         passed.append(passage.take(time_s, marks))
-        advance(0.5 * len(passed) / len(taken))
+        advance(0.5 * len(of_frames) / len(taken))
     known = smooth(passed, lambda share: advance(0.5 + 0.5 * share))
-    return [_reported(one, at, tissue) for one, at in zip(passed, known, strict=True)]
+    return [_reported(passed[k], known[k], tissue) for k in of_frames]
 
 
 class FixedLag:

@@ -41,6 +41,11 @@ class Fix:
     position_m: Floats
     sd_m: float
 
+    @property
+    def cov(self) -> Floats:
+        """Its covariance [m²], (dim, dim)."""
+        return self.sd_m**2 * np.eye(len(self.position_m))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:

@@ -3,7 +3,7 @@
 The track finds the marks once, and runs the filter and the open loop; the methods of `estimators.METHODS` are given the
 same marks. Each method has the physics, the start and the force model of the filter. The extended, stock unscented and
 ensemble filters use one mode, the poked one; the particle filter uses all, and stands for the optimum. The smoother
-uses the marks of all frames.
+uses the marks of all frames, and the fixes, as the filter does.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from pathlib import Path
 
 from estimators import METHODS, Method, TrackingProblem, make_method
 from experiments.errors import InputError, shown
-from experiments.formats.recording import Recording
+from experiments.formats.recording import Fix, Recording
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.line import FILTER, OPEN_LOOP, Step
+from experiments.pipeline.line import FILTER, OPEN_LOOP, Step, with_bias_of_fixes
 from experiments.pipeline.track import Advance, Track, figures, track, write_estimates
 
 SMOOTHER = "smoother"
@@ -48,7 +48,7 @@ def compare(
 
     Raises InputError, SourceError, UnknownMethodError.
     """
-    problem = tracking_problem(recording.scene)
+    problem = tracking_problem(recording.scene, recording.fixes)
     others = [name for name in (method_names() if methods is None else methods) if name not in (OPEN_LOOP, FILTER)]
     made = {name: make_method(name, problem) for name in others}
     done = track(recording, stage("track"))
@@ -57,15 +57,16 @@ def compare(
     return done
 
 
-def tracking_problem(scene: Scene) -> TrackingProblem:
-    """What a scene gives every method."""
+def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem:
+    """What a scene, and a recording's fixes, give every method."""
     return TrackingProblem(
         scene.network,
         scene.target.point,
         scene.measured_nodes,
-        scene.settings,
+        with_bias_of_fixes(scene.settings, fixes),
         uncertainty=scene.uncertainty,
         n_calibration=scene.n_calibration,
+        fixes=[(fix.time_s, fix.position_m, fix.cov) for fix in fixes],
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import vision
 from estimators import (
     AssociationFilter,
+    FilterSettings,
     FixBias,
     Guidance,
     IdentitySwap,
@@ -107,9 +108,7 @@ class Line:
     ) -> None:
         self.scene = scene
         measured = scene.measured_nodes
-        settings = scene.settings
-        if fixes and settings.fix_bias is None:
-            settings = replace(settings, fix_bias=USUAL_BIAS)
+        settings = with_bias_of_fixes(scene.settings, fixes)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
         common = scene.network, scene.target.point, measured, settings
         made = LeaveOneOut if check else TissueFilter
@@ -157,7 +156,7 @@ class Line:
             fix = self._fixes.popleft()
             if self.filter.time_s is None or fix.time_s >= self.filter.time_s:
                 self.filter.predict(fix.time_s)
-                self.identity.fix(fix.position_m, fix.sd_m**2 * np.eye(len(fix.position_m)))
+                self.identity.fix(fix.position_m, fix.cov)
         self.filter.predict(exposure_s)
 
     def _found(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
@@ -223,6 +222,11 @@ def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))
+
+
+def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
+    """The settings with a common error of fixes, the usual one where there are fixes and none is stated."""
+    return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings
 
 
 def warm_up(scene: Scene) -> None:

@@ -188,6 +188,35 @@ def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, runs):
         FixedLag(TissueFilter(phantom, HIDDEN, OUTER), lag_s=-0.1)
 
 
+def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
+    """Of the target to 0.1 mm, half way between frames 44 and 45: both become surer, and are as sure as they should be.
+
+    Marks are of 4 mm. The last frame is the filter's own, with the fix; fixes beside the frames change nothing.
+    """
+    frames, states = runs[2][0][:60], runs[2][1]
+    place = states[44:46, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
+    time_s, cov = 44.5 / 30.0, 1e-8 * np.eye(2)
+    without = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), frames)
+    found = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), frames, fixes=[(time_s, place, cov)])
+    assert [e.time_s for e in found] == [t for t, _ in frames]
+    for k in (44, 45):
+        assert np.trace(found[k].cov) < 0.5 * np.trace(without[k].cov)
+        off = (found[k].mean - states[k, hidden])[None]
+        assert normalised_error_squared(off, found[k].cov[None])[0] < 9.2  # 99 %
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    for k, frame in enumerate(frames):
+        if k == 45:
+            tissue.predict(time_s)
+            tissue.fix(place, cov)
+        tissue.predict(frame[0])
+        last = tissue.update(frame[1])
+    np.testing.assert_allclose(found[-1].mean, last.mean, rtol=0, atol=1e-12)
+    beside = fixed_interval(
+        TissueFilter(phantom, HIDDEN, OUTER), frames, fixes=[(10.0, place, cov), (-1.0, place, cov)]
+    )
+    np.testing.assert_array_equal([e.mean for e in beside], [e.mean for e in without])
+
+
 def test_nothing_is_told_across_a_new_start(phantom, runs):
     """Marks lost for 1.5 s, then a new start: what comes after changes no estimate of before."""
     frames = runs[1][0]

@@ -15,6 +15,8 @@ from estimators import ConstantGroup, IdentificationResult, IdentificationSettin
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.pipeline.compare import compare
+from experiments.pipeline.compare import summary as compare_summary
 from experiments.pipeline.identify import confounded, fit_lines, hardly_determined
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import summary, track
@@ -243,6 +245,8 @@ def test_fixes_are_fused_at_their_times(calibrated, cache, tmp_path):
     at = [k for k, t in enumerate(done.times_s) if np.isclose(true["time_s"], t).any()]
     errors = np.linalg.norm(np.array([e.mean for e in done.estimates("filter")])[at] - done.truth[at], axis=1)
     assert errors[3:].mean() < 1.2e-3
+    smoothed = compare_summary(compare(read_recording(recording, calibrated[1]), ["smoother"]))["smoother"]
+    assert smoothed["mae_mm"] < 0.9 * without
 
 
 def test_trials_repeat_and_keep_their_truth(cache):
