@@ -5,6 +5,7 @@ Each imports what it needs when it runs, so that help is instant.
 
 from __future__ import annotations
 
+import errno
 import sys
 from typing import Annotated, NoReturn
 
@@ -19,7 +20,7 @@ from experiments.commands.estimate.live import live
 from experiments.commands.estimate.smooth import smooth
 from experiments.commands.estimate.track import track
 from experiments.commands.estimate.tune import tune
-from experiments.commands.faults import one_line
+from experiments.commands.faults import one_line, refused
 from experiments.commands.guide.advise import advise
 from experiments.commands.guide.insert import insert
 from experiments.commands.guide.plan import plan
@@ -53,6 +54,9 @@ COMMANDS = (
     bench,
 )
 """In the order in which help lists them."""
+
+REFUSALS = frozenset({errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR})
+"""What an operating system may say to a name that a person gave, wherever it is asked."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -96,7 +100,8 @@ def main() -> None:
     except Exception as fault:
         if not is_bad_input(fault):
             raise
-        _end(" ".join(str(fault).splitlines()), 2)
+        text = str(refused(fault)) if isinstance(fault, OSError) else str(fault)
+        _end(" ".join(text.splitlines()), 2)
     if code == INTERRUPTED:
         _end("interrupted", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
@@ -119,4 +124,6 @@ def is_bad_input(fault: Exception) -> bool:
     from experiments.errors import InputError
     from vision import CalibrationError, HueError, SourceError
 
+    if isinstance(fault, OSError):
+        return fault.filename is not None and fault.errno in REFUSALS
     return isinstance(fault, InputError | NetworkError | SourceError | HueError | CalibrationError)

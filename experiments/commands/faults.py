@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from typer import TyperException
 
-from experiments.errors import shown
+from experiments.errors import InputError, shown
 
 FORMS = (
     (r"Missing (?:option|argument) '(?P<place>[^']*)'.*", "{place}: expected a value, found none"),
@@ -58,3 +58,8 @@ def _value(arguments: Sequence[str], option: str) -> str:
         if word.startswith(f"{option}="):
             return shown(word.removeprefix(f"{option}="))
     return "another"
+
+
+def refused(fault: OSError) -> InputError:
+    """What the operating system says to a name, which may be as long as a page."""
+    return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from estimators import METHODS, Method, TrackingProblem, make_method
+from estimators import METHODS, CovarianceError, Method, TrackingProblem, make_method
 from experiments.errors import InputError, shown
 from experiments.formats.recording import Fix, Recording
 from experiments.formats.scene.scene import Scene
@@ -53,7 +53,10 @@ def compare(
     made = {name: make_method(name, problem) for name in others}
     done = track(recording, stage("track"))
     for name, method in made.items():
-        done = replace(done, steps=_with_method(done, name, method, stage(name)))
+        try:
+            done = replace(done, steps=_with_method(done, name, method, stage(name)))
+        except CovarianceError as error:
+            raise InputError(f"{recording.folder}: {name}: {error}") from error
     return done
 
 
