@@ -171,9 +171,9 @@ def _searched(
 ) -> _Found:
     """From several starts through a part of the frames, from the best through all. Raises OutOfTimeError."""
     n_starts, used = problem.planned(frames, n_starts)
-    expected, passes = PASSES_A_START * n_starts + problem.n_passes, 0
+    expected, passes = PASSES_A_START * n_starts + problem.n_passes, 0.0
 
-    def note(n: int = 1) -> None:
+    def note(n: float = 1.0) -> None:
         nonlocal passes
         advance(passes / expected)
         passes += n

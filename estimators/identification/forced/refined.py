@@ -24,6 +24,8 @@ from estimators.identification.search import Optimum, gauss_newton
 IN_TURN = 2
 """Times that forces are found, then constants; numerical: the first time errors of the model pass for pokes."""
 
+OF_A_PASS = 1.0 / 6.0
+"""Time of a likelihood, by that of a pass with scores; numerical: for the progress."""
 
 MOST_LOST = 8.0
 """Of the log posterior, by which a centred end may lie below the largest; numerical: four standard errors of one
@@ -36,7 +38,7 @@ class Scaled:
 
     moved: a point moved by so much, (n,) both, along curves of straight tensions
     alike: which constants that act on velocities are of one kind, (n_kinds, n), 0 or 1
-    unit: prior standard deviation of the log of each constant, (n,); note: called before each pass
+    unit: prior standard deviation of the log of each constant, (n,); note: gets how many passes are about to be made
     """
 
     model: Callable[[Floats], MassSpringNetwork]
@@ -44,11 +46,11 @@ class Scaled:
     prior: Callable[[MassSpringNetwork], ParameterUncertainty]
     alike: Floats
     unit: Floats
-    note: Callable[[], None]
+    note: Callable[[float], None]
 
     def passed(self, theta: Floats, seen: Recorded, forces: Forces) -> Pass:
         """The forced filter through the frames at a point."""
-        self.note()
+        self.note(1.0)
         network = self.model(theta)
         return forced_pass(network, self.prior(network), seen, forces)
 
@@ -104,6 +106,7 @@ def _likeliest(scaled: Scaled, seen: Recorded, found: Refined) -> Refined:
     forces = found.forces
 
     def at(points: Sequence[Floats], recorded: Recorded) -> Floats:
+        scaled.note(OF_A_PASS * len(points))
         return log_likelihoods([(scaled.model(theta), forces) for theta in points], recorded)
 
     try:

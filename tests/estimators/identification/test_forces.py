@@ -105,7 +105,7 @@ def of_one_stiffness():
         lambda _network: independent_uncertainty(constants, [0.3]),
         np.eye(1),
         np.array([0.3]),
-        lambda: None,
+        lambda _passes: None,
     )
 
 
