@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -23,6 +24,12 @@ WORTH_S = 4.0
 
 NEEDED = "estimators"
 """What a process that begins ahead imports: most of what takes it two seconds."""
+
+
+def _begin() -> None:
+    """One thread each; Ctrl-C is for the process that asked, which ends this one."""
+    one_thread_each()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
@@ -60,7 +67,7 @@ def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[
     longest_s = 0.0
 
     def begun() -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(n - 1, multiprocessing.get_context("spawn"), one_thread_each)
+        return ProcessPoolExecutor(n - 1, multiprocessing.get_context("spawn"), _begin)
 
     def shared(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
         nonlocal pool, longest_s

@@ -1,6 +1,7 @@
 """Calls that are shared out among processes where they take long."""
 
 import os
+import signal
 import time
 
 import pytest
@@ -40,6 +41,17 @@ def test_one_core_is_this_process(monkeypatch):
 def test_processes_begun_ahead_take_part_from_the_first_call_on():
     with spare_cores(2, ahead=True) as shared:
         assert set(shared(late, [0.3] * 12)) > {os.getpid()}
+
+
+def deaf(seconds):
+    time.sleep(seconds)
+    return os.getpid(), signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_an_interrupt_is_for_the_process_that_asked():
+    with spare_cores(2, ahead=True) as shared:
+        assert dict(shared(deaf, [0.3] * 12)).pop(os.getpid()) is False
+        assert {ignored for process, ignored in shared(deaf, [0.3] * 12) if process != os.getpid()} == {True}
 
 
 def end_unless(process):
