@@ -11,7 +11,7 @@ import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
@@ -96,16 +96,26 @@ class Run:
                 LOG.warning("%s", line)
 
     @contextmanager
-    def folder(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[Path]:
+    def folder(
+        self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = (), growing: bool = False
+    ) -> Iterator[Path]:
         """A folder to write into, as `output_folder`, that has the run's provenance and log at the end.
 
-        inputs: files and folders that are read, None for one that is not given
+        inputs: files and folders that are read, None for one that is not given; growing: as `growing_folder`, instead
         """
-        from experiments.formats.outputs import output_folder
+        from experiments.errors import InputError
+        from experiments.formats.outputs import growing_folder, output_folder
 
         read = [one for one in inputs if one is not None and one.is_dir()]
-        with output_folder(path, force=force, inputs=read) as folder:
-            yield folder
+        opened = growing_folder if growing else output_folder
+        with opened(path, force=force, inputs=read) as folder:
+            try:
+                yield folder
+            except BaseException:
+                if growing and any(folder.iterdir()):
+                    with suppress(InputError):
+                        self.finish(folder, path, inputs)
+                raise
             self.finish(folder, path, inputs)
 
     def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:

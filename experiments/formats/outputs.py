@@ -41,6 +41,32 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
             shutil.rmtree(work, ignore_errors=True)
 
 
+@contextmanager
+def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
+    """A folder whose files stand under `path` from when they are written on, and stay after any exception.
+
+    For what cannot be had again, such as a live run. One that was made for it and got no file goes at the end.
+    force, inputs: as for `output_folder`. Raises InputError, before any work is done, when `path` cannot be written.
+    """
+    final = Path(os.path.realpath(path))
+    for source in inputs:
+        check_apart(path, source)
+    _check_free(path, final, force, work=None)
+    made = not final.is_dir()
+    try:
+        final.mkdir(parents=True, exist_ok=True)
+        probe = _part_of(final, final)
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise InputError.refused(path, "a folder that can be written", error) from error
+    try:
+        yield final
+    finally:
+        if made and not any(final.iterdir()):
+            final.rmdir()
+
+
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file at once: under its name there is the old content or the new, never a part. Raises InputError."""
     write_together({path: content})

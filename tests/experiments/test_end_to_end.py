@@ -263,7 +263,7 @@ def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert "latency median" in told
     assert (np.diff(rows["time_s"]) > 0).all()
     # At most two seconds at 30 frames/s and what coasts between; how many fewer is a matter of the machine's speed:
-    # tests/experiments/pipeline/test_live.py counts them by a clock of its own.
+    # tests/experiments/pipeline/live/test_session.py counts them by a clock of its own.
     assert 1 <= len(rows) <= 70
     assert rows["status"][0] == "INITIALISING"
     assert set(rows["status"]) <= {"INITIALISING", "TRACKING", "COASTING", "LOST"}

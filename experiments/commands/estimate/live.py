@@ -40,14 +40,14 @@ def live(
     from experiments.errors import InputError
     from experiments.film.film import FILM
     from experiments.film.live_film import LiveFilm
-    from experiments.pipeline.live import ADVICE
-    from experiments.pipeline.live import live as followed
+    from experiments.pipeline.live.session import ADVICE
+    from experiments.pipeline.live.session import live as followed
 
     path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
 
     @contextmanager
     def begin(used: Scene) -> Iterator[Path]:
-        with run.folder(path, force=force, inputs=[Path(source), scene, needle]) as folder:
+        with run.folder(path, force=force, inputs=[Path(source), scene, needle], growing=True) as folder:
             run.use(used, before="track")
             yield folder
 
@@ -75,7 +75,8 @@ def live(
         print(
             f"{done.frames} frames and {done.without_frame} moments without one ({counted}), "
             f"{done.dropped} dropped, {done.not_used} not used{refused}; "
-            f"latency median {done.latency_median_ms:.1f} ms, worst {done.latency_worst_ms:.1f} ms"
+            f"latency median {done.latency_median_ms:.1f} ms, 99 of 100 {done.latency_p99_ms:.1f} ms, "
+            f"worst {done.latency_worst_ms:.1f} ms"
         )
         print(f"Estimates in {path / 'estimates.csv'}")
         if done.advice is not None:

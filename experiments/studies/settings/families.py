@@ -8,7 +8,7 @@ from typing import Any
 
 from estimators import FilterSettings, NeedleNoise, PlannedNeedle
 from estimators.association import IdentitySettings
-from experiments.pipeline.live import LiveSettings
+from experiments.pipeline.live.session import LiveSettings
 from experiments.studies.estimation.figures import estimation_figures
 from experiments.studies.marks import marks_figures
 from experiments.studies.settings.body_figures import BodyConstants, body_figures

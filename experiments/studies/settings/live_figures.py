@@ -23,7 +23,7 @@ import vision
 from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.live import LiveSettings, Session, follow
+from experiments.pipeline.live.session import LiveSettings, Session, follow
 from experiments.simulation.simulate import draw, scene_of
 from vision import Frame
 

@@ -12,7 +12,7 @@ from experiments.errors import InputError
 from experiments.film.live_film import WAITING, LiveFilm
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import Line
-from experiments.pipeline.live import Session
+from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder import PIECE_S, join
 from experiments.simulation.simulate import film, scene_of, true_motion
 from tests.experiments.command import softaim

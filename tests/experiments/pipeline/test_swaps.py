@@ -14,7 +14,7 @@ from experiments.formats.recording import Fix, MarkRow, write_marks_csv
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
-from experiments.pipeline.live import Session
+from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
 from vision import Frame
 

@@ -21,7 +21,7 @@ from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, wri
 from experiments.pipeline.advise import advise
 from experiments.pipeline.compare import compare
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
-from experiments.pipeline.live import Session
+from experiments.pipeline.live.session import Session
 from experiments.pipeline.plan import planned
 from experiments.pipeline.track import each_step, figures, track
 from experiments.simulation.simulate import draw, scene_of

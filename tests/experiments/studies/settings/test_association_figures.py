@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.association import IdentitySettings
-from experiments.pipeline.live import LIVE_DEFAULTS
+from experiments.pipeline.live.session import LIVE_DEFAULTS
 from experiments.studies.settings.identity_figures import identity_figures
 from experiments.studies.settings.live_figures import INTERVAL_S, live_figures, script
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from experiments.formats.recording import MarkRow
-from experiments.pipeline.live_marks.replay import MarksReplay
+from experiments.pipeline.live.marks.replay import MarksReplay
 from vision import EventKind
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from estimators import (
 )
 from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.advise import header, reach_s, row
+from experiments.pipeline.live.outputs import LiveTable
 
 SETTLED_S = 0.5
 """The breath is learnt from so long after the first tracked frame on [s]: the first ones have large errors; chosen."""
@@ -49,9 +49,7 @@ class LiveAdvice:
         self._last: TargetEstimate | None = None
         self.origin_s = 0.0
         self._compiled(self._tables)
-        self._file = rows.open("w", encoding="utf-8", newline="")
-        self._csv = csv.writer(self._file)
-        self._csv.writerow(header(self._dim))
+        self.table = LiveTable(rows, header(self._dim))
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
         """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written."""
@@ -66,16 +64,11 @@ class LiveAdvice:
         """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any."""
         return None if self._last is None else self._said(tissue, self._last, now_s, now_s)
 
-    def close(self) -> None:
-        """End the table."""
-        self._file.close()
-
     def _said(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float) -> Guidance:
         guided = self._guided(tissue, estimate, now_s)
         arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
         told = replace(guided, arrival_s=arrival_s)
-        self._csv.writerow(row(own_time_s(of_s, self.origin_s), told, self._dim))
-        self._file.flush()
+        self.table.write(row(own_time_s(of_s, self.origin_s), told, self._dim))
         self.counts[str(guided.advice)] += 1
         return guided
 

@@ -5,13 +5,10 @@ State lives in `Session`: the pipeline, the rows written so far, and the status 
 
 from __future__ import annotations
 
-import csv
-import shutil
-import sys
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -19,17 +16,18 @@ from statistics import median
 import numpy as np
 
 import vision
-from estimators import Guidance, TargetEstimate, after_frame
+from estimators import CovarianceError, Guidance, TargetEstimate, after_frame
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_source_events, report_swap
+from experiments.pipeline.events import report_event, report_source_events, report_swap
 from experiments.pipeline.frame_sources import check_size, open_source
 from experiments.pipeline.line import FILTER, Film, Line, Watcher, warm_up
-from experiments.pipeline.live_advice import LiveAdvice, own_time_s, words
-from experiments.pipeline.live_marks.opening import is_mark_source, open_mark_source
-from experiments.pipeline.live_marks.receiver import LiveMarks, MarksFrame, MarkSource
+from experiments.pipeline.live.advice import LiveAdvice, own_time_s, words
+from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
+from experiments.pipeline.live.marks.receiver import LiveMarks, MarksFrame, MarkSource
+from experiments.pipeline.live.outputs import Latencies, LiveTable, StatusLine
 
 ADVICE = "advice.csv"
 
@@ -58,8 +56,8 @@ class Session:
 
     needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
     watch: is shown each frame, what it gave and the advice
-    State: the line, rows of estimates.csv written so far; frames, statuses, rows without a frame, late frames counted;
-    the advice.
+    State: the line, the table of estimates; frames, statuses, rows without a frame, frames not used, counted; the
+    advice; whether the filter could use the last frame.
     """
 
     def __init__(
@@ -81,11 +79,10 @@ class Session:
         self._clock = clock
         self.n_frames = self.n_coasted = self.n_unused = 0
         self.statuses: Counter[str] = Counter()
-        self.latencies_ms: list[float] = []
+        self.latencies = Latencies()
         self._show = show
-        self._file = rows.open("w", encoding="utf-8", newline="")
-        self._csv = csv.writer(self._file)
-        self._csv.writerow(header(scene.network.dim))
+        self._table = LiveTable(rows, header(scene.network.dim))
+        self._usable = True
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
         self._origin_s = 0.0
@@ -97,6 +94,8 @@ class Session:
         Raises InputError where the first frame has another size.
         """
         fits = isinstance(frame, MarksFrame) or self._fits(frame)
+        for table in self.tables:
+            table.begin()
         if self._last_s is not None:
             self._intervals_s.append(max(frame.exposure_s - self._last_s, 1e-6))
         self._last_s = frame.exposure_s
@@ -104,10 +103,18 @@ class Session:
         if not fits or (reached_s is not None and frame.exposure_s < reached_s):
             self.n_unused += 1
             return False
-        if isinstance(frame, MarksFrame):
-            step = self.line.take(frame.exposure_s, frame.marks)
-        else:
-            step = self.line.see(frame.exposure_s, frame.image)
+        try:
+            if isinstance(frame, MarksFrame):
+                step = self.line.take(frame.exposure_s, frame.marks)
+            else:
+                step = self.line.see(frame.exposure_s, frame.image)
+        except CovarianceError as error:
+            if self._usable:
+                report_event(self._own_s(frame.exposure_s), "marks not used", str(error))
+            self._usable = False
+            self.n_unused += 1
+            return False
+        self._usable = True
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
@@ -115,7 +122,7 @@ class Session:
         self._write(estimate)
         advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, self._clock())
         latency_ms = 1e3 * (self._clock() - frame.exposure_s)
-        self.latencies_ms.append(latency_ms)
+        self.latencies.add(latency_ms)
         self.n_frames += 1
         self._show(status_text(self._own(estimate), self.interval_s, latency_ms, advised))
         if self.watch is not None:
@@ -149,8 +156,7 @@ class Session:
             self._show(status_text(self._own(ahead), interval_s, 1e3 * (now_s - self._last_s), advised))
 
     def _write(self, estimate: TargetEstimate) -> None:
-        self._csv.writerow(row(self._own(estimate)))
-        self._file.flush()
+        self._table.write(row(self._own(estimate)))
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
@@ -167,9 +173,13 @@ class Session:
 
     def close(self) -> None:
         """End the tables."""
-        self._file.close()
-        if self.advice is not None:
-            self.advice.close()
+        for table in self.tables:
+            table.close()
+
+    @property
+    def tables(self) -> list[LiveTable]:
+        """Of estimates, and of advice where it is asked for."""
+        return [self._table] if self.advice is None else [self._table, self.advice.table]
 
     @property
     def wait_s(self) -> float:
@@ -204,7 +214,7 @@ def status_text(
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that ended it.
+    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that it met.
 
     refused: how much of what a tracker sent could not be used, by kind; None where it was not one that sent
     """
@@ -215,6 +225,7 @@ class Followed:
     not_used: int
     statuses: Mapping[str, int]
     latency_median_ms: float
+    latency_p99_ms: float
     latency_worst_ms: float
     advice: Mapping[str, int] | None
     refused: Mapping[str, int] | None
@@ -245,12 +256,12 @@ def live(
         if scene is None:
             raise InputError.at(name, "--scene scene.toml beside it", "none")
         plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
-        with begin(scene) as folder, status_line() as show:
+        with begin(scene) as folder, StatusLine() as status:
 
             def shown(text: str) -> None:
                 if session.n_frames:
                     begun()
-                show(text)
+                status.show(text)
 
             watch = None if film is None else film(scene, plan)
             session = Session(scene, folder / "estimates.csv", shown, needle=plan, watch=watch)
@@ -267,6 +278,8 @@ def live(
                 session.close()
                 if watch is not None:
                     watch.finish(folder)
+            unwritten = next((table.fault for table in session.tables if table.fault is not None), None)
+            fault = fault or unwritten
             refused = dict(frames.refused) if isinstance(frames, LiveMarks) else None
             if not session.n_frames:
                 raise InputError.at(
@@ -278,11 +291,12 @@ def live(
         frames.frames_dropped,
         session.n_unused,
         dict(session.statuses),
-        float(np.median(session.latencies_ms)),
-        max(session.latencies_ms),
+        session.latencies.quantile_ms(0.5),
+        session.latencies.quantile_ms(0.99),
+        session.latencies.worst_ms,
         None if session.advice is None else dict(session.advice.counts),
         refused,
-        None if fault is None else f"{name}: {fault}",
+        None if fault is None else f"{name}: {fault}" if fault is not unwritten else str(fault),
     )
 
 
@@ -303,25 +317,3 @@ def follow(
         report_source_events(frames)
         if (frame is None or not session.take(frame)) and not frames.ended:
             session.coast(clock())
-
-
-@contextmanager
-def status_line() -> Iterator[Callable[[str], None]]:
-    """Show a status line: rewritten in place on a terminal; elsewhere a new line about once a second."""
-    terminal = sys.stdout.isatty()
-    last = -np.inf
-
-    def show(text: str) -> None:
-        nonlocal last
-        if terminal:
-            sys.stdout.write(f"\r{text[: shutil.get_terminal_size().columns - 1]}\x1b[K")
-            sys.stdout.flush()
-        elif time.monotonic() - last >= 1.0:
-            last = time.monotonic()
-            print(text, flush=True)
-
-    try:
-        yield show
-    finally:
-        if terminal:
-            sys.stdout.write("\n")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.pipeline.live_marks.sender_clock import OrderError, SenderClock
+from experiments.pipeline.live.marks.sender_clock import OrderError, SenderClock
 from vision import SourceSettings
 
 SETTINGS = SourceSettings()

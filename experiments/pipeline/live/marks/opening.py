@@ -8,9 +8,9 @@ from experiments.errors import InputError
 from experiments.formats.pictures import MARKS, source_in
 from experiments.formats.recording import read_frames, read_marks
 from experiments.formats.scene.scene import Scene, read_scene
-from experiments.pipeline.live_marks.feeds import PipeFeed, udp_feed
-from experiments.pipeline.live_marks.receiver import LiveMarks, MarkSource
-from experiments.pipeline.live_marks.replay import MarksReplay
+from experiments.pipeline.live.marks.feeds import PipeFeed, udp_feed
+from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
+from experiments.pipeline.live.marks.replay import MarksReplay
 from vision import SourceError
 
 STDIN = ("-", "stdin")

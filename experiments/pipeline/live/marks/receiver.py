@@ -11,8 +11,8 @@ from typing import Protocol
 
 from estimators import MarkMeasurement
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.live_marks.lines import LineError, SentFrame, read_line
-from experiments.pipeline.live_marks.sender_clock import OrderError, SenderClock
+from experiments.pipeline.live.marks.lines import LineError, SentFrame, read_line
+from experiments.pipeline.live.marks.sender_clock import OrderError, SenderClock
 from experiments.pipeline.track import measurement
 from vision import Closing, EventKind, SourceError, SourceEvent, SourceOf, SourceSettings, SourceWatchdog
 

@@ -6,8 +6,8 @@ import os
 import socket
 from urllib.parse import urlsplit
 
-from experiments.pipeline.live_marks.lines import LONGEST_LINE
-from experiments.pipeline.live_marks.receiver import SETTINGS, LiveMarks
+from experiments.pipeline.live.marks.lines import LONGEST_LINE
+from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
 from vision import SourceError, SourceSettings
 
 POLL_S = 0.1

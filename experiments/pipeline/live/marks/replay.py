@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from experiments.arrays import Floats
 from experiments.formats.recording import MarkRow
-from experiments.pipeline.live_marks.receiver import MarksFrame
+from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.track import measurement
 from vision import Closing, EventKind, SourceEvent
 

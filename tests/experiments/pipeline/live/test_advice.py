@@ -14,11 +14,11 @@ from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.advise import advise, header, table
-from experiments.pipeline.live import Session, follow
-from experiments.pipeline.live_advice import LiveAdvice, reach_s, words
+from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
+from experiments.pipeline.live.session import Session, follow
 from experiments.simulation.simulate import draw, scene_of, simulate
 from tests.experiments.command import softaim
-from tests.experiments.pipeline.test_live import INTERVAL, Clocked, frames_at
+from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at
 from vision import Frame
 
 NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
@@ -132,8 +132,9 @@ def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
     frames = [(t + 0.02, Frame(k, t, image if k < 15 else blank)) for k, t in enumerate(times)]
     source, told = Clocked(frames, [], times[-1] + 0.021), []
     inner = source.next
+    table = tmp_path / "advice.csv"
     source.next = lambda timeout_s=0.0: (
-        told.append(len((tmp_path / "advice.csv").read_text().splitlines())) or inner(timeout_s)
+        told.append(len(table.read_text().splitlines()) if table.exists() else 0) or inner(timeout_s)
     )
     _, rows, shown = run(source, tmp_path, plan)
     assert told == [0, *range(2, 32)]
@@ -162,7 +163,7 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
         estimate = TargetEstimate(t, at(t), 1e-8 * np.eye(2), Status.TRACKING, 3)
         said = advice.seen(tissue, estimate, t)
         off.append(np.linalg.norm(said.aim - at(said.arrival_s)))
-    advice.close()
+    advice.table.close()
     assert np.max(off[-60:]) < 1e-3
     assert np.max(off[:60]) > 5e-3
 
@@ -177,7 +178,7 @@ def test_a_filter_with_unknown_constants_has_tables_too(tmp_path, plan):
     for k in range(6):
         tissue.predict(k / 30.0)
         said = advice.seen(tissue, tissue.update(marks), k / 30.0)
-    advice.close()
+    advice.table.close()
     exact = guide(
         tissue, tissue.predict_at(5 / 30.0), plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings
     )

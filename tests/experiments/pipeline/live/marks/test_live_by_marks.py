@@ -18,14 +18,14 @@ from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import read_scene
 from experiments.pipeline.line import FILTER
-from experiments.pipeline.live import Session, follow
-from experiments.pipeline.live_marks.opening import is_mark_source
-from experiments.pipeline.live_marks.replay import MarksReplay
+from experiments.pipeline.live.marks.opening import is_mark_source
+from experiments.pipeline.live.marks.replay import MarksReplay
+from experiments.pipeline.live.session import Session, follow
 from experiments.pipeline.track import track
 from tests.experiments.command import softaim
-from tests.experiments.pipeline.live_marks.test_replay import Hand
+from tests.experiments.pipeline.live.marks.test_replay import Hand
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[5]
 SCENARIO = """version = 1
 scene = "hanging.toml"
 duration_s = 1.0

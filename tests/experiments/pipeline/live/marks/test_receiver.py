@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.live_marks.receiver import LiveMarks
+from experiments.pipeline.live.marks.receiver import LiveMarks
 from experiments.simulation.simulate import scene_of
 from vision import EventKind, SourceError, SourceSettings
 

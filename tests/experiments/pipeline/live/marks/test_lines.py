@@ -13,11 +13,11 @@ from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.target import Target
-from experiments.pipeline.live_marks.lines import LONGEST_LINE, LineError, read_line
+from experiments.pipeline.live.marks.lines import LONGEST_LINE, LineError, read_line
 from experiments.simulation.simulate import scene_of
 
 FLAT = scene_of(read_scenario("webcam"))
-PAGE = Path(__file__).parents[4] / "docs" / "live-marks.md"
+PAGE = Path(__file__).parents[5] / "docs" / "live-marks.md"
 M1 = '{"node": "M1", "x_mm": -200.5, "y_mm": 195, "sd_mm": 0.5}'
 
 

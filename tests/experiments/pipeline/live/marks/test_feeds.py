@@ -7,9 +7,9 @@ import time
 import pytest
 
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.live_marks.feeds import PipeFeed, UdpFeed, udp_feed
-from experiments.pipeline.live_marks.lines import LONGEST_LINE
-from experiments.pipeline.live_marks.receiver import LiveMarks
+from experiments.pipeline.live.marks.feeds import PipeFeed, UdpFeed, udp_feed
+from experiments.pipeline.live.marks.lines import LONGEST_LINE
+from experiments.pipeline.live.marks.receiver import LiveMarks
 from experiments.simulation.simulate import scene_of
 from vision import SourceError
 

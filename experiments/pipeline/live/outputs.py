@@ -1,0 +1,161 @@
+"""What a live run writes while it goes on, none of which the loop waits for or ends with: tables, a status line."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from io import TextIOWrapper
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TextIO
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.log import LOG
+
+A_LINE_S = 1.0
+"""A status line elsewhere than on a terminal comes no more often [s]; chosen."""
+
+LAST_S = 0.5
+"""How long the end waits for somebody to read the last status line [s]; chosen."""
+
+
+class LiveTable:
+    """A table that grows row by row, made when it begins; each row is handed to the system at once.
+
+    State: the file; why it can no longer be written, and how many rows are left out since.
+    """
+
+    def __init__(self, path: Path, header: Sequence[str]) -> None:
+        self.path, self.fault, self.n_left_out = path, None, 0
+        self._header = header
+        self._file: TextIOWrapper | None = None
+
+    fault: InputError | None
+
+    def begin(self) -> None:
+        """Make the file, where that is not done: a run without a frame leaves an older one as it is."""
+        if self._file is None and self.fault is None:
+            try:
+                self._file = self.path.open("w", encoding="utf-8", newline="")
+                self._add(self._header)
+            except OSError as error:
+                self._failed(error)
+
+    def write(self, row: Sequence[Any]) -> None:
+        """Add a row; where that cannot be written it is said once, and it and the later ones are left out."""
+        self.begin()
+        if self.fault is None:
+            try:
+                self._add(row)
+            except OSError as error:
+                self._failed(error)
+        self.n_left_out += self.fault is not None
+
+    def _add(self, row: Sequence[Any]) -> None:
+        assert self._file is not None
+        csv.writer(self._file).writerow(row)
+        self._file.flush()
+
+    def _failed(self, error: OSError) -> None:
+        self.fault = InputError.refused(self.path, "a table that can be written", error)
+        LOG.warning("%s; the run goes on without it", self.fault)
+
+    def close(self) -> None:
+        """End the table."""
+        if self._file is not None:
+            try:
+                self._file.close()
+            except OSError as error:  # what was left to write
+                self.fault = self.fault or InputError.refused(self.path, "a table that can be written", error)
+
+
+class StatusLine:
+    """A line on standard output, rewritten in place on a terminal; elsewhere a new line about once a second.
+
+    A thread writes the newest text: nobody has to read it, or to be there.
+    State: the text that waits.
+    """
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stdout if stream is None else stream
+        # None: the program was called without one
+        self._terminal = self._stream is not None and self._stream.isatty()
+        self._text: str | None = None
+        self._ended = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._work, name="status line", daemon=True)
+
+    def __enter__(self) -> StatusLine:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join(LAST_S)
+
+    def show(self, text: str) -> None:
+        """Show this text next."""
+        with self._changed:
+            self._text = text
+            self._changed.notify()
+
+    def _work(self) -> None:
+        if self._stream is None:
+            return
+        last_s = -np.inf
+        try:
+            while True:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._ended or self._text is not None)
+                    text, self._text = self._text, None
+                    if text is None:
+                        break
+                if self._terminal:
+                    self._stream.write(f"\r{text[: shutil.get_terminal_size().columns - 1]}\x1b[K")
+                elif time.monotonic() - last_s >= A_LINE_S:
+                    last_s = time.monotonic()
+                    self._stream.write(f"{text}\n")
+                self._stream.flush()
+            if self._terminal:
+                self._stream.write("\n")
+                self._stream.flush()
+        except (OSError, ValueError):
+            return  # nobody is there any more
+
+
+FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
+"""Range of the latencies that are told apart [ms], and classes in a tenfold: to 1.2 %; numerical."""
+
+
+class Latencies:
+    """How long frames took, from exposure to estimate, counted in classes: as much memory after hours as at first.
+
+    State: the counts, and the longest [ms].
+    """
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(int(A_DECADE * np.log10(LONGEST_MS / FINEST_MS)) + 1, dtype=np.int64)
+        self.worst_ms = 0.0
+
+    def add(self, latency_ms: float) -> None:
+        """Count one."""
+        self.worst_ms = max(self.worst_ms, latency_ms)
+        place = A_DECADE * np.log10(max(latency_ms, FINEST_MS) / FINEST_MS)
+        self._counts[min(int(place + 0.5), len(self._counts) - 1)] += 1
+
+    def quantile_ms(self, share: float) -> float:
+        """What this share of them does not exceed [ms], to 1.2 %; 0 of none."""
+        if not self._counts.any():
+            return 0.0
+        of = int(np.searchsorted(np.cumsum(self._counts), share * self._counts.sum()))
+        return min(float(FINEST_MS * 10.0 ** (of / A_DECADE)), self.worst_ms)

@@ -1,0 +1,141 @@
+"""What a live run writes, when nobody reads it, nothing can be written any more, or it ends in the middle."""
+
+import csv
+import io
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimators import CovarianceError
+from experiments.formats.outputs import growing_folder
+from experiments.formats.scenario import read_scenario
+from experiments.pipeline.live.outputs import FINEST_MS, Latencies, LiveTable, StatusLine
+from experiments.pipeline.live.session import Session, follow
+from experiments.simulation.simulate import scene_of
+from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
+
+__all__ = ["image"]
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_rows_are_there_when_the_run_ends_in_the_middle(tmp_path):
+    def run():
+        with growing_folder(tmp_path / "live") as folder:
+            table = LiveTable(folder / "rows.csv", ["a", "b"])
+            assert not (folder / "rows.csv").exists()
+            table.write([1, 2])
+            # as it is found by somebody who looks, or after a kill
+            assert rows_of(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
+            table.close()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run()
+    assert rows_of(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
+
+
+def test_a_folder_that_was_made_and_got_nothing_goes_and_one_that_was_there_stays(tmp_path):
+    (tmp_path / "there").mkdir()
+    for name in ("made", "there"):
+        with pytest.raises(ZeroDivisionError), growing_folder(tmp_path / name):
+            raise ZeroDivisionError
+    assert [one.name for one in tmp_path.iterdir()] == ["there"]
+
+
+def test_a_table_that_cannot_be_written_is_said_once_and_the_rest_left_out(caplog):
+    """/dev/full takes nothing, as a full disk."""
+    full = LiveTable(Path("/dev/full"), ["a"])
+    for k in range(3):
+        full.write([k])
+    full.close()
+    assert str(full.fault) == "/dev/full: expected a table that can be written, found no space left on device"
+    assert full.n_left_out == 3
+    assert [record.message for record in caplog.records] == [f"{full.fault}; the run goes on without it"]
+
+
+class Unread(io.StringIO):
+    """Standard output whose reader has stopped: a write waits until the test ends."""
+
+    def __init__(self):
+        super().__init__()
+        self.goes_on = threading.Event()
+
+    def write(self, text):
+        self.goes_on.wait(30.0)
+        return super().write(text)
+
+
+def test_a_status_line_that_nobody_reads_stops_nothing():
+    """A thousand texts, then the newest: written are the one that waited for its reader and the last."""
+    unread = Unread()
+    unread.isatty = lambda: True
+    with StatusLine(unread) as line:
+        for k in range(1000):
+            line.show(f"text {k}")
+        unread.goes_on.set()
+    written = [one.strip().removesuffix("\x1b[K") for one in unread.getvalue().split("\r") if one]
+    assert written[-1] == "text 999"
+    assert len(written) <= 3
+
+
+@pytest.mark.parametrize("fault", [BrokenPipeError(), ValueError("I/O operation on closed file")])
+def test_a_status_line_without_a_reader_ends_and_the_run_does_not(fault):
+    class Closed(io.StringIO):
+        def write(self, _text):
+            raise fault
+
+    with StatusLine(Closed()) as line:
+        for _ in range(3):
+            line.show("text")
+
+
+def test_a_program_that_was_called_without_standard_output_has_no_status_line(monkeypatch):
+    monkeypatch.setattr("sys.stdout", None)
+    with StatusLine() as line:
+        line.show("text")
+
+
+def test_latencies_are_counted_to_their_share():
+    """Of 10,000 by a log-normal law: the quantiles that NumPy finds, to 1.2 %; the longest exactly; 0 of none."""
+    rng = np.random.default_rng(1)
+    values = np.exp(rng.normal(2.0, 0.8, 10_000))
+    found = Latencies()
+    assert found.quantile_ms(0.99) == 0.0
+    for value in values:
+        found.add(float(value))
+    for share in (0.01, 0.5, 0.99, 0.999):
+        assert found.quantile_ms(share) == pytest.approx(np.quantile(values, share, method="inverted_cdf"), rel=0.012)
+    assert found.quantile_ms(1.0) == found.worst_ms == values.max()
+    below = Latencies()
+    below.add(0.0)
+    assert below.quantile_ms(0.5) <= FINEST_MS
+
+
+def test_marks_under_which_there_is_no_covariance_are_left_out_and_said(tmp_path, image, monkeypatch, caplog):
+    """Of 20 frames, three in a row: they are not used, the target is predicted meanwhile, and tracking goes on."""
+    scene = scene_of(read_scenario("webcam"))
+    source = Clocked(frames_at(100.0 + INTERVAL * np.arange(20), image), [], 100.7)
+    session = Session(scene, tmp_path / "estimates.csv", lambda _text: None)
+    see = session.line.see
+    failing = {round(100.0 + INTERVAL * k, 6) for k in (8, 9, 10)}
+
+    def seen(time_s, picture):
+        if round(time_s, 6) in failing:
+            raise CovarianceError("no likelihood that is finite")
+        return see(time_s, picture)
+
+    monkeypatch.setattr(session.line, "see", seen)
+    follow(session, source, np.inf, clock=lambda: source.now)
+    session.close()
+    assert session.n_frames == 17
+    assert session.n_unused == 3
+    assert [r.message for r in caplog.records if "not used" in r.message] == [
+        "100.27 s: marks not used: no likelihood that is finite"
+    ]
+    assert rows_of(tmp_path / "estimates.csv")[-1]["status"] == "TRACKING"
