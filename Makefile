@@ -47,7 +47,7 @@ wheel: $(READY)  ## the wheel, in dist/, and whether all that belongs in it is t
 	$(BIN)/python -m tests.wheel dist/*.whl
 
 mutants: $(READY)  ## which changes of the modules that safety rests on no test notices; about an hour
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,mutants]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mutants]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
 
@@ -59,5 +59,5 @@ clean:
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster]'
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export]'
 	@touch $(READY)

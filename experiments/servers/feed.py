@@ -1,0 +1,64 @@
+"""The newest of what a live run knows, in the process that serves it: any number of clients, none of whom is waited for.
+
+What the messages hold is told in `message`. Runs in one asyncio loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Message = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What was published at once: its number, one more with each, the state as JSON and, of some, a picture as JPEG."""
+
+    number: int
+    text: bytes
+    picture: bytes | None
+
+    @property
+    def state(self) -> Message:
+        """The state, decoded."""
+        found: Message = json.loads(self.text)
+        return found
+
+
+class Feed:
+    """Newest state of a live run, and the way back for commands.
+
+    send: hands a command to the loop, which may refuse it; it never waits
+    scene: what does not change from frame to frame; viewers are shown it first
+    State: the newest moment; how many clients want pictures.
+    """
+
+    def __init__(self, scene: Message, send: Callable[[Message], None] = lambda _command: None) -> None:
+        self.scene, self._send = scene, send
+        self.newest: Moment | None = None
+        self.n_watching = 0
+        self._changed = asyncio.Event()
+
+    def publish(self, text: bytes, picture: bytes | None) -> None:
+        """Take what the loop published."""
+        self.newest = Moment(1 if self.newest is None else self.newest.number + 1, text, picture)
+        self._changed.set()
+        self._changed = asyncio.Event()
+
+    async def after(self, number: int, timeout_s: float | None = None) -> Moment | None:
+        """The newest moment, once its number is above this one; None where none came in time."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                while self.newest is None or self.newest.number <= number:
+                    await self._changed.wait()
+        except TimeoutError:
+            return None
+        return self.newest
+
+    def command(self, command: Message) -> None:
+        """Ask the loop for something: `{"command": NAME, ...}`, as told in `commands`."""
+        self._send(command)

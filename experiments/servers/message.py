@@ -1,0 +1,200 @@
+"""What is told of a live run, as JSON: one message of the scene, then one of each state.
+
+Lengths are in mm and mm², times in s; numbers that there are none of are null. A schema is in `schema`; a page for people is
+docs/live-stream.md. A state that begins with an older `frames` than the one before is of a run that began anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from estimators import Guidance, TargetEstimate
+from experiments.arrays import Floats
+from experiments.film.overlay import WITHIN_95, MarkDrawn, Overlay
+from experiments.film.strokes import Colour
+from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.scene import Scene
+from experiments.version import version
+
+VERSION = 1
+STALE_MS = 200
+"""Age of the newest state from which on a viewer calls it stale [ms]; asked for by those who stand beside a needle."""
+
+
+@dataclass(slots=True)
+class Counters:
+    """How the loop does: counted since the run began.
+
+    frames, without_frame, dropped, not_used: as `softaim live` counts them
+    deadlines_missed: frames whose estimate was not there before the next frame was due
+    latency_ms: of the newest frame, from exposure to estimate; latency_p99_ms: of 99 in 100 of all
+    stages_ms: of the newest frame, by stage: wait, detect, predict, update, advise
+    rate_hz: frames a second; memory_mb: of the process
+    """
+
+    frames: int = 0
+    without_frame: int = 0
+    dropped: int = 0
+    not_used: int = 0
+    deadlines_missed: int = 0
+    latency_ms: float | None = None
+    latency_p99_ms: float | None = None
+    rate_hz: float | None = None
+    memory_mb: float | None = None
+    stages_ms: dict[str, float] = field(default_factory=dict)
+
+
+def scene_message(scene: Scene, source: str, picture_px: tuple[int, int] | None, plan: NeedlePlan | None) -> dict[str, Any]:
+    """What viewers are shown first.
+
+    picture_px: width and height of the picture that pixels in states refer to; None for tissue in space without one
+    """
+    network = scene.network
+    return {
+        "type": "scene",
+        "version": VERSION,
+        "softaim": version(),
+        "source": source,
+        "dim": network.dim,
+        "nodes": [
+            {"name": name, "fixed": bool(fixed), "drawn_mm": _mm(place)}
+            for name, fixed, place in zip(network.names, network.fixed, network.positions, strict=True)
+        ],
+        "springs": network.springs.tolist(),
+        "marks": [
+            {"node": m.node, "hue_deg": m.hue_deg, "diameter_mm": 1e3 * m.diameter_m, "measured": m.measured}
+            for m in scene.marks
+        ],
+        "target": {"node": scene.target.node, "radius_mm": 1e3 * scene.target.radius_m},
+        "picture_px": picture_px,
+        "needle": None if plan is None else {"go_probability": plan.settings.go},
+        "stale_ms": STALE_MS,
+    }
+
+
+def state_message(
+    estimate: TargetEstimate,
+    *,
+    utc_s: float,
+    from_frame: bool,
+    counters: Counters,
+    overlay: Overlay | None = None,
+    nodes_m: Floats | None = None,
+    nis_band: tuple[float, float] | None = None,
+    guidance: Guidance | None = None,
+    fault: str | None = None,
+    events: Sequence[Mapping[str, Any]] = (),
+    recording: Mapping[str, Any] | None = None,
+    paused: bool = False,
+) -> dict[str, Any]:
+    """What is known at one moment.
+
+    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where no frame came and it was predicted
+    overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
+    fault: why the estimate may not be relied upon, None where it may
+    events: the last ones, {"time_s", "kind", "text"}; recording: {"folder", "frames"} while one is written
+    """
+    cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
+    return {
+        "type": "state",
+        "version": VERSION,
+        "time_s": estimate.time_s,
+        "utc_s": utc_s,
+        "from_frame": from_frame,
+        "status": str(estimate.status),
+        "fault": fault,
+        "target_mm": _mm(estimate.mean),
+        "cov_mm2": None if cov is None else (1e6 * cov).tolist(),
+        "sigma_mm": None if cov is None else 1e3 * float(np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0))),
+        "marks_used": estimate.marks_used,
+        "nis": estimate.nis,
+        "nis_band": nis_band,
+        "poked": estimate.poked,
+        "nodes_mm": None if nodes_m is None else [_mm(one) for one in nodes_m],
+        "advice": None if guidance is None else _advice(guidance),
+        "picture": None if overlay is None else _picture(overlay),
+        "counters": {name: getattr(counters, name) for name in Counters.__dataclass_fields__},
+        "events": [dict(one) for one in events],
+        "recording": recording,
+        "paused": paused,
+    }
+
+
+def _mm(place_m: Floats) -> list[float] | None:
+    return (1e3 * place_m).tolist() if np.isfinite(place_m).all() else None
+
+
+def _advice(guidance: Guidance) -> dict[str, Any]:
+    def mm(length_m: float | None) -> float | None:
+        return None if length_m is None else 1e3 * length_m
+
+    return {
+        "advice": str(guidance.advice),
+        "reason": guidance.reason,
+        "probability": guidance.probability,
+        "arrival_s": guidance.arrival_s,
+        "aim_mm": None if guidance.aim is None else _mm(guidance.aim),
+        "lateral_mm": mm(guidance.lateral_m),
+        "depth_mm": mm(guidance.depth_m),
+        "turn_deg": None if guidance.turn_rad is None else float(np.degrees(guidance.turn_rad)),
+        "best_in_s": guidance.best_in_s,
+        "best_probability": guidance.best_probability,
+    }
+
+
+def _picture(overlay: Overlay) -> dict[str, Any]:
+    """Where all is seen, in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
+    needle = overlay.needle
+    return {
+        "nodes_px": [_px(one) for one in overlay.nodes_px],
+        "target_px": _px(overlay.target_px),
+        "target_ellipse_px": _ellipse(overlay.target_cov_px2),
+        "target_shape_px": overlay.target_shape_px.tolist(),
+        "trusted": overlay.trusted,
+        "status_colour": _colour(overlay.status_colour),
+        "advice_colour": _colour(overlay.advice_colour) if overlay.advice else None,
+        "notes": list(overlay.notes),
+        "marks": [_mark(one) for one in overlay.marks],
+        "needle": None
+        if needle is None
+        else {
+            "shaft_px": [_px(one) for one in needle.shaft_px],
+            "ahead_px": [_px(one) for one in needle.ahead_px],
+            "aim_px": None if needle.aim_px is None else _px(needle.aim_px),
+            "aim_ellipse_px": _ellipse(needle.aim_cov_px2),
+        },
+    }
+
+
+def _mark(mark: MarkDrawn) -> dict[str, Any]:
+    return {
+        "node": mark.name,
+        "fate": str(mark.fate),
+        "why": mark.why,
+        "center_px": None if mark.center_px is None else _px(mark.center_px),
+        "expected_px": None if mark.expected_px is None else _px(mark.expected_px),
+        "expected_ellipse_px": _ellipse(mark.expected_cov_px2),
+        "shape_px": mark.shape_px.tolist(),
+    }
+
+
+def _px(place_px: Floats) -> list[float] | None:
+    return [float(x) for x in place_px] if np.isfinite(place_px).all() else None
+
+
+def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
+    """The semi-axes that hold 95 %, (2, 2), a row each; None where there are none."""
+    if cov_px2 is None or not np.isfinite(cov_px2).all():
+        return None
+    values, vectors = np.linalg.eigh(cov_px2)
+    axes: list[list[float]] = (WITHIN_95 * np.sqrt(values.clip(0.0))[:, None] * vectors.T).tolist()
+    return axes
+
+
+def _colour(colour: Colour) -> str:
+    blue, green, red = colour
+    return f"#{red:02x}{green:02x}{blue:02x}"
