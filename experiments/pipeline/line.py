@@ -27,6 +27,7 @@ from estimators import (
 )
 from experiments.arrays import Floats
 from experiments.formats.recording import Fix
+from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
@@ -61,7 +62,7 @@ class Step:
     swap: marks that were found to have been taken for each other, None in all but a few frames
     refused: nodes whose marks the gate rejected
     sight: what was looked for, None where the line does not explain
-    detect_s, method_s: seconds spent on finding marks, and by method
+    detect_s, method_s: seconds spent on finding marks, and by method; predict_s: of the filter's, before them
     """
 
     estimates: dict[str, TargetEstimate]
@@ -71,6 +72,16 @@ class Step:
     swap: IdentitySwap | None = None
     refused: tuple[str, ...] = ()
     sight: Sight | None = None
+    predict_s: float = 0.0
+
+    @property
+    def stages_s(self) -> dict[str, float]:
+        """Seconds that the filter's stages took, in order."""
+        return {
+            "predict": self.predict_s,
+            "detect": self.detect_s,
+            "update": self.method_s[FILTER] - self.predict_s,
+        }
 
 
 class Watcher(Protocol):
@@ -118,9 +129,15 @@ class Line:
         self.identity = AssociationFilter(self.filter, scene.nodes_alike)
         self.open_loop = OpenLoop(scene.network, scene.target.point) if baseline else None
         self._measured = frozenset(measured)
-        self._marks = {mark.node: mark for mark in scene.marks}
-        self.finder = vision.MarkFinder([mark.hue for mark in scene.marks], explain=explain)
         self._explain = explain
+        self._marks: dict[str, Mark] = {}
+        self.colour(scene.marks)
+
+    def colour(self, marks: tuple[Mark, ...]) -> None:
+        """Look for the scene's marks in these colours from now on; what was learnt of their appearance goes."""
+        self.scene = replace(self.scene, marks=marks)
+        self._marks = {mark.node: mark for mark in marks}
+        self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
 
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
@@ -212,7 +229,7 @@ class Line:
             method_s[OPEN_LOOP] = time.perf_counter() - filtered
         unmeasured = [mark for mark in marks if mark.node not in self._measured]
         refused = _refused(named.estimate, named.marks, self.filter.rejected - refused_before)
-        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap, refused, sight)
+        return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap, refused, sight, predict_s)
 
 
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:

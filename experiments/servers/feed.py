@@ -1,4 +1,4 @@
-"""The newest of what a live run knows, in the process that serves it: any number of clients, none of whom is waited for.
+"""The newest of what a live run knows, in the process that serves it: for any number of clients, and no waiting.
 
 What the messages hold is told in `message`. Runs in one asyncio loop.
 """

@@ -1,7 +1,6 @@
 """What is told of a live run, as JSON: one message of the scene, then one of each state.
 
-Lengths are in mm and mm², times in s; numbers that there are none of are null. A schema is in `schema`; a page for people is
-docs/live-stream.md. A state that begins with an older `frames` than the one before is of a run that began anew.
+Lengths are in mm and mm², times in s; numbers that there are none of are null. For people: docs/live-stream.md.
 """
 
 from __future__ import annotations
@@ -48,7 +47,9 @@ class Counters:
     stages_ms: dict[str, float] = field(default_factory=dict)
 
 
-def scene_message(scene: Scene, source: str, picture_px: tuple[int, int] | None, plan: NeedlePlan | None) -> dict[str, Any]:
+def scene_message(
+    scene: Scene, source: str, picture_px: tuple[int, int] | None, plan: NeedlePlan | None
+) -> dict[str, Any]:
     """What viewers are shown first.
 
     picture_px: width and height of the picture that pixels in states refer to; None for tissue in space without one
@@ -93,10 +94,10 @@ def state_message(
 ) -> dict[str, Any]:
     """What is known at one moment.
 
-    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where no frame came and it was predicted
+    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where it was predicted without one
     overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
     fault: why the estimate may not be relied upon, None where it may
-    events: the last ones, {"time_s", "kind", "text"}; recording: {"folder", "frames"} while one is written
+    events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
     return {

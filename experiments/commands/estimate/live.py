@@ -17,6 +17,7 @@ from experiments.commands.run import Answer, Run
 if TYPE_CHECKING:
     from experiments.formats.needle_file import NeedlePlan
     from experiments.formats.scene.scene import Scene
+    from experiments.pipeline.live.following import Attendant
 
 
 def live(
@@ -27,23 +28,36 @@ def live(
             "--source",
             help="Camera index, device, film, folder, stream, recording, phantom; marks: udp://:PORT, - or marks.csv.",
         ),
-    ],
+    ] = "phantom",
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
     duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,
     film: WithFilm = False,
+    record: Annotated[
+        bool, typer.Option("--record", help="Record from the first frame on, for softaim replay.")
+    ] = False,
+    page: Annotated[
+        str | None, typer.Option("--page", help="Where the page listens, HOST:PORT; default: 127.0.0.1:8765.")
+    ] = None,
+    no_page: Annotated[bool, typer.Option("--no-page", help="No page.")] = False,
+    openigtlink: Annotated[
+        str | None, typer.Option("--openigtlink", help="Where OpenIGTLink listens, HOST:PORT, such as 127.0.0.1:18944.")
+    ] = None,
     force: Force = False,
 ) -> Answer:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
     from experiments.errors import InputError
     from experiments.film.film import FILM
     from experiments.film.live_film import LiveFilm
+    from experiments.pipeline.live.following import live as followed
     from experiments.pipeline.live.session import ADVICE
-    from experiments.pipeline.live.session import live as followed
+    from experiments.servers.opening import served
+    from vision import shown_source
 
     path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
+    link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
 
     @contextmanager
     def begin(used: Scene) -> Iterator[Path]:
@@ -58,6 +72,12 @@ def live(
         films.append(LiveFilm(used, growing.with_name(f"{growing.name}-film"), plan))
         return films[-1]
 
+    def shows(used: Scene, plan: NeedlePlan | None) -> Attendant:
+        from experiments.servers.publisher import Shows
+
+        assert link is not None
+        return run.opened.enter_context(Shows(link, used, plan, shown_source(source)))
+
     done = followed(
         source,
         scene,
@@ -67,6 +87,8 @@ def live(
         fps=fps,
         needle_path=needle,
         film=filmed if film else None,
+        attendant=None if link is None else shows,
+        record=record,
     )
 
     def show() -> None:
@@ -75,13 +97,15 @@ def live(
         print(
             f"{done.frames} frames and {done.without_frame} moments without one ({counted}), "
             f"{done.dropped} dropped, {done.not_used} not used{refused}; "
-            f"latency median {done.latency_median_ms:.1f} ms, 99 of 100 {done.latency_p99_ms:.1f} ms, "
-            f"worst {done.latency_worst_ms:.1f} ms"
+            f"latency median {done.p50_ms:.1f} ms, 99 of 100 {done.p99_ms:.1f} ms, "
+            f"worst {done.worst_ms:.1f} ms, {done.deadlines_missed} deadlines missed"
         )
         print(f"Estimates in {path / 'estimates.csv'}")
         if done.advice is not None:
             print(f"Advice in {path / ADVICE}: {', '.join(f'{name} {n}' for name, n in done.advice.items())}")
 
+        for folder in done.recordings:
+            print(f"Recording in {folder}; next: softaim replay {folder}")
         for one in films:
             print(f"Film in {path / FILM}: {one.n_written} frames, {one.n_dropped} dropped")
 

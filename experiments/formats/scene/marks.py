@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from experiments.formats.scene.schema import MarkTable
 from experiments.formats.toml_file import toml_bool, toml_number, toml_text
@@ -30,6 +30,16 @@ class Mark:
     def hue(self) -> MarkHue:
         """What colours count as this mark's."""
         return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
+
+    def coloured(self, hue: MarkHue) -> Mark:
+        """The same mark in another colour."""
+        return replace(
+            self,
+            hue_deg=hue.hue_deg,
+            half_width_deg=hue.half_width_deg,
+            min_saturation=hue.min_saturation,
+            min_value=hue.min_value,
+        )
 
 
 def mark_of(table: MarkTable) -> Mark:

@@ -51,6 +51,10 @@ class LiveAdvice:
         self._compiled(self._tables)
         self.table = LiveTable(rows, header(self._dim))
 
+    def forget(self) -> None:
+        """Forget the breath and the last estimate: the filter begins anew."""
+        self._breathing, self._learn_s, self._last = Breathing(self._dim), np.inf, None
+
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
         """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written."""
         self._last = estimate
@@ -60,12 +64,18 @@ class LiveAdvice:
                 self._breathing.update(estimate.time_s, estimate.mean, estimate.cov)
         return self._said(tissue, estimate, now_s, estimate.time_s)
 
-    def unseen(self, tissue: TissueFilter, now_s: float) -> Guidance | None:
-        """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any."""
-        return None if self._last is None else self._said(tissue, self._last, now_s, now_s)
+    def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
+        """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any.
 
-    def _said(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float) -> Guidance:
-        guided = self._guided(tissue, estimate, now_s)
+        fault: why there is none to be given, where something else than the estimate says so
+        """
+        return None if self._last is None else self._said(tissue, self._last, now_s, now_s, fault)
+
+    def _said(
+        self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
+    ) -> Guidance:
+        none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
+        guided = none or self._guided(tissue, estimate, now_s)
         arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
         told = replace(guided, arrival_s=arrival_s)
         self.table.write(row(own_time_s(of_s, self.origin_s), told, self._dim))

@@ -28,11 +28,13 @@ LAST_S = 0.5
 class LiveTable:
     """A table that grows row by row, made when it begins; each row is handed to the system at once.
 
-    State: the file; why it can no longer be written, and how many rows are left out since.
+    State: the file; why it can no longer be written, and how many rows are left out since; tables that get its rows,
+    too.
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
         self.path, self.fault, self.n_left_out = path, None, 0
+        self.also: list[LiveTable] = []
         self._header = header
         self._file: TextIOWrapper | None = None
 
@@ -56,6 +58,13 @@ class LiveTable:
             except OSError as error:
                 self._failed(error)
         self.n_left_out += self.fault is not None
+        for other in self.also:
+            other.write(row)
+
+    def copied(self, path: Path) -> LiveTable:
+        """Another table that gets the rows from now on."""
+        self.also.append(LiveTable(path, self._header))
+        return self.also[-1]
 
     def _add(self, row: Sequence[Any]) -> None:
         assert self._file is not None

@@ -7,29 +7,30 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 
 import vision
-from estimators import CovarianceError, Guidance, TargetEstimate, after_frame
-from experiments.errors import InputError
+from estimators import AdviceSettings, CovarianceError, Guidance, TargetEstimate, after_frame, health_fault
+from experiments.arrays import Floats
 from experiments.formats.estimate_rows import header, row
-from experiments.formats.needle_file import NeedlePlan, read_needle
+from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_event, report_source_events, report_swap
-from experiments.pipeline.frame_sources import check_size, open_source
-from experiments.pipeline.line import FILTER, Film, Line, Watcher, warm_up
-from experiments.pipeline.live.advice import LiveAdvice, own_time_s, words
-from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
-from experiments.pipeline.live.marks.receiver import LiveMarks, MarksFrame, MarkSource
-from experiments.pipeline.live.outputs import Latencies, LiveTable, StatusLine
+from experiments.pipeline.events import report_event, report_swap
+from experiments.pipeline.frame_sources import check_size
+from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher, warm_up
+from experiments.pipeline.live.advice import LiveAdvice, own_time_s
+from experiments.pipeline.live.journal import Act, Done, Journal
+from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.outputs import LiveTable
+from experiments.pipeline.live.shown import Counters, Publisher, Shown, status_text
 
-ADVICE = "advice.csv"
+ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,7 @@ class LiveSettings:
 
 
 LIVE_DEFAULTS = LiveSettings()
+PAUSED = "paused: frames are not used"
 
 SOURCE = vision.SourceSettings()
 """Its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are those of
@@ -55,9 +57,9 @@ class Session:
     """One live run.
 
     needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
-    watch: is shown each frame, what it gave and the advice
-    State: the line, the table of estimates; frames, statuses, rows without a frame, frames not used, counted; the
-    advice; whether the filter could use the last frame.
+    watch: is shown each frame, what it gave and the advice; publisher: also each moment without one
+    State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
+    who is told all that is done, so that it can be done again; whether the filter could use the last frame.
     """
 
     def __init__(
@@ -68,18 +70,22 @@ class Session:
         *,
         needle: NeedlePlan | None = None,
         watch: Watcher | None = None,
+        publisher: Publisher | None = None,
         clock: Callable[[], float] = time.monotonic,
         settings: LiveSettings = LIVE_DEFAULTS,
     ) -> None:
         warm_up(scene)
         self.settings = settings
-        self.line = Line(scene, baseline=False, explain=watch is not None)
-        self.watch = watch
+        self._explain = watch is not None or publisher is not None
+        self.line = Line(scene, baseline=False, explain=self._explain)
+        self.watch, self.publisher = watch, publisher
+        self.journals: list[Journal] = []
+        self.paused = False
+        self.picture: vision.Frame | None = None
         self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE))
         self._clock = clock
-        self.n_frames = self.n_coasted = self.n_unused = 0
+        self.counters = Counters()
         self.statuses: Counter[str] = Counter()
-        self.latencies = Latencies()
         self._show = show
         self._table = LiveTable(rows, header(scene.network.dim))
         self._usable = True
@@ -87,50 +93,96 @@ class Session:
         self._last_s: float | None = None
         self._origin_s = 0.0
 
-    def take(self, frame: vision.Frame | MarksFrame) -> bool:
+    def take(self, frame: vision.Frame | MarksFrame, waited_s: float = 0.0) -> bool:
         """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
 
-        Not used is a frame older than the filter's state, or of another size than the scene's camera gives.
-        Raises InputError where the first frame has another size.
+        Not used is a frame older than the filter's state or no newer than the one before, or of another size than the
+        scene's camera gives.
+        waited_s: how long the loop waited for it [s]. Raises InputError where the first frame has another size.
         """
+        exposure_s = round(frame.exposure_s, 9)
         fits = isinstance(frame, MarksFrame) or self._fits(frame)
+        fits = fits and (self._last_s is None or exposure_s > self._last_s)
         for table in self.tables:
             table.begin()
-        if self._last_s is not None:
-            self._intervals_s.append(max(frame.exposure_s - self._last_s, 1e-6))
-        self._last_s = frame.exposure_s
+        self._came(exposure_s)
         reached_s = self.line.filter.time_s
-        if not fits or (reached_s is not None and frame.exposure_s < reached_s):
-            self.n_unused += 1
+        began = time.perf_counter()
+        step = self._step(frame, exposure_s) if fits and (reached_s is None or exposure_s >= reached_s) else None
+        now_s, estimated = self._clock(), time.perf_counter()
+        for journal in self.journals:
+            journal.frame(frame, exposure_s, now_s, fits=fits)
+        if step is None:
+            self.counters.not_used += 1
             return False
+        estimate = step.estimates[FILTER]
+        self._write(estimate)
+        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s)
+        ended = time.perf_counter()
+        stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
+        self._count(self._clock() - exposure_s, ended - began, stages_s)
+        self._show(status_text(self._own(estimate), self.interval_s, self.counters.latency_ms, advised))
+        self.picture = None if isinstance(frame, MarksFrame) else frame
+        if self.watch is not None:
+            self.watch.take(self.picture, self.line, step, advised)
+        self._publish(estimate, self.picture, step, advised, now_s)
+        return True
+
+    def _came(self, exposure_s: float) -> None:
+        if self._last_s is not None:
+            self._intervals_s.append(max(exposure_s - self._last_s, 1e-6))
+        self._last_s = max(exposure_s, self._last_s or exposure_s)
+
+    def unfit(self, exposure_s: float) -> None:
+        """A frame came that is of no use, exposed at this time [s]."""
+        self._came(exposure_s)
+        self.counters.not_used += 1
+
+    def _step(self, frame: vision.Frame | MarksFrame, exposure_s: float) -> Step | None:
+        """What the line makes of a frame; None where its marks cannot be used, which is reported once."""
         try:
             if isinstance(frame, MarksFrame):
-                step = self.line.take(frame.exposure_s, frame.marks)
+                step = self.line.take(exposure_s, frame.marks)
             else:
-                step = self.line.see(frame.exposure_s, frame.image)
+                step = self.line.see(exposure_s, frame.image)
         except CovarianceError as error:
             if self._usable:
-                report_event(self._own_s(frame.exposure_s), "marks not used", str(error))
+                report_event(self._own_s(exposure_s), "marks not used", str(error))
             self._usable = False
-            self.n_unused += 1
-            return False
+            return None
         self._usable = True
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
-        estimate = step.estimates[FILTER]
-        self._write(estimate)
-        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, self._clock())
-        latency_ms = 1e3 * (self._clock() - frame.exposure_s)
-        self.latencies.add(latency_ms)
-        self.n_frames += 1
-        self._show(status_text(self._own(estimate), self.interval_s, latency_ms, advised))
-        if self.watch is not None:
-            self.watch.take(None if isinstance(frame, MarksFrame) else frame, self.line, step, advised)
-        return True
+        return step
+
+    def _count(self, latency_s: float, took_s: float, stages_s: Mapping[str, float]) -> None:
+        counters, interval_s = self.counters, self.interval_s
+        counters.frames += 1
+        counters.late += interval_s is not None and took_s > interval_s
+        counters.latency_ms = 1e3 * latency_s
+        counters.latencies.add(counters.latency_ms)
+        counters.stages_s = stages_s
+
+    def _publish(
+        self,
+        estimate: TargetEstimate,
+        frame: vision.Frame | None,
+        step: Step | None,
+        advised: Guidance | None,
+        now_s: float,
+    ) -> None:
+        if self.publisher is None:
+            return
+        settings = AdviceSettings() if self.advice is None else self.advice.plan.settings
+        fault = PAUSED if self.paused else health_fault(estimate, now_s, self.line.filter.seen_s, settings)
+        self.publisher.publish(
+            Shown(self._own(estimate), estimate.time_s, frame, step, advised, fault, self.interval_s, self.counters),
+            self.line,
+        )
 
     def _fits(self, frame: vision.Frame) -> bool:
-        if not self.n_frames:
+        if not self.counters.frames:
             check_size(frame, self.line.scene)
         height, width = frame.image.shape[:2]
         return self.line.scene.cameras[0].size_px == (width, height)
@@ -144,16 +196,20 @@ class Session:
         if tissue.time_s is None or self._last_s is None:
             self._show("no frame yet")
             return
+        self._note(Act.COAST, now_s, now_s)
         interval_s, settings = self.interval_s, self.settings
         behind_s = now_s - (SOURCE.hung_s if interval_s is None else settings.behind_s + 2.0 * interval_s)
         if behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
-            self.n_coasted += 1
+            self.counters.without_frame += 1
         if now_s > tissue.time_s:
             status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
             ahead = replace(tissue.predict_at(now_s), status=status)
-            advised = None if self.advice is None else self.advice.unseen(tissue, now_s)
+            advised = (
+                None if self.advice is None else self.advice.unseen(tissue, now_s, PAUSED if self.paused else None)
+            )
             self._show(status_text(self._own(ahead), interval_s, 1e3 * (now_s - self._last_s), advised))
+            self._publish(ahead, None, None, advised, now_s)
 
     def _write(self, estimate: TargetEstimate) -> None:
         self._table.write(row(self._own(estimate)))
@@ -161,6 +217,8 @@ class Session:
 
     def count_from(self, origin_s: float) -> None:
         """Tell times as a source does whose own time was nought at origin_s on the clock [s]: those of a film."""
+        if origin_s != self._origin_s:
+            self._note(Act.ORIGIN, origin_s, self._clock())
         self._origin_s = origin_s
         if self.advice is not None:
             self.advice.origin_s = origin_s
@@ -170,6 +228,63 @@ class Session:
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
+
+    def _note(self, act: Act, time_s: float, now_s: float, values: Sequence[Any] = ()) -> None:
+        for journal in self.journals:
+            journal.note(Done(act, time_s, now_s, tuple(values)))
+
+    def pause(self, on: bool) -> None:
+        """Use no frames from now on, or use them again; meanwhile there is no advice."""
+        now_s = self._clock()
+        self._note(Act.PAUSE, now_s, now_s, [on])
+        self.paused = on
+
+    def reset(self) -> None:
+        """Forget the state: the next frame starts anew."""
+        self._note(Act.RESET, self.line.filter.time_s or 0.0, self._clock())
+        self._renew(self.line.scene)
+
+    def _renew(self, scene: Scene) -> None:
+        self.line = Line(scene, baseline=False, explain=self._explain)
+        if self.advice is not None:
+            self.advice.forget()
+
+    def fix(self, place_m: Floats, sd_m: float) -> None:
+        """Take in a direct sighting of the target at the time of the newest estimate: where [m], (dim,), how sure [m].
+
+        The usual error that sightings have in common is in its covariance where the scene states none. ValueError where
+        there is no estimate yet, or the sighting does not fit the tissue's dimensions.
+        """
+        tissue, dim = self.line.filter, self.line.scene.network.dim
+        if tissue.time_s is None:
+            raise ValueError("fix: expected an estimate before it, found none")
+        if np.shape(place_m) != (dim,):
+            raise ValueError(f"fix: expected {dim} coordinates, found {len(place_m)}")
+        bias_m = 0.0 if self.line.scene.settings.fix_bias is not None else USUAL_BIAS.sd_m
+        self._note(Act.FIX, tissue.time_s, self._clock(), [float(x) for x in (*place_m, sd_m)])
+        self.line.identity.fix(place_m, (sd_m**2 + bias_m**2) * np.eye(dim))
+
+    def colour(self, node: str, hue: vision.MarkHue) -> None:
+        """From now on the mark on this node has this colour. ValueError where it has no mark."""
+        marks = self.line.scene.marks
+        if node not in (mark.node for mark in marks):
+            raise ValueError(f"hue: expected a node with a mark, found {node}")
+        now_s = self._clock()
+        self._note(Act.HUE, now_s, now_s, [node, *astuple(hue)])
+        self.line.colour(tuple(mark.coloured(hue) if mark.node == node else mark for mark in marks))
+
+    def needle_at(self, tip_m: Floats, direction: Floats) -> None:
+        """A tracked needle's tip is here [m], (dim,), and so it points, (dim,). ValueError where there is no needle."""
+        if self.advice is None:
+            raise ValueError("needle: expected --needle, for its speed and lesion, found none")
+        now_s, insertion = self._clock(), self.advice.plan.insertion
+        if np.shape(tip_m) != insertion.entry.shape or np.shape(direction) != insertion.entry.shape:
+            raise ValueError(
+                f"needle: expected {len(insertion.entry)} coordinates, found {len(tip_m)}, {len(direction)}"
+            )
+        moved = replace(insertion, entry=tip_m, axis=direction, depth_m=0.0)
+        self._note(Act.NEEDLE, now_s, now_s, [float(x) for x in (*tip_m, *direction)])
+        self.advice.plan = replace(self.advice.plan, insertion=moved)
 
     def close(self) -> None:
         """End the tables."""
@@ -191,129 +306,3 @@ class Session:
     def interval_s(self) -> float | None:
         """Usual time from frame to frame [s], None before two came."""
         return median(self._intervals_s) if self._intervals_s else None
-
-
-def status_text(
-    estimate: TargetEstimate, interval_s: float | None, latency_ms: float, advised: Guidance | None = None
-) -> str:
-    """Text of the status line: time, target, sigma, status, frames per second, latency.
-
-    With advice: time, status, latency, sigma, and the advice.
-    """
-    place = ", ".join(f"{1e3 * x:7.2f}" for x in estimate.mean)
-    sigma = np.nan if estimate.cov is None else 1e3 * np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])
-    if advised is not None:
-        ms = f"{latency_ms:4.0f} ms"
-        return f"{estimate.time_s:10.2f} s  {estimate.status:<8} {ms}  sigma {sigma:.2f} mm  {words(advised)}"
-    rate = "  – " if interval_s is None else f"{1.0 / interval_s:4.0f}"
-    return (
-        f"{estimate.time_s:10.2f} s  target ({place}) mm  sigma {sigma:5.2f} mm  {estimate.status:<8}"
-        f"  {rate} frames/s  latency {latency_ms:5.1f} ms"
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Followed:
-    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that it met.
-
-    refused: how much of what a tracker sent could not be used, by kind; None where it was not one that sent
-    """
-
-    frames: int
-    without_frame: int
-    dropped: int
-    not_used: int
-    statuses: Mapping[str, int]
-    latency_median_ms: float
-    latency_p99_ms: float
-    latency_worst_ms: float
-    advice: Mapping[str, int] | None
-    refused: Mapping[str, int] | None
-    fault: str | None
-
-
-def live(
-    source: str,
-    scene_path: Path | None,
-    begin: Callable[[Scene], AbstractContextManager[Path]],
-    *,
-    begun: Callable[[], None] = lambda: None,
-    duration_s: float | None = None,
-    fps: float | None = None,
-    needle_path: Path | None = None,
-    film: Callable[[Scene, NeedlePlan | None], Film] | None = None,
-) -> Followed:
-    """Track the target live until the source ends, the duration is over or Ctrl-C; write estimates.csv.
-
-    begin: opens the folder that rows are written to as they come; begun: called when frames are used. While no frame
-    comes the target is predicted; events of the source are reported on standard error. With a needle's file there is
-    advice on it, too, in the status line and in advice.csv. film: makes the film of the run. Raises InputError.
-    """
-    name = f"--source {vision.shown_source(source)}"
-    scene, frames = _open(source, scene_path, fps)
-    fault: Exception | None = None
-    with frames:
-        if scene is None:
-            raise InputError.at(name, "--scene scene.toml beside it", "none")
-        plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
-        with begin(scene) as folder, StatusLine() as status:
-
-            def shown(text: str) -> None:
-                if session.n_frames:
-                    begun()
-                status.show(text)
-
-            watch = None if film is None else film(scene, plan)
-            session = Session(scene, folder / "estimates.csv", shown, needle=plan, watch=watch)
-            try:
-                follow(session, frames, np.inf if duration_s is None else duration_s)
-            except KeyboardInterrupt:
-                pass  # Ctrl-C is how a live run ends
-            except (vision.SourceError, InputError) as error:
-                if not session.n_frames:
-                    raise InputError(f"{name}: {error}") from error
-                fault = error  # what was estimated until then is kept
-            finally:
-                report_source_events(frames)
-                session.close()
-                if watch is not None:
-                    watch.finish(folder)
-            unwritten = next((table.fault for table in session.tables if table.fault is not None), None)
-            fault = fault or unwritten
-            refused = dict(frames.refused) if isinstance(frames, LiveMarks) else None
-            if not session.n_frames:
-                raise InputError.at(
-                    name, "frames", "none" + "".join(f", {n} {kind}" for kind, n in (refused or {}).items())
-                )
-    return Followed(
-        session.n_frames,
-        session.n_coasted,
-        frames.frames_dropped,
-        session.n_unused,
-        dict(session.statuses),
-        session.latencies.quantile_ms(0.5),
-        session.latencies.quantile_ms(0.99),
-        session.latencies.worst_ms,
-        None if session.advice is None else dict(session.advice.counts),
-        refused,
-        None if fault is None else f"{name}: {fault}" if fault is not unwritten else str(fault),
-    )
-
-
-def _open(source: str, scene_path: Path | None, fps: float | None) -> tuple[Scene | None, vision.Source | MarkSource]:
-    if is_mark_source(source):
-        return open_mark_source(source, scene_path)
-    return open_source(source, scene_path, live=True, fps=fps)
-
-
-def follow(
-    session: Session, frames: vision.Source | MarkSource, duration_s: float, clock: Callable[[], float] = time.monotonic
-) -> None:
-    """Process frames as they come, and coast where none does, until they end or for duration_s [s]."""
-    began = clock()
-    while not frames.ended and clock() - began < duration_s:
-        frame = frames.next(session.wait_s)
-        session.count_from(frames.origin_s)
-        report_source_events(frames)
-        if (frame is None or not session.take(frame)) and not frames.ended:
-            session.coast(clock())

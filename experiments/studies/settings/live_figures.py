@@ -23,7 +23,8 @@ import vision
 from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.live.session import LiveSettings, Session, follow
+from experiments.pipeline.live.following import follow
+from experiments.pipeline.live.session import LiveSettings, Session
 from experiments.simulation.simulate import draw, scene_of
 from vision import Frame
 
@@ -123,10 +124,10 @@ def live_figures(
     """
     runs = [_followed(script(seed, duration_s), settings) for seed in seeds]
     sessions = [session for session, _, _ in runs]
-    n_late = sum(session.n_unused for session in sessions)
+    n_late = sum(session.counters.not_used for session in sessions)
     return {
-        "late_share": n_late / (n_late + sum(session.n_frames for session in sessions)),
+        "late_share": n_late / (n_late + sum(session.counters.frames for session in sessions)),
         "unshown_s": float(np.mean([np.diff(shown).max() for _, shown, _ in runs])),
         "behind_s": float(np.mean(np.concatenate([behind for _, _, behind in runs]))),
-        "coasted_per_s": sum(session.n_coasted for session in sessions) / (len(seeds) * duration_s),
+        "coasted_per_s": sum(session.counters.without_frame for session in sessions) / (len(seeds) * duration_s),
     }

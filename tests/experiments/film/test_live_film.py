@@ -110,7 +110,7 @@ def test_what_fails_in_the_thread_ends_the_film_and_not_the_run(frames, tmp_path
         assert session.take(frame)
     one._thread.join(30.0)
     session.take(frames[10])
-    assert session.n_frames == 11
+    assert session.counters.frames == 11
     assert "No space left" in str(one.fault)
     session.close()
 

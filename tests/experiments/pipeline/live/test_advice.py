@@ -15,7 +15,8 @@ from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
-from experiments.pipeline.live.session import Session, follow
+from experiments.pipeline.live.following import follow
+from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import draw, scene_of, simulate
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at

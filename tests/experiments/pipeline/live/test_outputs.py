@@ -11,8 +11,9 @@ import pytest
 from estimators import CovarianceError
 from experiments.formats.outputs import growing_folder
 from experiments.formats.scenario import read_scenario
+from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.outputs import FINEST_MS, Latencies, LiveTable, StatusLine
-from experiments.pipeline.live.session import Session, follow
+from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
 
@@ -133,8 +134,8 @@ def test_marks_under_which_there_is_no_covariance_are_left_out_and_said(tmp_path
     monkeypatch.setattr(session.line, "see", seen)
     follow(session, source, np.inf, clock=lambda: source.now)
     session.close()
-    assert session.n_frames == 17
-    assert session.n_unused == 3
+    assert session.counters.frames == 17
+    assert session.counters.not_used == 3
     assert [r.message for r in caplog.records if "not used" in r.message] == [
         "100.27 s: marks not used: no likelihood that is finite"
     ]

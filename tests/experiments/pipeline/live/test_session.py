@@ -10,7 +10,8 @@ import pytest
 
 import vision
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.live.session import LIVE_DEFAULTS, Session, follow
+from experiments.pipeline.live.following import follow
+from experiments.pipeline.live.session import LIVE_DEFAULTS, Session
 from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.simulate import draw, scene_of
 from vision import EventKind, Frame, SourceEvent
@@ -100,13 +101,13 @@ def test_the_phantom_is_followed_frame_by_frame(tmp_path):
     session.close()
     with (tmp_path / "estimates.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert session.n_frames == len(rows) == 60
-    assert session.n_coasted == session.n_unused == 0
+    assert session.counters.frames == len(rows) == 60
+    assert session.counters.without_frame == session.counters.not_used == 0
     np.testing.assert_allclose(np.diff([float(row["time_s"]) for row in rows]), INTERVAL, atol=1e-6)
     status = [row["status"] for row in rows]
     assert status[0] == "INITIALISING"
     assert set(status[10:]) == {"TRACKING"}
-    assert session.latencies.worst_ms < 1e-6
+    assert session.counters.latencies.worst_ms < 1e-6
     xy = 1e-3 * np.array([[float(row["x_mm"]), float(row["y_mm"])] for row in rows])
     assert np.hypot(*(xy - source.truth_m)[10:].T).mean() < 0.003
 
@@ -121,9 +122,9 @@ def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_b
     times = np.array([float(row["time_s"]) for row in rows])
     status = np.array([row["status"] for row in rows])
     assert (np.diff(times) > 0).all()
-    assert session.n_frames == 30
-    assert session.n_unused == 0
-    assert len(rows) == 30 + session.n_coasted
+    assert session.counters.frames == 30
+    assert session.counters.not_used == 0
+    assert len(rows) == 30 + session.counters.without_frame
     assert {row["marks_used"] for row in rows if gap[0] < float(row["time_s"]) < gap[1]} == {"0"}
     within = (times > gap[0]) & (times < gap[1])
     assert set(status[within & (times < gap[0] + 1.0)]) == {"COASTING"}
@@ -148,8 +149,8 @@ def test_a_slow_camera_loses_no_frame_though_the_target_coasts_between(tmp_path,
     times = 100.0 + interval_s * np.arange(4)
     frames = [(t + late_s, Frame(k, t, image)) for k, t in enumerate(times)]
     session, rows, _ = run(Clocked(frames, [], frames[-1][0] + 0.05), tmp_path)
-    assert session.n_unused == unused
-    assert session.n_frames == 4 - unused
+    assert session.counters.not_used == unused
+    assert session.counters.frames == 4 - unused
     assert sum(row["marks_used"] != "0" for row in rows) == 4 - unused
 
 
@@ -158,8 +159,8 @@ def test_a_frame_older_than_what_was_told_and_one_of_another_size_are_not_used(t
     stale = (101.5, Frame(15, times[-1] + 0.01, image))
     other = (101.6, Frame(16, 101.59, image[:-2]))
     session, rows, _ = run(Clocked([*frames_at(times, image), stale, other], [], 102.0), tmp_path)
-    assert session.n_frames == 15
-    assert session.n_unused == 2
+    assert session.counters.frames == 15
+    assert session.counters.not_used == 2
     assert (np.diff([float(row["time_s"]) for row in rows]) > 0).all()
 
 
@@ -172,7 +173,7 @@ def test_before_the_first_frame_nothing_is_told_of_the_target(tmp_path):
     session.close()
     assert list(tmp_path.iterdir()) == []  # what an earlier run may have left there stays
     assert {text for _, text in shown} == {"no frame yet"}
-    assert session.n_frames == 0
+    assert session.counters.frames == 0
 
 
 def test_a_film_is_told_in_its_own_times(tmp_path, image, capfd):
@@ -182,7 +183,7 @@ def test_a_film_is_told_in_its_own_times(tmp_path, image, capfd):
     source = Clocked(frames_at(times, image), [blocked], 100.4)
     source.origin_s = 60.0
     session, rows, shown = run(source, tmp_path)
-    assert session.n_frames == 10
+    assert session.counters.frames == 10
     own = [float(row["time_s"]) for row in rows][:10]
     np.testing.assert_allclose(own, 40.0 + INTERVAL * np.arange(10), rtol=0, atol=1e-9)
     assert shown[0][1].split(" s ")[0].strip() == "40.00"

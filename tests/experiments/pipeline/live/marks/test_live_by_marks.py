@@ -18,9 +18,10 @@ from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import read_scene
 from experiments.pipeline.line import FILTER
+from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.marks.opening import is_mark_source
 from experiments.pipeline.live.marks.replay import MarksReplay
-from experiments.pipeline.live.session import Session, follow
+from experiments.pipeline.live.session import Session
 from experiments.pipeline.track import track
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live.marks.test_replay import Hand
@@ -76,7 +77,7 @@ def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> N
     session.close()
     rows = pd.read_csv(tmp_path / "estimates.csv")
     expected = track(recording).estimates(FILTER)
-    assert session.n_frames == len(rows) == len(expected) == len(recording.exposures_s)
+    assert session.counters.frames == len(rows) == len(expected) == len(recording.exposures_s)
     assert list(rows["status"]) == [str(one.status) for one in expected]
     assert Counter(rows["status"])["TRACKING"] > 20
     np.testing.assert_allclose(
@@ -101,7 +102,7 @@ def test_frames_without_marks_coast_as_those_of_a_camera_do(tmp_path, recording)
     since = rows["time_s"] - rows["time_s"].iloc[n - 1]
     assert set(rows["status"][(since > 0.0) & (since < 0.99)]) == {"COASTING"}
     assert set(rows["status"][since > 1.01]) == {"LOST"}
-    assert session.n_coasted == 0
+    assert session.counters.without_frame == 0
 
 
 def test_which_names_are_sources_of_marks(tmp_path, folder) -> None:

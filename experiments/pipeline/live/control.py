@@ -1,0 +1,97 @@
+"""What may be asked of a live run while it goes on, by whoever watches: every request is done between two frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import vision
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.pipeline.live.recording import LiveRecording
+from experiments.pipeline.live.session import Session
+from experiments.pipeline.recorder import join
+
+RECORDING = "recording"
+
+
+class Control:
+    """A live run as those who watch may change it. What cannot be done is a ValueError or an InputError, in one line.
+
+    out: the folder of the run, in which recordings get folders of their own; needle: the text of the needle's file
+    State: the recordings, the last of which may be growing.
+    """
+
+    def __init__(self, session: Session, out: Path, *, source: str, needle: bytes | None = None) -> None:
+        self.session, self._out, self._source, self._needle = session, out, source, needle
+        self.recordings: list[LiveRecording] = []
+
+    @property
+    def recording(self) -> LiveRecording | None:
+        """The recording that grows, None where there is none."""
+        return self.recordings[-1] if self.recordings and self.recordings[-1].going else None
+
+    def record(self, on: bool) -> None:
+        """Begin a recording where none grows, or end the one that does."""
+        session = self.session
+        if on and self.recording is None:
+            self._end()
+            folder = self._out / f"{RECORDING}-{len(self.recordings) + 1}"
+            begun = session.line.filter.time_s is None
+            one = LiveRecording(folder, session.line.scene, needle=self._needle, source=self._source, begun=begun)
+            self.recordings.append(one)
+            session.journals = [one]
+            for table in session.tables:
+                table.copied(folder / table.path.name).begin()
+        elif not on:
+            self._end()
+
+    def _end(self) -> None:
+        self.session.journals = []
+        for table in self.session.tables:
+            for copy in table.also:
+                copy.close()
+            table.also.clear()
+        if self.recordings:
+            self.recordings[-1].finish()
+
+    def pause(self, on: bool) -> None:
+        """Use no frames from now on, or use them again."""
+        self.session.pause(on)
+
+    def reset(self) -> None:
+        """Forget the state."""
+        self.session.reset()
+
+    def fix(self, place_m: Floats, sd_m: float) -> None:
+        """The target is here [m], (dim,), to one standard deviation an axis [m]."""
+        self.session.fix(place_m, sd_m)
+
+    def fix_at(self, place_px: Floats, sd_m: float) -> None:
+        """The target is seen at this place of the picture [px], (2,)."""
+        cameras = self.session.line.scene.cameras
+        if not cameras:
+            raise ValueError("fix: expected a camera, found none")
+        self.session.fix(cameras[0].to_plane(np.asarray(place_px)[None])[0], sd_m)
+
+    def colour_at(self, node: str, place_px: Floats) -> None:
+        """The mark of this node has the colour that the newest picture shows here [px], (2,)."""
+        if self.session.picture is None:
+            raise ValueError("hue: expected a picture, found none")
+        self.session.colour(node, vision.learn_hue(self.session.picture.image, place_px))
+
+    def needle_at(self, tip_m: Floats, direction: Floats) -> None:
+        """A tracked needle's tip is here [m], (dim,), and points so, (dim,)."""
+        self.session.needle_at(tip_m, direction)
+
+    def finish(self) -> list[Path]:
+        """End the run's recordings, and make one film of the pieces of each; their folders."""
+        self._end()
+        for one in self.recordings:
+            if (one.folder / "segments").is_dir():
+                try:
+                    join(one.folder)
+                except InputError as error:
+                    one.fail(error)
+        return [one.folder for one in self.recordings]

@@ -1,0 +1,220 @@
+"""Follow a target live until its source ends: what `softaim live` does around its session."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+import vision
+from experiments.errors import InputError
+from experiments.formats.needle_file import NeedlePlan, read_needle
+from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from experiments.pipeline.events import report_source_events
+from experiments.pipeline.frame_sources import open_source
+from experiments.pipeline.line import Film
+from experiments.pipeline.live.control import Control
+from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
+from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
+from experiments.pipeline.live.memory import memory_mb
+from experiments.pipeline.live.outputs import StatusLine
+from experiments.pipeline.live.session import ESTIMATES, Session
+from experiments.pipeline.live.shown import Publisher
+
+
+class Attendant(Publisher, Protocol):
+    """Shows a run to those who watch, and does what they ask."""
+
+    def attend(self, control: Control) -> None:
+        """Do what was asked since the last turn of the loop; it is between two frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that it met.
+
+    deadlines_missed: frames dropped because a newer one had come, and those that took longer than a frame's interval
+    memory_mb: of the process when the first frame came, and at the end; None where the system does not tell
+    refused: how much of what a tracker sent could not be used, by kind; None where it was not one that sent
+    recordings: folders that were recorded to
+    """
+
+    frames: int
+    without_frame: int
+    dropped: int
+    not_used: int
+    statuses: Mapping[str, int]
+    p50_ms: float
+    p99_ms: float
+    worst_ms: float
+    deadlines_missed: int
+    memory_mb: tuple[float | None, float | None]
+    advice: Mapping[str, int] | None
+    refused: Mapping[str, int] | None
+    recordings: tuple[Path, ...]
+    fault: str | None
+
+
+def live(
+    source: str,
+    scene_path: Path | None,
+    begin: Callable[[Scene], AbstractContextManager[Path]],
+    *,
+    begun: Callable[[], None] = lambda: None,
+    duration_s: float | None = None,
+    fps: float | None = None,
+    needle_path: Path | None = None,
+    film: Callable[[Scene, NeedlePlan | None], Film] | None = None,
+    attendant: Callable[[Scene, NeedlePlan | None], Attendant] | None = None,
+    record: bool = False,
+) -> Followed:
+    """Track the target live until the source ends, the duration is over or Ctrl-C; write scene.toml and estimates.csv.
+
+    begin: opens the folder that rows are written to as they come; begun: called when frames are used. While no frame
+    comes the target is predicted; events of the source are reported on standard error. With a needle's file there is
+    advice on it, too, in the status line and in advice.csv. film: makes the film of the run; attendant: what shows it
+    to those who watch; record: from the first frame on. Raises InputError.
+    """
+    shown_source = vision.shown_source(source)
+    name = f"--source {shown_source}"
+    scene, frames = _open(source, scene_path, fps)
+    fault: Exception | None = None
+    with frames:
+        if scene is None:
+            raise InputError.at(name, "--scene scene.toml beside it", "none")
+        plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
+        with begin(scene) as folder, StatusLine() as status:
+
+            def shown(text: str) -> None:
+                if session.counters.frames:
+                    begun()
+                status.show(text)
+
+            watch = None if film is None else film(scene, plan)
+            viewer = None if attendant is None else attendant(scene, plan)
+            session = Session(
+                written(scene, folder), folder / ESTIMATES, shown, needle=plan, watch=watch, publisher=viewer
+            )
+            control = Control(
+                session, folder, source=shown_source, needle=None if needle_path is None else needle_path.read_bytes()
+            )
+            memory = Memory()
+
+            def attend() -> None:
+                memory.begin(session)
+                if viewer is not None:
+                    viewer.attend(control)
+
+            try:
+                if record:
+                    control.record(True)
+                follow(session, frames, np.inf if duration_s is None else duration_s, attend=attend)
+            except KeyboardInterrupt:
+                pass  # Ctrl-C is how a live run ends
+            except (vision.SourceError, InputError) as error:
+                if not session.counters.frames:
+                    raise InputError(f"{name}: {error}") from error
+                fault = error  # what was estimated until then is kept
+            finally:
+                report_source_events(frames)
+                recordings = control.finish()
+                session.close()
+                if watch is not None:
+                    watch.finish(folder)
+            refused = dict(frames.refused) if isinstance(frames, LiveMarks) else None
+            if not session.counters.frames:
+                raise InputError.at(
+                    name, "frames", "none" + "".join(f", {n} {kind}" for kind, n in (refused or {}).items())
+                )
+    return _followed(session, name, fault, memory, refused, recordings)
+
+
+@dataclass(slots=True)
+class Memory:
+    """Memory of the process [MB] when the first frames were done, all that is compiled loaded; None before."""
+
+    began_mb: float | None = None
+    done: bool = False
+
+    def begin(self, session: Session) -> None:
+        """Look at it, once."""
+        if not self.done and session.counters.frames >= SETTLED_FRAMES:
+            self.done, self.began_mb = True, memory_mb()
+
+
+SETTLED_FRAMES = 60
+"""Frames after which nothing is loaded any more; chosen."""
+
+
+def _followed(
+    session: Session,
+    name: str,
+    fault: Exception | None,
+    memory: Memory,
+    refused: Mapping[str, int] | None,
+    recordings: list[Path],
+) -> Followed:
+    unwritten = next((table.fault for table in session.tables if table.fault is not None), None)
+    counters, fault = session.counters, fault or unwritten
+    return Followed(
+        counters.frames,
+        counters.without_frame,
+        counters.dropped,
+        counters.not_used,
+        dict(session.statuses),
+        counters.latencies.quantile_ms(0.5),
+        counters.latencies.quantile_ms(0.99),
+        counters.latencies.worst_ms,
+        counters.deadlines_missed,
+        (memory.began_mb, memory_mb()),
+        None if session.advice is None else dict(session.advice.counts),
+        refused,
+        tuple(recordings),
+        None if fault is None else f"{name}: {fault}" if fault is not unwritten else str(fault),
+    )
+
+
+def written(scene: Scene, folder: Path) -> Scene:
+    """The scene as the folder's scene.toml has it, to the last bit: so that a replay begins with the same."""
+    path = folder / "scene.toml"
+    write_scene(scene, path)
+    return read_scene(path)
+
+
+def _open(source: str, scene_path: Path | None, fps: float | None) -> tuple[Scene | None, vision.Source | MarkSource]:
+    if is_mark_source(source):
+        return open_mark_source(source, scene_path)
+    return open_source(source, scene_path, live=True, fps=fps)
+
+
+def follow(
+    session: Session,
+    frames: vision.Source | MarkSource,
+    duration_s: float,
+    clock: Callable[[], float] = time.monotonic,
+    *,
+    attend: Callable[[], None] = lambda: None,
+) -> None:
+    """Process frames as they come, and coast where none does, until they end or for duration_s [s].
+
+    attend: called at each turn, between two frames
+    """
+    began = clock()
+    while not frames.ended and clock() - began < duration_s:
+        attend()
+        asked = time.perf_counter()
+        frame = frames.next(session.wait_s)
+        waited_s = time.perf_counter() - asked
+        session.count_from(frames.origin_s)
+        session.counters.dropped = frames.frames_dropped
+        report_source_events(frames)
+        if frame is not None and session.paused:
+            session.counters.not_used += 1
+            frame = None
+        if (frame is None or not session.take(frame, waited_s)) and not frames.ended:
+            session.coast(clock())

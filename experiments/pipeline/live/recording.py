@@ -1,0 +1,138 @@
+"""Record while running: a folder that holds all that a live run saw, did and estimated, so that it can be replayed.
+
+It is a recording as `softaim record` writes it, or one with marks.csv, with the loop's journal and tables beside. It
+grows on the disk as a recording does; pictures are compressed by a thread that the loop never waits for.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from pathlib import Path
+
+import vision
+from experiments.errors import InputError
+from experiments.formats.outputs import write_whole
+from experiments.formats.pictures import MARKS
+from experiments.formats.recording import AXES
+from experiments.formats.scene.scene import Scene, scene_text
+from experiments.log import LOG
+from experiments.pipeline.live.journal import JOURNAL, Act, Done, JournalTable, mark_values
+from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.outputs import LiveTable
+from experiments.pipeline.recorder import PIECE_S, Recorder
+
+WAITING = 64
+"""Pictures that wait for the thread, at most: one second at 60 frames/s, 60 MB at 640x480; chosen."""
+
+
+class LiveRecording:
+    """A recording of a live run, in a new folder: a `Journal`.
+
+    begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
+    Where the thread falls behind, or the disk is full, the recording ends there and says so; the run goes on.
+    State: the tables; pictures that wait; how many frames were taken; the fault that ended it.
+    """
+
+    def __init__(self, folder: Path, scene: Scene, *, needle: bytes | None, source: str, begun: bool) -> None:
+        self.folder, self.n_frames = folder, 0
+        self.fault: Exception | None = None
+        self._scene = scene
+        try:
+            folder.mkdir(parents=True)
+            write_whole(folder / "scene.toml", scene_text(scene))
+            if needle is not None:
+                write_whole(folder / "needle.toml", needle)
+        except OSError as error:
+            raise InputError.refused(folder, "a new folder that can be written", error) from error
+        self.journal = JournalTable(folder / JOURNAL)
+        self._marks: LiveTable | None = None
+        self._frames: LiveTable | None = None
+        self._recorder: Recorder | None = None
+        self._waiting: deque[vision.Frame] = deque()
+        self._changed = threading.Condition()
+        self._ended = False
+        self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
+        self._thread.start()
+        self.note(Done(Act.BEGIN, 0.0, 0.0, (source, begun)))
+
+    @property
+    def going(self) -> bool:
+        """Whether it still grows."""
+        return self.fault is None and not self._ended
+
+    def note(self, done: Done) -> None:
+        """Write down what is not a frame."""
+        if self.going:
+            self.journal.note(done)
+            self.fault = self.fault or self.journal.table.fault
+
+    def frame(self, frame: vision.Frame | MarksFrame, exposure_s: float, now_s: float, *, fits: bool) -> None:
+        """Write down a frame that came, exposed at this time [s], and keep it; fits: whether it can be used."""
+        if not fits:
+            self.note(Done(Act.UNFIT, exposure_s, now_s))
+        elif isinstance(frame, MarksFrame):
+            self._keep_marks(frame, exposure_s)
+            self.note(Done(Act.FRAME, exposure_s, now_s, mark_values(frame.marks)))
+            self.n_frames += 1
+        elif self.going:
+            with self._changed:
+                full = len(self._waiting) >= WAITING
+                if not full:
+                    self._waiting.append(vision.Frame(self.n_frames, exposure_s, frame.image))
+                    self._changed.notify()
+            if full:
+                self.fail(
+                    InputError.at(self.folder, "a disk and a processor that keep up", f"{WAITING} frames waiting")
+                )
+                return
+            self.note(Done(Act.FRAME, exposure_s, now_s))
+            self.n_frames += 1
+
+    def _keep_marks(self, frame: MarksFrame, exposure_s: float) -> None:
+        if self._marks is None or self._frames is None:
+            axes = AXES[: self._scene.network.dim]
+            self._marks = LiveTable(self.folder / MARKS, ("time_s", "node", *axes, "sd_mm"))
+            self._frames = LiveTable(self.folder / "frames.csv", ("frame", "exposure_s"))
+        self._frames.write((self.n_frames, f"{exposure_s:.9f}"))
+        for mark in frame.marks:
+            sd_mm = 1e3 * float(mark.total_cov.trace() / len(mark.position)) ** 0.5
+            self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), sd_mm))
+
+    def fail(self, fault: Exception) -> None:
+        """End it for this reason; what it has is kept."""
+        if self.fault is None:
+            self.fault = fault
+            LOG.warning("recording: %s; it ends here, the run goes on", fault)
+
+    def finish(self) -> None:
+        """Write what waits, and end the tables: nothing comes any more."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+        self._thread.join()
+        for table in (self.journal.table, self._marks, self._frames):
+            if table is not None:
+                table.close()
+
+    def _work(self) -> None:
+        try:
+            while not self._ended or self._waiting:  # in this order: none comes after the end
+                with self._changed:
+                    if not self._waiting and not self._ended:
+                        self._changed.wait(0.1 * PIECE_S)
+                    one = self._waiting.popleft() if self._waiting else None
+                if one is not None:
+                    self._write(one)
+                elif self._recorder is not None:
+                    self._recorder.check()
+            if self._recorder is not None:
+                self._recorder.finish_piece()
+        except (InputError, vision.SourceError, OSError) as error:
+            self.fail(error)
+
+    def _write(self, frame: vision.Frame) -> None:
+        if self._recorder is None:
+            height, width = frame.image.shape[:2]
+            self._recorder = Recorder(self.folder, (width, height))
+        self._recorder.take(frame)

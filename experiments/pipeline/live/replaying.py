@@ -1,0 +1,138 @@
+"""Replay what a live run recorded: the same frames, requests and times through the same loop, so the same estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import vision
+from experiments.errors import InputError
+from experiments.formats.needle_file import read_needle
+from experiments.formats.recording import read_recording
+from experiments.formats.scene.scene import read_scene
+from experiments.pipeline.live.journal import JOURNAL, Act, Done, marks_of, read_journal
+from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.session import ADVICE, ESTIMATES, Session
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What came of a replay.
+
+    rows: of estimates, by table, that were compared; different: the first row that differs, by table, where one does
+    begun: whether the recording began with its run; estimates of one that did not differ until both settled
+    frames: that were replayed; lacking: frames of the journal whose pictures were not on the disk when it was killed
+    """
+
+    frames: int
+    lacking: int
+    rows: dict[str, int]
+    different: dict[str, int]
+    begun: bool
+
+
+@dataclass(slots=True)
+class _Clock:
+    """Says what the run's clock said [s]."""
+
+    now_s: float = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def replay(folder: Path, out: Path) -> Replayed:
+    """Replay a recording of a live run, write its tables to a folder that exists, and compare. Raises InputError."""
+    scene = read_scene(folder / "scene.toml")
+    needle = folder / "needle.toml"
+    plan = read_needle(needle, scene.target.radius_m, scene.network.dim) if needle.exists() else None
+    journal = list(read_journal(folder / JOURNAL))
+    begun = bool(journal) and journal[0].act is Act.BEGIN and journal[0].values[-1] is True
+    clock = _Clock()
+    session = Session(scene, out / ESTIMATES, lambda _text: None, needle=plan, clock=clock)
+    pictures = _pictures(folder, journal)
+    n_frames = lacking = 0
+    try:
+        for done in journal:
+            clock.now_s = done.now_s
+            if done.act is Act.FRAME:
+                frame = _frame(done, pictures, n_frames)
+                if frame is None:
+                    lacking = sum(one.act is Act.FRAME for one in journal) - n_frames
+                    break
+                session.take(frame)
+                n_frames += 1
+            else:
+                _again(done, session, folder)
+    except (ValueError, TypeError, IndexError) as error:
+        raise InputError(f"{folder / JOURNAL}: {error}") from error
+    finally:
+        session.close()
+    rows, different = {}, {}
+    for name in [ESTIMATES] if plan is None else [ESTIMATES, ADVICE]:
+        rows[name], first = compared(folder / name, out / name)
+        if first is not None:
+            different[name] = first
+    return Replayed(n_frames, lacking, rows, different, begun)
+
+
+def _pictures(folder: Path, journal: list[Done]) -> Iterator[vision.Frame]:
+    """The pictures of a recording, none where another tracker found its marks."""
+    if any(done.act is Act.FRAME and not done.values for done in journal):
+        with read_recording(folder).open_frames() as frames:
+            yield from frames
+
+
+def _frame(done: Done, pictures: Iterator[vision.Frame], index: int) -> vision.Frame | MarksFrame | None:
+    if done.values:
+        return MarksFrame(index, done.time_s, marks_of(done.values))
+    frame = next(pictures, None)
+    return None if frame is None else vision.Frame(index, done.time_s, frame.image)
+
+
+def _again(done: Done, session: Session, folder: Path) -> None:
+    """Do again what was not a frame."""
+    values = done.values
+    match done.act:
+        case Act.ORIGIN:
+            session.count_from(done.time_s)
+        case Act.UNFIT:
+            session.unfit(done.time_s)
+        case Act.COAST:
+            session.coast(done.now_s)
+        case Act.PAUSE:
+            session.pause(bool(values[0]))
+        case Act.RESET:
+            session.reset()
+        case Act.FIX:
+            session.fix(np.array(values[:-1]), values[-1])
+        case Act.HUE:
+            session.colour(values[0], vision.MarkHue(*values[1:]))
+        case Act.NEEDLE:
+            half = len(values) // 2
+            session.needle_at(np.array(values[:half]), np.array(values[half:]))
+        case Act.BEGIN:
+            pass
+        case _:
+            raise InputError.at(folder / JOURNAL, "an act that this version knows", str(done.act))
+
+
+def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
+    """How many rows of a table both have, and the first of them that differs, counted from 1; None where none does.
+
+    A last row without an end, as a kill may leave it, is left out.
+    """
+    mine, theirs = (_rows(path) for path in (replayed, recorded))
+    n = min(len(mine), len(theirs))
+    return n, next((k + 1 for k in range(n) if mine[k] != theirs[k]), None)
+
+
+def _rows(path: Path) -> list[str]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError.refused(path, "the table of a live run", error) from error
+    return text[: text.rfind("\n") + 1].splitlines()[1:]

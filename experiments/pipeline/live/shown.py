@@ -1,0 +1,87 @@
+"""What a live run knows at one moment, for all who show it: the estimate, the advice, and how the loop keeps up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+import vision
+from estimators import Guidance, TargetEstimate
+from experiments.pipeline.line import Line, Step
+from experiments.pipeline.live.advice import words
+from experiments.pipeline.live.outputs import Latencies
+
+
+@dataclass(slots=True)
+class Counters:
+    """How the loop keeps up, counted since the run began.
+
+    frames, without_frame, not_used: frames that gave an estimate, moments without one, frames that could not be used
+    dropped: frames in whose place a newer one was taken
+    late: frames whose estimate took longer than the usual time from frame to frame
+    latencies: from exposure to estimate; latency_ms: of the newest frame
+    stages_s: of the newest frame, by stage: wait (for the frame), predict, detect, update, advise
+    """
+
+    frames: int = 0
+    without_frame: int = 0
+    not_used: int = 0
+    dropped: int = 0
+    late: int = 0
+    latency_ms: float = np.nan
+    latencies: Latencies = field(default_factory=Latencies)
+    stages_s: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def deadlines_missed(self) -> int:
+        """Frames of which there was no estimate when the next one was due."""
+        return self.late + self.dropped
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """What is known at one moment.
+
+    estimate: in the source's own time; at_s: the time of which it speaks, on the clock [s]
+    frame, step: None where no frame came and the target was predicted; frame also where another tracker found the marks
+    guidance: the advice on the needle, None without one; fault: why there is none to be given, whatever the needle
+    interval_s: usual time from frame to frame [s]
+    """
+
+    estimate: TargetEstimate
+    at_s: float
+    frame: vision.Frame | None
+    step: Step | None
+    guidance: Guidance | None
+    fault: str | None
+    interval_s: float | None
+    counters: Counters
+
+
+class Publisher(Protocol):
+    """Hands on what is known to whoever watches, and is never waited for."""
+
+    def publish(self, shown: Shown, line: Line) -> None:
+        """What is known now; the line stands as it was after it."""
+
+
+def status_text(
+    estimate: TargetEstimate, interval_s: float | None, latency_ms: float, advised: Guidance | None = None
+) -> str:
+    """Text of the status line: time, target, sigma, status, frames per second, latency.
+
+    With advice: time, status, latency, sigma, and the advice.
+    """
+    place = ", ".join(f"{1e3 * x:7.2f}" for x in estimate.mean)
+    sigma = np.nan if estimate.cov is None else 1e3 * np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])
+    if advised is not None:
+        ms = f"{latency_ms:4.0f} ms"
+        return f"{estimate.time_s:10.2f} s  {estimate.status:<8} {ms}  sigma {sigma:.2f} mm  {words(advised)}"
+    rate = "  – " if interval_s is None else f"{1.0 / interval_s:4.0f}"
+    return (
+        f"{estimate.time_s:10.2f} s  target ({place}) mm  sigma {sigma:5.2f} mm  {estimate.status:<8}"
+        f"  {rate} frames/s  latency {latency_ms:5.1f} ms"
+    )

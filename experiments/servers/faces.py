@@ -1,0 +1,66 @@
+"""Where a live run is served: addresses, and the sockets that listen there."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from dataclasses import dataclass
+
+from experiments.errors import InputError, shown
+
+LOOPBACK = "127.0.0.1"
+PAGE_PORT, IGTL_PORT = 8765, 18944
+"""The page's usual port, and that of OpenIGTLink."""
+BACKLOG = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Faces:
+    """How a run is served: sockets that listen, None for what is not served.
+
+    token: what a client must know to write; read_open: whether it may read without it
+    igtl_version: of OpenIGTLink's header, 1 or 2
+    """
+
+    page: socket.socket | None = None
+    openigtlink: socket.socket | None = None
+    token: str = ""
+    read_open: bool = True
+    igtl_version: int = 2
+
+
+def listening(option: str, address: str, port: int | None) -> socket.socket:
+    """A socket that listens at "HOST:PORT", "HOST" or "PORT"; InputError where it cannot, as for a port that is taken.
+
+    option: that named it, for the message; port: where the address has none; None: any that is free
+    """
+    host, wanted = _parts(option, address, port)
+    try:
+        return socket.create_server((host, wanted), backlog=BACKLOG)
+    except OSError as error:
+        found = (error.strerror or type(error).__name__).lower()
+        raise InputError.at(f"{option} {address}".strip(), "an address that is free", found) from None
+
+
+def usual(port: int) -> socket.socket:
+    """A socket on loopback at this port, or at any that is free where it is taken."""
+    try:
+        return socket.create_server((LOOPBACK, port), backlog=BACKLOG)
+    except OSError:
+        return socket.create_server((LOOPBACK, 0), backlog=BACKLOG)
+
+
+def is_loopback(listener: socket.socket) -> bool:
+    """Whether only this machine reaches it."""
+    return ipaddress.ip_address(listener.getsockname()[0]).is_loopback
+
+
+def _parts(option: str, address: str, port: int | None) -> tuple[str, int]:
+    host, _, number = address.rpartition(":") if ":" in address else ("", "", address)
+    if not number.isdigit():
+        if host:
+            raise InputError.at(option, "HOST:PORT, HOST or PORT", shown(address))
+        host, number = number, str(port or 0)
+    if int(number) > 65535:
+        raise InputError.at(option, "a port up to 65535", number)
+    return host.strip("[]") or LOOPBACK, int(number)

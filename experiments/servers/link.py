@@ -1,0 +1,162 @@
+"""The loop's end of the servers: the newest state goes to the process that serves it, requests come back.
+
+Neither is waited for: a thread sends the newest state whenever that process has taken in the one before, another reads.
+That process may end, or hang, and the loop goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import cv2
+
+from experiments.log import LOG
+from experiments.servers.faces import Faces
+from experiments.servers.process import serve
+from vision.arrays import Image
+
+MOST_REQUESTS = 64
+"""Requests that wait for the loop, at most; then the newest is refused; chosen."""
+
+PICTURE_S = 1.0 / 30.0
+"""Pictures are sent no more often [s]: more are not told apart, and each costs 3 ms to compress; chosen."""
+
+QUALITY = 80
+"""Of the JPEGs, of 100: marks and their rims are plain to see; chosen."""
+
+ENDS_S = 2.0
+"""How long that process has to end [s]; chosen."""
+
+
+class Link:
+    """A process that serves a live run, from its start to `close()`.
+
+    State, shared with the threads: the state that waits; whether the process is ready for it, and how many of its
+    clients want pictures; requests not yet taken.
+    """
+
+    def __init__(self, faces: Faces) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=serve, args=(theirs, faces), name="softaim servers", daemon=True)
+        self._process.start()
+        theirs.close()
+        self._changed = threading.Condition()
+        self._scene: Mapping[str, Any] | None = None
+        self._waiting: tuple[Callable[[], Mapping[str, Any]], Image | None] | None = None
+        self._ready = False
+        self._ended = False
+        self._pictured_s = -float("inf")
+        self.n_watching = 0
+        self._requests: deque[Mapping[str, Any]] = deque()
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._send, self._receive)]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def wants_picture(self) -> bool:
+        """Whether somebody watches, and the next picture is due."""
+        return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
+
+    def begin(self, scene: Mapping[str, Any]) -> None:
+        """What does not change from state to state; clients are served from now on."""
+        with self._changed:
+            self._scene = scene
+            self._changed.notify_all()
+
+    def publish(self, message: Callable[[], Mapping[str, Any]], image: Image | None) -> None:
+        """Take the newest state in place of one that still waits; message: makes it, in the sending thread."""
+        with self._changed:
+            self._waiting = message, image
+            self._changed.notify_all()
+        if image is not None:
+            self._pictured_s = time.monotonic()
+
+    def requests(self) -> list[Mapping[str, Any]]:
+        """What clients asked for since this was last asked, in order."""
+        with self._changed:
+            taken = list(self._requests)
+            self._requests.clear()
+        return taken
+
+    def close(self) -> None:
+        """End the process."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+        self._connection.close()
+        self._process.join(ENDS_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def _send(self) -> None:
+        try:
+            with self._changed:
+                self._changed.wait_for(lambda: self._ended or self._scene is not None)
+                scene = self._scene
+            if scene is not None:
+                self._connection.send_bytes(text_of(scene))
+            while True:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._ended or (self._ready and self._waiting is not None))
+                    if self._ended or self._waiting is None:
+                        return
+                    (message, image), self._waiting, self._ready = self._waiting, None, False
+                self._connection.send_bytes(text_of(message()))
+                self._connection.send_bytes(b"" if image is None else jpeg(image))
+        except (OSError, ValueError) as error:
+            self._broken(error)
+
+    def _receive(self) -> None:
+        try:
+            while True:
+                found = json.loads(self._connection.recv_bytes())
+                with self._changed:
+                    if "ready" in found:
+                        self._ready, self.n_watching = True, found["watching"]
+                        self._changed.notify_all()
+                    elif "fault" in found:
+                        LOG.warning("%s", found["fault"])
+                    elif len(self._requests) < MOST_REQUESTS:
+                        self._requests.append(found)
+        except (OSError, EOFError, ValueError) as error:
+            self._broken(error)
+
+    def _broken(self, error: Exception) -> None:
+        with self._changed:
+            told, self._ended = self._ended, True
+            self._changed.notify_all()
+        if not told:
+            LOG.warning(
+                "page and network: their process ended (%s); the run goes on without them", type(error).__name__
+            )
+
+
+def text_of(message: Mapping[str, Any]) -> bytes:
+    """A message as JSON; numbers that are not finite are null."""
+    try:
+        return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+    except ValueError:
+        return json.dumps(finite(message), allow_nan=False, separators=(",", ":")).encode()
+
+
+def finite(value: Any) -> Any:
+    """A value without numbers that JSON cannot hold."""
+    if isinstance(value, Mapping):
+        return {key: finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(one) for one in value]
+    return None if isinstance(value, float) and not -float("inf") < value < float("inf") else value
+
+
+def jpeg(image: Image) -> bytes:
+    """A picture, (height, width, 3) BGR, as JPEG."""
+    encoded: bytes = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
+    return encoded

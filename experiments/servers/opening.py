@@ -1,0 +1,50 @@
+"""Open the servers of a live run: where they listen, and the process that serves."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+from experiments.errors import InputError
+from experiments.log import LOG
+from experiments.servers.faces import IGTL_PORT, PAGE_PORT, Faces, is_loopback, listening, usual
+from experiments.servers.link import Link
+
+NEEDED = ("starlette", "uvicorn", "websockets")
+"""What the page needs: the extra `live`."""
+INSTALL = "pip install 'softaim[live]'"
+
+
+@contextmanager
+def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
+    """The process that serves a page and OpenIGTLink, from now until the end; None where neither is wanted.
+
+    page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or, where that is taken, another
+    The page's address goes to standard error. Raises InputError where one cannot be had.
+    """
+    lacking = [name for name in NEEDED if find_spec(name) is None]
+    if page is not None and lacking:
+        raise InputError.at("--page", f"the extra live ({INSTALL})", f"no {lacking[0]}")
+    if with_page and lacking:
+        LOG.warning("no page: it needs the extra live (%s)", INSTALL)
+    igtl = None if openigtlink is None else listening("--openigtlink", openigtlink, IGTL_PORT)
+    listener = None
+    if with_page and not lacking:
+        listener = usual(PAGE_PORT) if page is None else listening("--page", page, PAGE_PORT)
+    if listener is None and igtl is None:
+        yield None
+        return
+    token = secrets.token_urlsafe(16)
+    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)))
+    try:
+        for one, what in ((listener, "page: http://%s:%d/#%s"), (igtl, "OpenIGTLink: %s:%d")):
+            if one is not None:
+                host, port = one.getsockname()[:2]
+                print(what % ((host, port, token) if one is listener else (host, port)), file=sys.stderr)
+                one.close()
+        yield link
+    finally:
+        link.close()

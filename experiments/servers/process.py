@@ -1,0 +1,85 @@
+"""The process that serves a live run: what the loop sends goes to the feed, what clients ask goes back."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import threading
+from collections.abc import Awaitable, Callable, Mapping
+from multiprocessing.connection import Connection
+from typing import Any
+
+from experiments.servers.faces import Faces
+from experiments.servers.feed import Feed
+
+LONGEST = 64 * 1024 * 1024
+"""Bytes of what the loop sends at once, at most: a picture of 8K is 20 MB; chosen."""
+
+
+def serve(connection: Connection, faces: Faces) -> None:
+    """Serve until the loop's end of the connection closes. Ctrl-C is for the process that asked."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    asyncio.run(_Served(connection, faces).run())
+
+
+class _Served:
+    """The servers of one run. State: the connection; servers that run."""
+
+    def __init__(self, connection: Connection, faces: Faces) -> None:
+        self._connection, self._faces = connection, faces
+        self._writing = threading.Lock()
+        self._ended = asyncio.Event()
+
+    async def run(self) -> None:
+        """Until the connection closes."""
+        loop = asyncio.get_running_loop()
+        scene = await loop.run_in_executor(None, self._received)
+        if scene is None:
+            return
+        feed = Feed(json.loads(scene), self._send)
+        reader = threading.Thread(target=self._read, args=(loop, feed), daemon=True)
+        servers = [asyncio.create_task(self._watched(name, run(feed))) for name, run in self._servers()]
+        self._ready(feed)
+        reader.start()
+        await self._ended.wait()
+        for server in servers:
+            server.cancel()
+        await asyncio.gather(*servers, return_exceptions=True)
+
+    def _servers(self) -> list[tuple[str, Callable[[Feed], Awaitable[None]]]]:
+        faces = self._faces
+        servers: list[tuple[str, Callable[[Feed], Awaitable[None]]]] = []
+        return servers
+
+    async def _watched(self, name: str, server: Awaitable[None]) -> None:
+        """Run a server; where it fails the others go on."""
+        try:
+            await server
+        except Exception as error:
+            self._send({"fault": f"{name}: {type(error).__name__}: {error}; the run goes on without it"})
+
+    def _read(self, loop: asyncio.AbstractEventLoop, feed: Feed) -> None:
+        while (text := self._received()) is not None and (picture := self._received()) is not None:
+            loop.call_soon_threadsafe(self._take, feed, text, picture or None)
+        loop.call_soon_threadsafe(self._ended.set)
+
+    def _take(self, feed: Feed, text: bytes, picture: bytes | None) -> None:
+        feed.publish(text, picture)
+        self._ready(feed)
+
+    def _ready(self, feed: Feed) -> None:
+        self._send({"ready": True, "watching": feed.n_watching})
+
+    def _received(self) -> bytes | None:
+        try:
+            return self._connection.recv_bytes(LONGEST)
+        except (OSError, EOFError):
+            return None
+
+    def _send(self, message: Mapping[str, Any]) -> None:
+        try:
+            with self._writing:
+                self._connection.send_bytes(json.dumps(message).encode())
+        except OSError:
+            self._ended.set()

@@ -1,0 +1,173 @@
+"""Shows a live run to those who watch, and does what they ask: an `Attendant`."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Mapping
+from functools import lru_cache
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from scipy.stats import chi2
+
+from dynamics import unpack
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.film.views import ground_camera, overlay_of
+from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.scene import Scene
+from experiments.log import LOG
+from experiments.pipeline.line import Line
+from experiments.pipeline.live.control import Control
+from experiments.pipeline.live.memory import memory_mb
+from experiments.pipeline.live.shown import Shown
+from experiments.servers.commands import Command, Fix, Hue, NeedleAt, Pause, Record, Reset, read_command
+from experiments.servers.link import Link
+from experiments.servers.message import Counters, scene_message, state_message
+from vision import SourceError
+
+LAST_EVENTS = 8
+"""Events that a state carries; chosen."""
+
+BAND = (0.025, 0.975)
+"""Between these quantiles lie 95 % of NIS."""
+
+
+class LastEvents(logging.Handler):
+    """Keeps the last lines that were reported. State: they."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: deque[dict[str, Any]] = deque(maxlen=LAST_EVENTS)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep a line."""
+        self.lines.append({"utc_s": record.created, "text": record.getMessage()})
+
+
+class Shows:
+    """An `Attendant` by a link.
+
+    State: the link; the last events; whether the run is paused or recorded.
+    """
+
+    def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
+        self.link, self.plan = link, plan
+        flat = scene.network.dim == 2
+        self._camera = scene.cameras[0] if scene.cameras else ground_camera(scene) if flat else None
+        self._events = LastEvents()
+        self._memory_mb = memory_mb()
+        self._recording: Mapping[str, Any] | None = None
+        self._paused = False
+        link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
+
+    def publish(self, shown: Shown, line: Line) -> None:
+        """Hand on what is known now."""
+        camera, watched = self._camera, self.link.wants_picture
+        overlay = nodes_m = image = None
+        if watched and camera is not None and shown.step is not None:
+            overlay = overlay_of(line, shown.step, camera, shown.guidance, self.plan)
+            image = None if shown.frame is None else shown.frame.image
+        if camera is None:
+            nodes_m = places(line)
+        counters = self._counters(shown)
+        utc_s = shown.at_s + time.time() - time.monotonic()
+        events, recording, paused = list(self._events.lines), self._recording, self._paused
+        self.link.publish(
+            lambda: state_message(
+                shown.estimate,
+                utc_s=utc_s,
+                from_frame=shown.step is not None,
+                counters=counters,
+                overlay=overlay,
+                nodes_m=nodes_m,
+                nis_band=nis_band(shown.estimate.marks_used * line.scene.network.dim),
+                guidance=shown.guidance,
+                fault=shown.fault,
+                events=events,
+                recording=recording,
+                paused=paused,
+            ),
+            image,
+        )
+
+    def _counters(self, shown: Shown) -> Counters:
+        known = shown.counters
+        if not known.frames % 64:
+            self._memory_mb = memory_mb()
+        return Counters(
+            known.frames,
+            known.without_frame,
+            known.dropped,
+            known.not_used,
+            known.deadlines_missed,
+            known.latency_ms,
+            known.latencies.quantile_ms(0.99),
+            None if shown.interval_s is None else 1.0 / shown.interval_s,
+            self._memory_mb,
+            {stage: 1e3 * seconds for stage, seconds in known.stages_s.items()},
+        )
+
+    def attend(self, control: Control) -> None:
+        """Do what was asked since the last turn of the loop; what cannot be done is reported."""
+        for request in self.link.requests():
+            try:
+                command = read_command(request)
+                do(command, control)
+                LOG.info("asked for: %s", command)
+            except (ValueError, InputError, SourceError) as error:
+                LOG.warning("not done: %s", error)
+        recording = control.recording
+        self._recording = None if recording is None else {"folder": str(recording.folder), "frames": recording.n_frames}
+        self._paused = control.session.paused
+
+    def __enter__(self) -> Self:
+        """As a context manager: events are kept until its end."""
+        LOG.addHandler(self._events)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        LOG.removeHandler(self._events)
+
+
+def do(command: Command, control: Control) -> None:
+    """Do what a client asks. Raises ValueError or InputError where it cannot be done."""
+    match command:
+        case Pause():
+            control.pause(command.on)
+        case Record():
+            control.record(command.on)
+        case Reset():
+            control.reset()
+        case Fix() if command.place_px is not None:
+            control.fix_at(np.array(command.place_px), 1e-3 * command.sd_mm)
+        case Fix() if command.place_mm is not None:
+            control.fix(1e-3 * np.array(command.place_mm), 1e-3 * command.sd_mm)
+        case Hue():
+            control.colour_at(command.node, np.array(command.place_px))
+        case NeedleAt():
+            control.needle_at(1e-3 * np.array(command.tip_mm), np.array(command.direction))
+        case _:
+            raise ValueError("fix: expected place_mm or place_px, found neither")
+
+
+def places(line: Line) -> Floats:
+    """Where the filter expects all nodes now [m], (n_nodes, dim)."""
+    network = line.scene.network
+    positions = network.positions.copy()
+    positions[network.free] = unpack(line.filter.mixture.x[: network.n_state], network.dim)[0]
+    return positions
+
+
+@lru_cache(maxsize=256)
+def nis_band(degrees: int) -> tuple[float, float] | None:
+    """Between which 95 % of NIS of so many coordinates lie; None of none."""
+    if not degrees:
+        return None
+    low, high = chi2.ppf(BAND, degrees)
+    return float(low), float(high)
