@@ -17,6 +17,7 @@ from experiments.commands.assess.sweep import sweep
 from experiments.commands.estimate.compare import compare
 from experiments.commands.estimate.identify import identify
 from experiments.commands.estimate.live import live
+from experiments.commands.estimate.replay import replay
 from experiments.commands.estimate.smooth import smooth
 from experiments.commands.estimate.track import track
 from experiments.commands.estimate.tune import tune
@@ -39,6 +40,7 @@ COMMANDS = (
     simulate,
     track,
     smooth,
+    replay,
     compare,
     calibrate,
     advise,

@@ -22,7 +22,7 @@ INSTALL = "pip install 'softaim[live]'"
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
     """The process that serves a page and OpenIGTLink, from now until the end; None where neither is wanted.
 
-    page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or, where that is taken, another
+    page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or where that is free
     The page's address goes to standard error. Raises InputError where one cannot be had.
     """
     lacking = [name for name in NEEDED if find_spec(name) is None]

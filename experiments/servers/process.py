@@ -48,7 +48,6 @@ class _Served:
         await asyncio.gather(*servers, return_exceptions=True)
 
     def _servers(self) -> list[tuple[str, Callable[[Feed], Awaitable[None]]]]:
-        faces = self._faces
         servers: list[tuple[str, Callable[[Feed], Awaitable[None]]]] = []
         return servers
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,8 +44,11 @@ class _Clock:
         return self.now_s
 
 
-def replay(folder: Path, out: Path) -> Replayed:
-    """Replay a recording of a live run, write its tables to a folder that exists, and compare. Raises InputError."""
+def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _share: None) -> Replayed:
+    """Replay a recording of a live run, write its tables to a folder that exists, and compare. Raises InputError.
+
+    advance: gets the share done
+    """
     scene = read_scene(folder / "scene.toml")
     needle = folder / "needle.toml"
     plan = read_needle(needle, scene.target.radius_m, scene.network.dim) if needle.exists() else None
@@ -56,7 +59,8 @@ def replay(folder: Path, out: Path) -> Replayed:
     pictures = _pictures(folder, journal)
     n_frames = lacking = 0
     try:
-        for done in journal:
+        for k, done in enumerate(journal):
+            advance(k / len(journal))
             clock.now_s = done.now_s
             if done.act is Act.FRAME:
                 frame = _frame(done, pictures, n_frames)
@@ -71,6 +75,7 @@ def replay(folder: Path, out: Path) -> Replayed:
         raise InputError(f"{folder / JOURNAL}: {error}") from error
     finally:
         session.close()
+    advance(1.0)
     rows, different = {}, {}
     for name in [ESTIMATES] if plan is None else [ESTIMATES, ADVICE]:
         rows[name], first = compared(folder / name, out / name)

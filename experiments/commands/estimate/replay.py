@@ -1,0 +1,34 @@
+"""`softaim replay`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from experiments.commands.options import Force, Out, RecordingFolder
+from experiments.commands.run import Answer, Run
+
+
+def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False) -> Answer:
+    """Run what `softaim live --record` recorded through the loop again, and compare: the same, bit for bit."""
+    from experiments.errors import InputError
+    from experiments.formats.scene.scene import read_scene
+    from experiments.pipeline.live.replaying import replay as replayed
+
+    with run.folder(out, force=force, inputs=[recording]) as folder:
+        run.use(read_scene(recording / "scene.toml"))
+        done = replayed(recording, folder, run.stage("replay"))
+    fault = None
+    if done.begun and done.different:
+        name, row = next(iter(done.different.items()))
+        fault = InputError.at(recording / name, "the same rows again", f"another row {row}: was it another version?")
+
+    def show() -> None:
+        print(f"{done.frames} frames replayed, {done.lacking} whose pictures are not on the disk")
+        for name, n in done.rows.items():
+            same = "the same, bit for bit" if name not in done.different else f"row {done.different[name]} differs"
+            print(f"{n} rows of {name}: {same}")
+        if not done.begun:
+            print("The recording began in the middle of its run: the filter then knew what came before")
+        print(f"Tables in {out}")
+
+    return Answer({"out": out, **asdict(done)}, show, fault)

@@ -1,0 +1,219 @@
+"""A live run is recorded while it goes on, and replayed: the same estimates, bit for bit."""
+
+import csv
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import vision
+from estimators import MarkMeasurement
+from experiments.errors import InputError
+from experiments.formats.needle_file import read_needle
+from experiments.formats.recording import read_recording
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import read_scene, scene_text
+from experiments.pipeline.live.control import Control
+from experiments.pipeline.live.following import follow, written
+from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, read_journal
+from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.recording import WAITING, LiveRecording
+from experiments.pipeline.live.replaying import replay
+from experiments.pipeline.live.session import Session
+from experiments.simulation.simulate import draw, scene_of
+from vision import Frame
+
+NEEDLE = Path("tests/experiments/needle.toml")
+INTERVAL_S = 1.0 / 30.0
+
+
+class Swinging(vision.EveryFrame):
+    """A phantom that swings, drawn at each exposure; frames 20 ms later, with a gap; by a clock of the test's own."""
+
+    def __init__(self, n_frames: int, gap: range = range(0)) -> None:
+        self.scene = scene_of(read_scenario("webcam"))
+        self.now = 100.0
+        self._rng = np.random.default_rng(5)
+        self._due = deque((k, 100.0 + k * INTERVAL_S) for k in range(n_frames) if k not in gap)
+
+    @property
+    def ended(self) -> bool:
+        return not self._due
+
+    def next(self, timeout_s: float = 0.0) -> Frame | None:
+        k, exposure_s = self._due[0]
+        if exposure_s + 0.02 > self.now + timeout_s:
+            self.now += timeout_s
+            return None
+        self._due.popleft()
+        self.now = max(self.now, exposure_s + 0.02)
+        places = self.scene.network.positions.copy()
+        places[self.scene.network.free] += [0.006 * np.sin(0.3 * k), 0.004 * np.cos(0.2 * k) - 0.004]
+        return Frame(k, exposure_s, draw(self.scene, places, vision.Lighting(), self._rng, strays=[]))
+
+    def take_events(self) -> tuple[vision.SourceEvent, ...]:
+        return ()
+
+
+def recorded(folder: Path, source: Swinging, asked: dict[int, object] | None = None, record_at: int = 0) -> Path:
+    """The folder of a recording of a run with advice, in which things were asked for at turns of the loop."""
+    scene = written(source.scene, folder)
+    plan = read_needle(NEEDLE, scene.target.radius_m, scene.network.dim)
+    session = Session(scene, folder / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: source.now)
+    control = Control(session, folder, source="a test", needle=NEEDLE.read_bytes())
+    turns = 0
+
+    def attend() -> None:
+        nonlocal turns
+        if turns == record_at:
+            control.record(True)
+        if asked and turns in asked:
+            asked[turns](control)  # type: ignore[operator]
+        turns += 1
+
+    follow(session, source, np.inf, clock=lambda: source.now, attend=attend)
+    (found,) = control.finish()
+    session.close()
+    return found
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
+    """Through a gap without frames, a sighting of the target, a new colour of a mark, a pause and a fresh start."""
+    source = Swinging(60, gap=range(20, 28))
+    mark = source.scene.marks[0]
+    at_px = source.scene.cameras[0].project(source.scene.network.positions[[source.scene.network.index(mark.node)]])[0]
+    asked = {
+        10: lambda control: control.fix(np.array([0.0, 0.19]), 0.002),
+        14: lambda control: control.colour_at(mark.node, at_px),
+        16: lambda control: control.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
+        30: lambda control: control.pause(True),
+        34: lambda control: control.pause(False),
+        40: lambda control: control.reset(),
+    }
+    folder = recorded(tmp_path, source, asked)
+    acts = {done.act for done in read_journal(folder / JOURNAL)}
+    assert acts >= {Act.BEGIN, Act.FRAME, Act.COAST, Act.FIX, Act.HUE, Act.NEEDLE, Act.PAUSE, Act.RESET}
+    (tmp_path / "again").mkdir()
+    done = replay(folder, tmp_path / "again")
+    assert done.begun
+    assert not done.different
+    assert done.rows["estimates.csv"] == len(rows(tmp_path / "estimates.csv")) > 45
+    for name in ("estimates.csv", "advice.csv"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / name).read_bytes()
+        assert (folder / name).read_bytes() == (tmp_path / name).read_bytes()
+    assert {row["advice"] for row in rows(tmp_path / "advice.csv")} > {"NO_GUIDANCE"}
+
+
+def test_a_replay_that_differs_says_where(tmp_path):
+    folder = recorded(tmp_path, Swinging(12))
+    table = folder / "estimates.csv"
+    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    lines[5] = lines[5].replace("0", "1", 1)
+    table.write_text("".join(lines), encoding="utf-8")
+    (tmp_path / "again").mkdir()
+    assert replay(folder, tmp_path / "again").different == {"estimates.csv": 5}
+
+
+def test_what_was_recorded_is_a_recording_whose_pictures_are_the_frames(tmp_path):
+    folder = recorded(tmp_path, Swinging(8))
+    recording = read_recording(folder)
+    np.testing.assert_allclose(recording.exposures_s, 100.0 + INTERVAL_S * np.arange(8), atol=1e-9)
+    source = Swinging(8)
+    with recording.open_frames() as frames:
+        for k, frame in enumerate(frames):
+            source.now = 200.0
+            np.testing.assert_array_equal(frame.image, source.next().image, err_msg=f"frame {k}")
+
+
+def test_what_a_kill_leaves_is_replayed_up_to_its_last_picture(tmp_path):
+    """A journal that is ahead of the film, and a last row without an end."""
+    folder = recorded(tmp_path, Swinging(12))
+    journal = folder / JOURNAL
+    with journal.open("a", encoding="utf-8", newline="") as file:
+        file.write("frame,101.0,101.02,[]\r\nframe,101.0333,101.05,[]\r\nfra")
+    (tmp_path / "again").mkdir()
+    done = replay(folder, tmp_path / "again")
+    assert (done.frames, done.lacking, done.different) == (12, 2, {})
+
+
+def test_a_recording_that_begins_in_the_middle_says_so(tmp_path):
+    folder = recorded(tmp_path, Swinging(20), record_at=8)
+    (tmp_path / "again").mkdir()
+    done = replay(folder, tmp_path / "again")
+    assert not done.begun
+    assert done.frames == 12
+    assert rows(folder / "estimates.csv") == rows(tmp_path / "estimates.csv")[8:]
+
+
+def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
+    scene = written(scene_of(read_scenario("webcam")), tmp_path)
+    now = [100.0]
+    session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: now[0])
+    control = Control(session, tmp_path, source="a test")
+    control.record(True)
+    rng = np.random.default_rng(3)
+    for k in range(15):
+        now[0] = 100.0 + k / 30.0 + 0.01
+        marks = tuple(
+            MarkMeasurement(
+                node, scene.network.positions[scene.network.index(node)] + rng.normal(0, 1e-3, 2), 1e-6 * np.eye(2)
+            )
+            for node in scene.measured_nodes
+        )
+        session.take(MarksFrame(k, 100.0 + k / 30.0, marks))
+    (folder,) = control.finish()
+    session.close()
+    (tmp_path / "again").mkdir()
+    assert not replay(folder, tmp_path / "again").different
+    assert (tmp_path / "again" / "estimates.csv").read_bytes() == (tmp_path / "estimates.csv").read_bytes()
+    assert len(read_recording(folder).exposures_s) == 15
+
+
+def test_the_written_scene_is_read_to_the_last_bit(tmp_path):
+    """What a run uses is what its folder says: read and written again, not a digit changes."""
+    scene = written(scene_of(read_scenario("webcam")), tmp_path)
+    again = read_scene(tmp_path / "scene.toml")
+    assert scene_text(again) == scene_text(scene)
+    np.testing.assert_array_equal(again.network.positions, scene.network.positions)
+
+
+def test_a_recording_that_cannot_keep_up_ends_and_the_run_goes_on(tmp_path, monkeypatch, capfd):
+    """A thread that never comes to write: after as many pictures as may wait it is said, once."""
+    monkeypatch.setattr(LiveRecording, "_work", lambda self: None)
+    one = LiveRecording(tmp_path / "r", scene_of(read_scenario("webcam")), needle=None, source="a test", begun=True)
+    frame = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
+    for k in range(WAITING + 5):
+        one.frame(frame, k / 30.0, k / 30.0, fits=True)
+    one.finish()
+    assert one.n_frames == WAITING
+    assert not one.going
+    assert capfd.readouterr().err.count("the run goes on") == 1
+    assert sum(done.act is Act.FRAME for done in read_journal(one.folder / JOURNAL)) == WAITING
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("a,b\n", "header"),
+        (",".join(HEADER) + "\nframe,1.0\n", "row 2"),
+        (",".join(HEADER) + "\njump,1.0,1.0,[]\n", "row 2"),
+        (",".join(HEADER) + "\nframe,soon,1.0,[]\n", "row 2"),
+        (",".join(HEADER) + "\nframe,1.0,1.0,[\n", "row 2"),
+    ],
+)
+def test_a_journal_that_is_none_is_refused_in_one_line(tmp_path, text, found):
+    path = tmp_path / JOURNAL
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=found):
+        list(read_journal(path))
+
+
+def test_there_is_no_journal_where_none_was_kept(tmp_path):
+    with pytest.raises(InputError, match="the journal of a live run, found none"):
+        list(read_journal(tmp_path / JOURNAL))
