@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import multiprocessing
+import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -37,11 +38,13 @@ ENDS_S = 2.0
 class Link:
     """A process that serves a live run, from its start to `close()`.
 
+    told: lines that say where, for standard error
     State, shared with the threads: the state that waits; whether the process is ready for it, and how many of its
     clients want pictures; requests not yet taken.
     """
 
-    def __init__(self, faces: Faces) -> None:
+    def __init__(self, faces: Faces, told: Sequence[str] = ()) -> None:
+        self._told = tuple(told)
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, faces), name="softaim servers", daemon=True)
@@ -65,7 +68,9 @@ class Link:
         return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
 
     def begin(self, scene: Mapping[str, Any]) -> None:
-        """What does not change from state to state; clients are served from now on."""
+        """What does not change from state to state; clients are served from now on, and it is said where."""
+        for line in self._told:
+            print(line, file=sys.stderr, flush=True)
         with self._changed:
             self._scene = scene
             self._changed.notify_all()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import secrets
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -23,7 +22,7 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
     """The process that serves a page and OpenIGTLink, from now until the end; None where neither is wanted.
 
     page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or where that is free
-    The page's address goes to standard error. Raises InputError where one cannot be had.
+    Addresses go to standard error once clients are served. Raises InputError where one cannot be had.
     """
     lacking = [name for name in NEEDED if find_spec(name) is None]
     if page is not None and lacking:
@@ -38,13 +37,15 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
         yield None
         return
     token = secrets.token_urlsafe(16)
-    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)))
+    told = []
+    for one, what in ((listener, "page: http://{}:{}/#{}"), (igtl, "OpenIGTLink: {}:{}")):
+        if one is not None:
+            told.append(what.format(*one.getsockname()[:2], token))
+    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), told)
+    for one in (listener, igtl):
+        if one is not None:
+            one.close()  # the process has its own
     try:
-        for one, what in ((listener, "page: http://%s:%d/#%s"), (igtl, "OpenIGTLink: %s:%d")):
-            if one is not None:
-                host, port = one.getsockname()[:2]
-                print(what % ((host, port, token) if one is listener else (host, port)), file=sys.stderr)
-                one.close()
         yield link
     finally:
         link.close()

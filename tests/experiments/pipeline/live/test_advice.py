@@ -100,7 +100,7 @@ def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
 
 def test_no_guidance_as_soon_as_frames_are_missing_and_again_some_after(tmp_path, plan, image):
     """Half a second of frames, 1 s of none, half a second again, with 20 ms to arrive; the rule is 0.1 s (stale_s)."""
-    before, after = 100.0 + INTERVAL * np.arange(15), 101.5 + INTERVAL * np.arange(15)
+    before, after = (np.round(at + INTERVAL * np.arange(15), 9) for at in (100.0, 101.5))
     source = Clocked(frames_at(before, image) + frames_at(after, image), [], 102.0)
     session, rows, shown = run(source, tmp_path, plan)
     gap = rows[(rows["time_s"] > before[-1]) & (rows["time_s"] < after[0])]
@@ -223,7 +223,12 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
     printed = capsys.readouterr().out
     assert f"Advice in {out / 'advice.csv'}: GO {(rows['advice'] == 'GO').sum()}, WAIT" in printed
     assert softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
-    assert {path.name for path in (tmp_path / "plain").iterdir()} == {"estimates.csv", "provenance.json", "softaim.log"}
+    assert {path.name for path in (tmp_path / "plain").iterdir()} == {
+        "estimates.csv",
+        "provenance.json",
+        "scene.toml",
+        "softaim.log",
+    }
     assert "Advice" not in capsys.readouterr().out
 
 

@@ -114,7 +114,7 @@ def test_the_phantom_is_followed_frame_by_frame(tmp_path):
 
 def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_be_lost(tmp_path, image, capfd):
     """Half a second of frames, 2 s of none, half a second again."""
-    before, after = 100.0 + INTERVAL * np.arange(15), 102.5 + INTERVAL * np.arange(15)
+    before, after = (np.round(at + INTERVAL * np.arange(15), 9) for at in (100.0, 102.5))
     gap = before[-1], after[0]
     blocked = SourceEvent(gap[0] + 0.5, EventKind.BLOCKED, "no answer for 0.50 s")
     source = Clocked(frames_at(before, image) + frames_at(after, image), [blocked], 103.0)
