@@ -13,6 +13,7 @@ import typer
 
 from experiments.commands.assess.bench import bench
 from experiments.commands.assess.demo import demo
+from experiments.commands.assess.faults import faults
 from experiments.commands.assess.sweep import sweep
 from experiments.commands.estimate.compare import compare
 from experiments.commands.estimate.identify import identify
@@ -54,6 +55,7 @@ COMMANDS = (
     hue,
     sweep,
     bench,
+    faults,
 )
 """In the order in which help lists them."""
 

@@ -207,6 +207,18 @@ def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
     return table
 
 
+def faults_table(cells: Sequence[Sequence[str]]) -> Table:
+    """A row for each fault."""
+    from experiments.studies.faults.study import HEADS
+
+    table = Table(title="Faults: slowest over seeds")
+    for head in HEADS:
+        table.add_column(head, justify="left" if head in ("fault", "shown") else "right")
+    for row in cells:
+        table.add_row(*row)
+    return table
+
+
 def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
     """One row a figure."""
     table = Table(title="Benchmarks (medians of one run)")

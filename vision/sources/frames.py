@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -30,6 +31,23 @@ class Frame:
     index: int
     exposure_s: float
     image: Image
+
+
+def bgr(picture: Any) -> Image:
+    """A picture as all detectors take it, (height, width, 3) BGR of 8 bits: from grey, BGR or BGRA of 8 or 16 bits.
+
+    ValueError, "picture: ...", for anything else.
+    """
+    image = np.asarray(picture)
+    levels = {np.dtype(np.uint8): 1, np.dtype(np.uint16): 257}.get(image.dtype)
+    channels = 1 if image.ndim == 2 else image.shape[2] if image.ndim == 3 else 0
+    if levels is None or channels not in (1, 3, 4):
+        raise ValueError(f"picture: expected 1, 3 or 4 channels of 8 or 16 bits, found {image.shape}, {image.dtype}")
+    if levels > 1:
+        image = (image // levels).astype(np.uint8)
+    if channels == 1:
+        return np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
+    return np.ascontiguousarray(image[..., :3]) if channels == 4 else image
 
 
 @contextmanager

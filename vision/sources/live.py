@@ -17,13 +17,17 @@ from vision.arrays import Image
 from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, ExposureRule
-from vision.sources.frames import Frame, SourceError, quiet_opencv
+from vision.sources.frames import Frame, SourceError, bgr, quiet_opencv
 from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import SourceWatchdog
 
 POLL_S = 0.02
 """Period of polling, below a frame interval at 30 frames/s: faults are checked for and failed reads tried again; a
 frame wakes its reader at once."""
+
+
+IN_TURN = 8
+"""Last pictures of which none may come again: a driver that hangs may hand out its buffers in turn, four as a rule."""
 
 
 class Capture(Protocol):
@@ -61,14 +65,15 @@ class LiveFrames(Closing):
     ends: whether a read of this capture that fails means the end, and not a fault
     keep: how many frames wait to be seen; 1: the newest wins
     exposures: makes the rule of exposure times, for each opening; default: `DeviceTimes`
-    may_repeat: whether a picture may repeat bit for bit, as in a film; else a repeated one is withheld
+    may_repeat: whether a picture may repeat bit for bit, as in a film; else one of the last is withheld
     give_up_s: SourceError after so long without a frame; None: never
     settings: when the source counts as blocked, frozen or hung
     clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
     origin: when the source's own time was nought, on the clock [s], where it has one
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
-    State, shared with the threads: frames that wait, the last picture, the watchdog, events not yet taken, the readers.
+    State, shared with the threads: frames that wait, the last pictures, the watchdog, events not
+    yet taken, the readers.
     """
 
     def __init__(
@@ -96,7 +101,8 @@ class LiveFrames(Closing):
         self._nap = self._stop.wait if nap is None else nap
         self._waiting: deque[Frame] = deque()
         self._keep = keep
-        self._last: Frame | None = None
+        self._last_s = -np.inf
+        self._recent: deque[Image] = deque(maxlen=IN_TURN)
         self._n_frames = 0
         self._events: list[SourceEvent] = []
         self._finished = False
@@ -247,9 +253,12 @@ class LiveFrames(Closing):
             return None, self._clock(), f"a read failed: {_line(error)}"
         if not read:
             return None, grabbed_s, "a read failed"
-        if image is None or np.ndim(image) != 3 or not np.size(image):
+        if image is None or not np.size(image):
             return None, grabbed_s, "a read gave no picture"
-        return np.asarray(image), grabbed_s, ""
+        try:
+            return bgr(image), grabbed_s, ""
+        except ValueError as error:
+            return None, grabbed_s, f"a read gave a {error}"
 
     def _take(self, reader: _Reader, image: Image, grabbed_s: float, exposure: Callable[[float], float]) -> None:
         """Hand on a picture, unless it is the one before, or its time is."""
@@ -258,17 +267,17 @@ class LiveFrames(Closing):
                 return
             for other in self._readers:
                 other.retired = other is not reader
-            last = self._last
-            if last is not None and not self._may_repeat and _equal(last.image, image):
+            if not self._may_repeat and any(_equal(one, image) for one in self._recent):
                 self._watch.saw_repeat(grabbed_s)
                 return
             frame = Frame(self._n_frames, exposure(grabbed_s), image)
             self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
             self._n_frames += 1
-            if last is not None and frame.exposure_s <= last.exposure_s:
+            self._recent.append(image)
+            if frame.exposure_s <= self._last_s:
                 self.frames_dropped += 1
                 return
-            self._last = frame
+            self._last_s = frame.exposure_s
             if len(self._waiting) == self._keep:
                 self._waiting.popleft()
                 self.frames_dropped += 1

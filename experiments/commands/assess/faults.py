@@ -1,0 +1,46 @@
+"""`softaim faults`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Out, Processes, Scheduler
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
+
+PAGE = Path("docs") / "faults.md"
+
+
+def faults(
+    run: Run,
+    out: Out,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help="A fault's name; again for more; default: all.")
+    ] = None,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Runs of each fault.")] = 20,
+    first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first run's seed.")] = 8000,
+    processes: Processes = None,
+    scheduler: Scheduler = None,
+    page: Annotated[bool, typer.Option("--page", help="Rewrite the table of docs/faults.md in this folder.")] = False,
+) -> Answer:
+    """Make faults of camera, marks, tissue and scene, and judge what a live run shows; run again, it goes on."""
+    from experiments.commands.console import faults_table
+    from experiments.engine.workers import Workers
+    from experiments.formats.page import rewrite_page
+    from experiments.studies.faults.study import cells, faults_study, markdown
+
+    every = range(first_seed, first_seed + seeds)
+    rows = faults_study(only or [], every, out, Workers(processes, scheduler), run.stage("faults"))
+    if page:
+        rewrite_page(PAGE, {"faults": markdown(rows)})
+    run.finish(out, out)
+
+    def show() -> None:
+        print_table(faults_table(cells(rows)))
+        print(f"Table in {out / 'faults.csv'}; GO while faulty: {rows['go_shown_while_faulty'].sum()}")
+
+    return Answer({"out": out, "faults": json.loads(rows.to_json(orient="records"))}, show)

@@ -1,0 +1,123 @@
+"""All faults on many seeds, on all cores, and the table of what came of them."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.engine.study import run_study
+from experiments.engine.workers import Workers
+from experiments.errors import InputError
+from experiments.formats.outputs import write_whole
+from experiments.log import LOG
+from experiments.studies.faults.catalogue import FAULTS, fault_of
+from experiments.studies.faults.judge import judged
+
+ROWS = "faults.csv"
+NEVER = float("nan")
+
+
+def run(case: Mapping[str, Any]) -> dict[str, Any]:
+    """One fault with one seed, as a row of the study; NaN for what never came."""
+    level = LOG.level
+    LOG.setLevel(logging.CRITICAL)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            row = asdict(judged(fault_of(case["fault"]), case["seed"], Path(folder)))
+    finally:
+        LOG.setLevel(level)
+    return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
+
+
+def names_of(only: Sequence[str]) -> list[str]:
+    """The faults to run: all, or those named; InputError for a name that none has."""
+    known = [fault.name for fault in FAULTS]
+    for name in only:
+        if name not in known:
+            raise InputError.at("--only", f"one of {', '.join(known)}", name)
+    return list(only) or known
+
+
+def faults_study(
+    only: Sequence[str],
+    seeds: Iterable[int],
+    folder: Path,
+    workers: Workers,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> pd.DataFrame:
+    """A row for each fault, over the seeds; the runs stay in the folder, where the study goes on. Raises InputError."""
+    cases = [{"fault": name, "seed": seed} for name in names_of(only) for seed in seeds]
+    found = run_study(run, cases, folder, workers, advance).checked()
+    rows = summary(found)
+    write_whole(folder / ROWS, rows.to_csv(index=False))
+    return rows
+
+
+def summary(runs: pd.DataFrame) -> pd.DataFrame:
+    """Of each fault: how many seeds, the slowest time of noticing and of recovering [ms], in how many it was noticed.
+
+    covered: in how many no estimate was wrong after the time in which it has to be noticed
+    go_shown_while_faulty: summed over seeds, go: moments of GO from the onset on; sigma_ratio: largest over that before
+    """
+    rows = []
+    for fault in FAULTS:
+        own = runs[runs["fault"] == fault.name]
+        if own.empty:
+            continue
+        shown = own["shown"][own["shown"] != ""]
+        rows.append(
+            {
+                "fault": fault.name,
+                "what": fault.what,
+                "seeds": len(own),
+                "noticed": int(own["noticed_ms"].notna().sum()),
+                "noticed_ms": own["noticed_ms"].max(),
+                "within_ms": 1e3 * fault.within_s,
+                "covered": int(own["covered"].sum()),
+                "shown": shown.mode().iloc[0] if len(shown) else "",
+                "sigma_ratio": float((own["sigma_most_mm"] / own["sigma_before_mm"]).median()),
+                "recovered": int(own["recovered_ms"].notna().sum()),
+                "recovered_ms": own["recovered_ms"].max(),
+                "go_shown_while_faulty": int(own["go_shown_while_faulty"].sum()),
+                "go": int(own["go"].sum()),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+HEADS = ("fault", "noticed", "shown", "sigma", "covered", "recovered", "GO while faulty", "GO")
+
+
+def cells(rows: pd.DataFrame) -> list[list[str]]:
+    """The table's cells as people read them, a row for each fault."""
+    return [
+        [
+            f"{row.fault}: {row.what}",
+            _times(row.noticed, row.noticed_ms, row.seeds),
+            row.shown or "–",
+            f"x {row.sigma_ratio:.1f}",
+            f"{row.covered} of {row.seeds}",
+            _times(row.recovered, row.recovered_ms, row.seeds),
+            str(row.go_shown_while_faulty),
+            str(row.go),
+        ]
+        for row in rows.itertuples()
+    ]
+
+
+def _times(n: int, slowest_ms: float, seeds: int) -> str:
+    if not n:
+        return "never"
+    return f"{slowest_ms:.0f} ms" if n == seeds else f"{slowest_ms:.0f} ms, {n} of {seeds}"
+
+
+def markdown(rows: pd.DataFrame) -> str:
+    """The table of docs/faults.md."""
+    lines = ["| " + " | ".join(HEADS) + " |", "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: |"]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in cells(rows)]) + "\n"
