@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from experiments.arrays import Floats
 from experiments.servers.openigtlink.codec import ASCII, UTF8, MalformedError, padded_text, utf8
 
-N_MATRIX = 12
+MATRIX = struct.Struct(">12f")
 STATUS = struct.Struct(">Hq20s")
 STRING = struct.Struct(">HH")
 POINT = struct.Struct(">64s32s4B3ff20s")
@@ -25,15 +25,16 @@ def pack_transform(matrix: Floats) -> bytes:
     """TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError where a number is too large."""
     if matrix.shape != (4, 4) or not (np.abs(matrix) <= LARGEST).all():
         raise ValueError(f"transform: expected finite 32 bit numbers of shape (4, 4), found {matrix.tolist()}")
-    return matrix[:3].T.astype(">f4").tobytes()
+    return MATRIX.pack(*matrix[:3].T.ravel())
 
 
 def read_transform(content: bytes) -> Floats:
     """The (4, 4) matrix of a TRANSFORM, of any numbers; MalformedError where it is of another size."""
-    if len(content) != 4 * N_MATRIX:
-        raise MalformedError(f"TRANSFORM: expected {4 * N_MATRIX} bytes, found {len(content)}")
+    if len(content) != MATRIX.size:
+        raise MalformedError(f"TRANSFORM: expected {MATRIX.size} bytes, found {len(content)}")
     matrix = np.eye(4)
-    matrix[:3] = np.frombuffer(content, dtype=">f4").reshape(4, 3).T
+    # by struct: NumPy warns of a signalling NaN
+    matrix[:3] = np.array(MATRIX.unpack(content)).reshape(4, 3).T
     return matrix
 
 

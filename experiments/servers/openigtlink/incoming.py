@@ -52,11 +52,13 @@ class Incoming:
         self.sends_needle = True
         if message.metadata.get("TransformStatus", TransformStatus.OK) != TransformStatus.OK:
             return []
-        lengths = np.sqrt((matrix[:3, :3] ** 2).sum(axis=0))
+        if not np.isfinite(matrix).all():
+            raise RefusedError("needle: expected finite numbers")
+        lengths = np.linalg.norm(matrix[:3, :3], axis=0)
         if not (np.abs(lengths - 1.0) <= RIGID).all():
             raise RefusedError("needle: expected axes of length 1")
         along = matrix[: self._dim, 2]
-        if not np.linalg.norm(along) >= IN_PLANE:
+        if np.linalg.norm(along) < IN_PLANE:
             raise RefusedError("needle: expected a direction near the plane of the tissue")
         place = matrix[: self._dim, 3]
         return [_checked({"command": "needle", "tip_mm": place.tolist(), "direction": along.tolist()})]

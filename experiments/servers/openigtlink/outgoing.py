@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
@@ -176,7 +177,8 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
     """(4, 4), its origin in the needle's tip, +z the direction of its push; None without a needle.
 
-    The shaft lies along -z, as calibrations of SlicerIGT have it. The turn about the needle is not known: any.
+    The shaft lies along -z, as calibrations of SlicerIGT have it. The turn about the needle is not known: any, that of
+    [duff2017], section 3.
     """
     needle = state["needle"]
     if needle is None or needle["tip_mm"] is None:
@@ -186,11 +188,15 @@ def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
     length = float(np.linalg.norm(along))
     if not 0.0 < length < np.inf:
         return None
-    z = along / length
-    y = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-    y /= np.linalg.norm(y)
+    n = along / length
+    x, y, z = n.tolist()
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = a * x * y
     matrix = np.eye(4)
-    matrix[:3] = np.column_stack([np.cross(y, z), y, z, tip])
+    matrix[:3, 0] = 1.0 + sign * a * x * x, sign * b, -sign * x
+    matrix[:3, 1] = b, sign + a * y * y, -y
+    matrix[:3, 2], matrix[:3, 3] = n, tip
     return matrix
 
 

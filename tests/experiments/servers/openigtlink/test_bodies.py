@@ -48,6 +48,11 @@ def test_the_published_transform():
     assert read_transform(published.TRANSFORM[58:]) == pytest.approx(PUBLISHED_MATRIX, rel=2**-24)
 
 
+def test_a_transform_of_signalling_nan_is_read_without_a_warning():
+    """Its quiet bit is not set: NumPy warns where it casts one."""
+    assert np.isnan(read_transform(bytes.fromhex("7fa00000") * 12)[:3]).all()
+
+
 def test_the_published_status():
     status = StatusBody(15, "ACTUATOR_DISABLED", "Actuator A is disabled.", 10)
     assert pack_status(status) == published.STATUS[58:]
