@@ -87,6 +87,7 @@ def state_message(
     nodes_m: Floats | None = None,
     nis_band: tuple[float, float] | None = None,
     guidance: Guidance | None = None,
+    needle: tuple[Floats, Floats] | None = None,
     fault: str | None = None,
     events: Sequence[Mapping[str, Any]] = (),
     recording: Mapping[str, Any] | None = None,
@@ -96,6 +97,7 @@ def state_message(
 
     utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where it was predicted without one
     overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
+    needle: where its tip is [m] and the direction of its push, of any length, both (dim,)
     fault: why the estimate may not be relied upon, None where it may
     events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
@@ -117,6 +119,7 @@ def state_message(
         "poked": estimate.poked,
         "nodes_mm": None if nodes_m is None else [_mm(one) for one in nodes_m],
         "advice": None if guidance is None else _advice(guidance),
+        "needle": None if needle is None else {"tip_mm": _mm(needle[0]), "direction": needle[1].tolist()},
         "picture": None if overlay is None else _picture(overlay),
         "counters": {name: getattr(counters, name) for name in Counters.__dataclass_fields__},
         "events": [dict(one) for one in events],

@@ -1,0 +1,151 @@
+"""Messages of OpenIGTLink and their bytes: header, extended header, content, metadata and checksum; all big-endian.
+
+What is read may be hostile: sizes are checked before anything is made of them. Source: [openigtlink], header.md.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from experiments.servers.openigtlink.crc import crc64
+
+HEADER = struct.Struct(">H12s20sQQQ")
+EXTENDED = struct.Struct(">HHII")
+INDEX, ENTRY = struct.Struct(">H"), struct.Struct(">HHI")
+VERSIONS = (1, 2)
+LONGEST_TYPE, LONGEST_NAME = 12, 20
+LARGEST_BODY = 65536
+"""Of a message that is read [bytes]; asked for by those who stand beside a needle."""
+ASCII, UTF8 = 3, 106
+"""Character sets, by their MIBenum."""
+TICKS = 2.0**32
+"""Of a time stamp in a second: 32 bits of seconds since 1970 UTC, 32 bits of their fraction."""
+
+
+class MalformedError(ValueError):
+    """Bytes that are no message of OpenIGTLink, or one that is too long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message, its content as bytes; utc_s: seconds since 1970 UTC, 0 where there is none.
+
+    metadata and number are those of version 2. Raises ValueError where a header has no room for it.
+    """
+
+    type: str
+    device: str
+    content: bytes
+    utc_s: float = 0.0
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        for name, text, longest in (("type", self.type, LONGEST_TYPE), ("device", self.device, LONGEST_NAME)):
+            if len(text.encode()) > longest:
+                raise ValueError(f"{name}: expected at most {longest} bytes, found {text!r}")
+        if not 0.0 <= self.utc_s < TICKS:
+            raise ValueError(f"utc_s: expected from 0 to below 2^32, found {self.utc_s}")
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """The first 58 bytes of a message; size: of the body [bytes]."""
+
+    version: int
+    type: str
+    device: str
+    utc_s: float
+    size: int
+    crc: int
+
+
+def encode(message: Message, version: int = 2) -> bytes:
+    """The bytes of a message; version 1 has neither metadata nor number. ValueError for another version."""
+    if version not in VERSIONS:
+        raise ValueError(f"version: expected 1 or 2, found {version}")
+    body = message.content if version == 1 else _extended(message)
+    header = HEADER.pack(
+        version,
+        message.type.encode(),
+        message.device.encode(),
+        int(message.utc_s * TICKS),
+        len(body),
+        crc64(body),
+    )
+    return header + body
+
+
+def _extended(message: Message) -> bytes:
+    """The body in version 2: extended header, content, index of the metadata, metadata."""
+    index, texts = INDEX.pack(len(message.metadata)), b""
+    for key, value in message.metadata.items():
+        text = value.encode()
+        index += ENTRY.pack(len(key.encode()), ASCII if value.isascii() else UTF8, len(text))
+        texts += key.encode() + text
+    return EXTENDED.pack(EXTENDED.size, len(index), len(texts), message.number) + message.content + index + texts
+
+
+def decode_header(found: bytes) -> Header:
+    """The header of a message, 58 bytes; MalformedError where it is none, or announces too large a body."""
+    if len(found) != HEADER.size:
+        raise MalformedError(f"header: expected {HEADER.size} bytes, found {len(found)}")
+    version, kind, device, ticks, size, crc = HEADER.unpack(found)
+    if version not in VERSIONS:
+        raise MalformedError(f"header version: expected 1 or 2, found {version}")
+    if size > LARGEST_BODY:
+        raise MalformedError(f"body: expected at most {LARGEST_BODY} bytes, found {size}")
+    return Header(version, padded_text(kind), padded_text(device), ticks / TICKS, size, crc)
+
+
+def decode(header: Header, body: bytes) -> Message:
+    """The message of a header and its body; MalformedError where the one does not fit the other."""
+    if len(body) != header.size:
+        raise MalformedError(f"body: expected {header.size} bytes, found {len(body)}")
+    if crc64(body) != header.crc:
+        raise MalformedError("checksum: expected that of the body, found another")
+    if header.version == 1:
+        return Message(header.type, header.device, body, header.utc_s)
+    if len(body) < EXTENDED.size:
+        raise MalformedError(f"extended header: expected {EXTENDED.size} bytes, found {len(body)}")
+    own, index, texts, number = EXTENDED.unpack_from(body)
+    end = len(body) - index - texts
+    if own < EXTENDED.size or end < own:
+        raise MalformedError("extended header: expected sizes that fit the body, found others")
+    metadata = _metadata(body[end : end + index], body[end + index :])
+    return Message(header.type, header.device, body[own:end], header.utc_s, metadata, number)
+
+
+def _metadata(index: bytes, texts: bytes) -> dict[str, str]:
+    """Keys and values; those in other character sets than ASCII and UTF-8 are left out."""
+    if not index and not texts:
+        return {}
+    count = INDEX.unpack_from(index)[0] if len(index) >= INDEX.size else -1
+    if len(index) != INDEX.size + count * ENTRY.size:
+        raise MalformedError("metadata: expected an index of its size, found another")
+    entries = [ENTRY.unpack_from(index, INDEX.size + i * ENTRY.size) for i in range(count)]
+    if sum(key + value for key, _set, value in entries) != len(texts):
+        raise MalformedError("metadata: expected texts of the sizes in the index, found others")
+    found: dict[str, str] = {}
+    at = 0
+    for key, encoding, value in entries:
+        middle, end = at + key, at + key + value
+        if encoding in (ASCII, UTF8):
+            found[utf8(texts[at:middle])] = utf8(texts[middle:end])
+        at = end
+    return found
+
+
+def padded_text(field_bytes: bytes) -> str:
+    """The text of a field that is filled up with zeros; MalformedError where it is none."""
+    return utf8(field_bytes.partition(b"\0")[0])
+
+
+def utf8(text: bytes) -> str:
+    """Bytes as text; MalformedError where they are none."""
+    try:
+        return text.decode()
+    except UnicodeDecodeError as error:
+        raise MalformedError(f"text: expected UTF-8, found byte 0x{text[error.start]:02x}") from None

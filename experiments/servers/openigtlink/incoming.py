@@ -1,0 +1,79 @@
+"""What a client sends, as commands to the loop: a tracked needle's TRANSFORM, and sightings of the target as POINT."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from experiments.servers.commands import read_command
+from experiments.servers.openigtlink.bodies import PointBody, read_points, read_transform
+from experiments.servers.openigtlink.codec import Message
+from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
+
+RIGID = 1e-2
+"""By how much the length of an axis may differ from 1: more is no tracked tool's pose; rounding of trackers, chosen."""
+IN_PLANE = 0.5
+"""Share of a needle's direction that must lie in the plane of flat tissue, within 60 degrees of it; chosen."""
+
+Command = dict[str, Any]
+
+
+class RefusedError(ValueError):
+    """A message that is well formed, and asks for what cannot be done."""
+
+
+class Incoming:
+    """What one client sent, as commands, each checked.
+
+    dim: of the tissue: of a place in a plane z is left out; needle_device: name of the transform of the needle's tip
+    State: whether the client sends the needle; its newest points, as programs send a whole list again to add one.
+    """
+
+    def __init__(self, dim: int, needle_device: str = NEEDLE) -> None:
+        self._dim, self._needle_device = dim, needle_device
+        self.sends_needle = False
+        self._points: frozenset[PointBody] = frozenset()
+
+    def commands(self, message: Message) -> list[Command]:
+        """The commands of a message, none where it asks for nothing that is known here.
+
+        Raises MalformedError where its content is not of its type, RefusedError for numbers that make no sense.
+        """
+        if message.type == "TRANSFORM" and message.device == self._needle_device:
+            return self._needle(message)
+        if message.type == "POINT":
+            return self._fixes(read_points(message.content))
+        return []
+
+    def _needle(self, message: Message) -> list[Command]:
+        matrix = read_transform(message.content)
+        self.sends_needle = True
+        if message.metadata.get("TransformStatus", TransformStatus.OK) != TransformStatus.OK:
+            return []
+        if not np.isfinite(matrix).all():
+            raise RefusedError("needle: expected finite numbers")
+        lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+        if not (np.abs(lengths - 1.0) <= RIGID).all():
+            raise RefusedError("needle: expected axes of length 1")
+        along = matrix[: self._dim, 2]
+        if np.linalg.norm(along) < IN_PLANE:
+            raise RefusedError("needle: expected a direction near the plane of the tissue")
+        place = matrix[: self._dim, 3]
+        return [_checked({"command": "needle", "tip_mm": place.tolist(), "direction": along.tolist()})]
+
+    def _fixes(self, points: Iterable[PointBody]) -> list[Command]:
+        sent = tuple(points)
+        new = [point for point in sent if point not in self._points]
+        commands = [_checked({"command": "fix", "place_mm": list(point.place_mm[: self._dim])}) for point in new]
+        self._points = frozenset(sent)
+        return commands
+
+
+def _checked(command: Command) -> Command:
+    try:
+        read_command(command)
+    except ValueError as error:
+        raise RefusedError(str(error)) from error
+    return command

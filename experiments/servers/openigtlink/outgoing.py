@@ -1,0 +1,204 @@
+"""What is sent of a moment: transforms of target, needle and spread, STATUS and STRING: docs/openigtlink.md."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Any
+
+import numpy as np
+
+from estimators import Status
+from experiments.arrays import Floats
+from experiments.servers.openigtlink.bodies import (
+    LARGEST,
+    StatusBody,
+    pack_status,
+    pack_string,
+    pack_surface,
+    pack_transform,
+    unit_sphere,
+)
+from experiments.servers.openigtlink.codec import Message, encode
+
+TARGET, NEEDLE, SPREAD = "TargetToReference", "NeedleTipToReference", "SpreadToReference"
+SPHERE, HEALTH, DETAILS, REPLY = "Spread", "Softaim", "SoftaimState", "SoftaimReply"
+"""Device names of the sphere, STATUS, STRING and answers; no two alike, for some programs keep one message a name."""
+WITHIN_95 = {2: 2.447746830680816, 3: 2.7954834829151074}
+"""Root of the chi-square quantile, 2 and 3 degrees of freedom, 95 %: semi-axes in standard deviations."""
+FLAT_MM = 0.5
+"""Half the thickness of the ellipsoid of tissue in a plane [mm]: to be seen from the side; chosen."""
+LONGEST_TEXT = 500
+"""Letters of a reason or a fault that are sent; a STRING has room for 65535 bytes."""
+
+
+class TransformStatus(StrEnum):
+    """How far a transform may be relied upon, in the words of PLUS, whose clients use OK ones."""
+
+    OK = "OK"
+    MISSING = "MISSING"
+    """No mark is seen: the model alone."""
+    INVALID = "INVALID"
+
+
+class Code(IntEnum):
+    """Codes of a STATUS, of the protocol's own list."""
+
+    OK = 1
+    UNKNOWN_ERROR = 2
+    NOT_FOUND = 4
+    ACCESS_DENIED = 5
+    BUSY = 6
+    TIME_OUT = 7
+    ILLEGAL_INSTRUCTION = 12
+    NOT_READY = 13
+    DISABLED = 15
+    NOT_PRESENT = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """Bytes of one moment: all but the needle, and the needle, which those are not sent who send it themselves."""
+
+    common: bytes
+    needle: bytes = b""
+
+
+def packet_of(state: Mapping[str, Any], version: int) -> Packet:
+    """What is sent of a state, in this header version.
+
+    Version 1 has no room for the status of a transform: those are sent that are OK.
+    """
+    utc_s, fit = state["utc_s"], transform_status(state)
+
+    def transform(device: str, matrix: Floats | None) -> bytes:
+        sent = fit is TransformStatus.OK or (fit is not None and version > 1)
+        if not sent or matrix is None or not (np.abs(matrix) <= LARGEST).all():
+            return b""
+        metadata = {"TransformStatus": str(fit)}
+        return encode(Message("TRANSFORM", device, pack_transform(matrix), utc_s, metadata), version)
+
+    status = status_message(HEALTH, status_of(state), utc_s, version)
+    details = encode(Message("STRING", DETAILS, pack_string(json.dumps(details_of(state))), utc_s), version)
+    moved = transform(TARGET, target_matrix(state)) + transform(SPREAD, spread_matrix(state))
+    return Packet(moved + status + details, transform(NEEDLE, needle_matrix(state)))
+
+
+def sphere_message(version: int) -> bytes:
+    """The unit sphere, as POLYDATA, that `SpreadToReference` carries to the ellipsoid."""
+    return encode(Message("POLYDATA", SPHERE, pack_surface(*unit_sphere())), version)
+
+
+def status_message(device: str, status: StatusBody, utc_s: float, version: int) -> bytes:
+    """A STATUS message."""
+    return encode(Message("STATUS", device, pack_status(status), utc_s), version)
+
+
+def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
+    """How far the transforms of a state may be relied upon; None where none is to be sent, for the target is lost."""
+    status = Status(state["status"])
+    if status is Status.LOST:
+        return None
+    if state["fault"] is not None or state["paused"] or status in (Status.DIVERGED, Status.INITIALISING):
+        return TransformStatus.INVALID
+    return TransformStatus.MISSING if status is Status.COASTING else TransformStatus.OK
+
+
+def status_of(state: Mapping[str, Any]) -> StatusBody:
+    """The STATUS of a state: a fault first, then a pause, then the estimate's own status."""
+    if state["fault"] is not None:
+        return StatusBody(Code.UNKNOWN_ERROR, "FAULT", _short(state["fault"]))
+    if state["paused"]:
+        return StatusBody(Code.DISABLED, "PAUSED", "paused: what is sent is not of now")
+    status = Status(state["status"])
+    code, text = {
+        Status.TRACKING: (Code.OK, "marks are seen"),
+        Status.COASTING: (Code.NOT_FOUND, "no mark is seen: predicted by the model alone"),
+        Status.LOST: (Code.NOT_PRESENT, "no mark for too long: the target is lost, no transform is sent"),
+        Status.DIVERGED: (Code.UNKNOWN_ERROR, "the marks contradict the model: not to be relied upon"),
+        Status.INITIALISING: (Code.NOT_READY, "the first marks: not yet to be relied upon"),
+    }[status]
+    return StatusBody(code, str(status), text)
+
+
+def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
+    """What STRING holds, as JSON: covariance, health, probability of a hit and advice."""
+    advice = state["advice"] or {}
+    reason, fault = advice.get("reason"), state["fault"]
+    return {
+        "utc_s": state["utc_s"],
+        "time_s": state["time_s"],
+        "status": state["status"],
+        "fault": None if fault is None else _short(fault),
+        "paused": state["paused"],
+        "transform_status": transform_status(state),
+        "cov_mm2": state["cov_mm2"],
+        "sigma_mm": state["sigma_mm"],
+        "marks_used": state["marks_used"],
+        "nis": state["nis"],
+        "poked": state["poked"],
+        "probability": advice.get("probability"),
+        "advice": advice.get("advice"),
+        "reason": None if reason is None else _short(reason),
+    }
+
+
+def target_matrix(state: Mapping[str, Any]) -> Floats | None:
+    """(4, 4), axes as the scene's, its origin in the target; None where that is not known."""
+    if state["target_mm"] is None:
+        return None
+    matrix = np.eye(4)
+    matrix[: len(state["target_mm"]), 3] = state["target_mm"]
+    return matrix
+
+
+def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
+    """(4, 4) that carries the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
+
+    Of tissue in a plane it is the 95 % ellipse, by 2 degrees of freedom, with FLAT_MM to either side of the plane.
+    """
+    matrix = target_matrix(state)
+    if matrix is None or state["cov_mm2"] is None:
+        return None
+    cov = np.array(state["cov_mm2"])
+    dim = len(cov)
+    values, vectors = np.linalg.eigh(cov)
+    axes = FLAT_MM * np.eye(3)
+    axes[:dim, :dim] = vectors * (WITHIN_95[dim] * np.sqrt(values.clip(0.0)))
+    if np.linalg.det(vectors) < 0.0:
+        axes[:, 0] *= -1.0
+    matrix[:3, :3] = axes
+    return matrix
+
+
+def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
+    """(4, 4), its origin in the needle's tip, +z the direction of its push; None without a needle.
+
+    The shaft lies along -z, as calibrations of SlicerIGT have it. The turn about the needle is not known: any, that of
+    [duff2017], section 3.
+    """
+    needle = state["needle"]
+    if needle is None or needle["tip_mm"] is None:
+        return None
+    tip, along = np.zeros(3), np.zeros(3)
+    tip[: len(needle["tip_mm"])], along[: len(needle["direction"])] = needle["tip_mm"], needle["direction"]
+    length = float(np.linalg.norm(along))
+    if not 0.0 < length < np.inf:
+        return None
+    n = along / length
+    x, y, z = n.tolist()
+    sign = math.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = a * x * y
+    matrix = np.eye(4)
+    matrix[:3, 0] = 1.0 + sign * a * x * x, sign * b, -sign * x
+    matrix[:3, 1] = b, sign + a * y * y, -y
+    matrix[:3, 2], matrix[:3, 3] = n, tip
+    return matrix
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"

@@ -1,0 +1,220 @@
+"""The server: every client is sent the newest moment only, and what clients send is handed to the loop as commands.
+
+A client that is gone, stuck, or sends what is no message of OpenIGTLink, is dropped; the others notice nothing. For
+users: docs/openigtlink.md.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import socket
+import time
+from dataclasses import dataclass
+
+from experiments.log import LOG
+from experiments.servers.feed import Feed
+from experiments.servers.openigtlink.bodies import StatusBody
+from experiments.servers.openigtlink.codec import HEADER, MalformedError, decode, decode_header
+from experiments.servers.openigtlink.incoming import Incoming, RefusedError
+from experiments.servers.openigtlink.outgoing import (
+    HEALTH,
+    NEEDLE,
+    REPLY,
+    Code,
+    Packet,
+    packet_of,
+    sphere_message,
+    status_message,
+)
+
+PORT = 18944
+"""Registered for OpenIGTLink."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkSettings:
+    """Limits of the server.
+
+    clients: at once; more are told BUSY and dropped; asked for by those who stand beside a needle
+    message_s: from the first byte of a message to its last [s]; source: what pyigtl allows a body
+    stuck_s: a client that takes nothing for so long is dropped [s]; choice
+    kernel_bytes: that the operating system may hold for a client [bytes], which Linux doubles: some ten moments, so
+        that what a slow client reads is not old; choice. Linux and macOS take none while the last one waits
+    """
+
+    clients: int = 16
+    message_s: float = 5.0
+    stuck_s: float = 2.0
+    kernel_bytes: int = 16384
+
+
+SETTINGS = LinkSettings()
+GONE = (OSError, asyncio.IncompleteReadError)
+"""How a connection ends whose client simply goes; a TimeoutError is an OSError, too."""
+
+
+async def serve(
+    sock: socket.socket,
+    feed: Feed,
+    *,
+    version: int = 2,
+    needle_device: str = NEEDLE,
+    allow_write: bool = False,
+    settings: LinkSettings = SETTINGS,
+) -> None:
+    """Serve clients until cancelled; then all connections are closed, and the socket.
+
+    sock: bound, of any address; version: of the header, 1 or 2
+    needle_device: name of the transform of a tracked needle's tip that clients may send
+    allow_write: take needles and sightings of other machines' clients, too; of this one's they are taken always
+    """
+    await _Server(feed, version, needle_device, allow_write, settings).run(sock)
+
+
+class _Server:
+    """State: the clients' tasks; how many were dropped; the newest packet and its count; an event for the next one."""
+
+    def __init__(self, feed: Feed, version: int, needle_device: str, allow_write: bool, settings: LinkSettings) -> None:
+        self._feed, self._version, self._settings = feed, version, settings
+        self._needle_device, self._allow_write = needle_device, allow_write
+        self._sphere = sphere_message(version)
+        self._clients: set[asyncio.Task[None]] = set()
+        self._n_dropped = 0
+        self._packet, self._count = Packet(b""), 0
+        self._next = asyncio.Event()
+
+    async def run(self, sock: socket.socket) -> None:
+        server = await asyncio.start_server(self._connected, sock=sock)
+        try:
+            await self._follow()
+        finally:
+            server.close()
+            for client in self._clients:
+                client.cancel()
+            await asyncio.gather(*self._clients, return_exceptions=True)
+
+    async def _follow(self) -> None:
+        """Make a packet of each new moment; of none where none comes in time. What was there before is not new."""
+        number = 0 if self._feed.newest is None else self._feed.newest.number
+        stale_s = 1e-3 * self._feed.scene["stale_ms"]
+        while True:
+            moment = await self._feed.after(number, stale_s)
+            if moment is not None:
+                number = moment.number
+            if not self._clients:
+                continue
+            self._packet = self._stale(stale_s) if moment is None else packet_of(moment.state, self._version)
+            self._count += 1
+            self._next.set()
+            self._next = asyncio.Event()
+
+    def _stale(self, stale_s: float) -> Packet:
+        text = f"nothing new for {1e3 * stale_s:.0f} ms: what was sent is not of now"
+        status = StatusBody(Code.TIME_OUT, "STALE", text)
+        return Packet(status_message(HEALTH, status, time.time(), self._version))
+
+    def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._clients) >= self._settings.clients:
+            writer.write(self._refusal(Code.BUSY, f"{self._settings.clients} clients are served already"))
+            writer.close()
+            return
+        task = asyncio.get_running_loop().create_task(self._client(reader, writer))
+        self._clients.add(task)
+        task.add_done_callback(self._clients.discard)
+
+    def _refusal(self, code: Code, text: str) -> bytes:
+        return status_message(REPLY, StatusBody(code, "REFUSED", text), time.time(), self._version)
+
+    async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Tell and hear one client until it is gone."""
+        writer.transport.set_write_buffer_limits(high=0)
+        _keep_little(writer.get_extra_info("socket"), self._settings.kernel_bytes)
+        incoming = Incoming(self._feed.scene["dim"], self._needle_device)
+        tasks = [
+            asyncio.create_task(self._tell(writer, incoming)),
+            asyncio.create_task(self._hear(reader, writer, incoming)),
+        ]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                self._report(task.exception(), _name(writer))
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            writer.transport.abort()
+
+    async def _tell(self, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
+        """Send the sphere, then the newest packets; what comes while the client is taking the last one is left out."""
+        writer.write(self._sphere)
+        sent = self._count
+        while True:
+            async with asyncio.timeout(self._settings.stuck_s):
+                await writer.drain()
+            while self._count == sent:
+                await self._next.wait()
+            sent = self._count
+            writer.write(self._packet.common + (b"" if incoming.sends_needle else self._packet.needle))
+
+    async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
+        """Hand on what the client asks for. Ends by an exception: it is gone, MalformedError, or TimeoutError."""
+        may_write = self._allow_write or _is_local(writer)
+        while True:
+            first = await reader.readexactly(1)
+            async with asyncio.timeout(self._settings.message_s):
+                header = decode_header(first + await reader.readexactly(HEADER.size - 1))
+                message = decode(header, await reader.readexactly(header.size))
+            try:
+                commands = incoming.commands(message)
+            except RefusedError as error:
+                self._answer(writer, Code.ILLEGAL_INSTRUCTION, str(error))
+                commands = []
+            if commands and not may_write:
+                self._answer(
+                    writer, Code.ACCESS_DENIED, "needles and points are taken from programs of this machine only"
+                )
+                commands = []
+            for command in commands:
+                self._feed.command(command)
+            # Messages that wait in the buffer are read without a pause: others must have their turn
+            await asyncio.sleep(0)
+
+    def _answer(self, writer: asyncio.StreamWriter, code: Code, text: str) -> None:
+        """Say why something was not done, unless the client is still taking what it was sent before."""
+        if writer.transport.get_write_buffer_size() == 0:
+            writer.write(self._refusal(code, text))
+
+    def _report(self, error: BaseException | None, name: str) -> None:
+        """A line of what ended a connection, where the client did not simply go: of the 1st, 2nd, 4th ... dropped."""
+        if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
+            return
+        self._n_dropped += 1
+        if self._n_dropped & (self._n_dropped - 1):
+            return
+        level = logging.INFO if isinstance(error, MalformedError | TimeoutError) else logging.ERROR
+        LOG.log(level, "OpenIGTLink: %d dropped, the last from %s: %s", self._n_dropped, name, str(error) or "stuck")
+
+
+def _keep_little(sock: socket.socket, n_bytes: int) -> None:
+    """Let the operating system keep little that a client has not yet received."""
+    with contextlib.suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, n_bytes)
+    with contextlib.suppress(OSError, AttributeError):
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, 1)
+
+
+def _name(writer: asyncio.StreamWriter) -> str:
+    return str((writer.get_extra_info("peername") or ("a client",))[0])
+
+
+def _is_local(writer: asyncio.StreamWriter) -> bool:
+    """Whether the other end is on the loopback."""
+    try:
+        address = ipaddress.ip_address(_name(writer).partition("%")[0])
+    except ValueError:
+        return False
+    mapped = getattr(address, "ipv4_mapped", None)
+    return (mapped or address).is_loopback

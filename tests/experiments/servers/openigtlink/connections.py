@@ -1,0 +1,82 @@
+"""A server on a free port of the loopback, and clients of it."""
+
+import asyncio
+import contextlib
+import json
+import socket
+from collections.abc import AsyncIterator
+from typing import Any
+
+from experiments.servers.feed import Feed
+from experiments.servers.openigtlink.codec import HEADER, Message, decode, decode_header
+from experiments.servers.openigtlink.server import serve
+from tests.experiments.servers.openigtlink.states import SCENE, state
+
+SOON_S = 5.0
+"""For what comes at once; a busy machine takes long."""
+
+
+@contextlib.asynccontextmanager
+async def serving(feed: Feed, **options: Any) -> AsyncIterator[int]:
+    """The port of a server of this feed; afterwards it is cancelled, and has closed its socket."""
+    sock = socket.create_server(("127.0.0.1", 0))
+    port = sock.getsockname()[1]
+    task = asyncio.create_task(serve(sock, feed, **options))
+    try:
+        await asyncio.sleep(0)
+        yield port
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+        assert sock.fileno() == -1
+
+
+def told_of(**scene: Any) -> tuple[Feed, list[dict[str, Any]]]:
+    """A feed of the scene with these keys, and the list of commands that come back through it."""
+    commands: list[dict[str, Any]] = []
+    return Feed(SCENE | scene, commands.append), commands
+
+
+def publish(feed: Feed, **other: Any) -> None:
+    """A new moment."""
+    feed.publish(json.dumps(state(**other)).encode(), None)
+
+
+class Client:
+    """One connection."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader, self.writer = reader, writer
+
+    async def next(self) -> Message:
+        """The next message."""
+        async with asyncio.timeout(SOON_S):
+            header = decode_header(await self.reader.readexactly(HEADER.size))
+            return decode(header, await self.reader.readexactly(header.size))
+
+    async def until(self, device: str) -> Message:
+        """The next message of this device."""
+        while (message := await self.next()).device != device:
+            pass
+        return message
+
+    async def is_dropped(self) -> bool:
+        """Whether the server closes the connection soon; what it sent before is read away."""
+        with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
+            async with asyncio.timeout(SOON_S):
+                while await self.reader.read(65536):
+                    pass
+        return True
+
+
+@contextlib.asynccontextmanager
+async def connected(port: int) -> AsyncIterator[Client]:
+    """A client."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    try:
+        yield Client(reader, writer)
+    finally:
+        writer.close()
+        with contextlib.suppress(OSError):
+            await writer.wait_closed()

@@ -1,0 +1,146 @@
+"""Contents of messages, against published ones and against pyigtl."""
+
+import struct
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from pyigtl.messages import PointMessage, PolyDataMessage, StringMessage
+
+from experiments.servers.openigtlink.bodies import (
+    PointBody,
+    StatusBody,
+    pack_points,
+    pack_status,
+    pack_string,
+    pack_surface,
+    pack_transform,
+    read_points,
+    read_status,
+    read_string,
+    read_transform,
+    unit_sphere,
+)
+from experiments.servers.openigtlink.codec import MalformedError
+from tests.experiments.servers.openigtlink import published
+
+PUBLISHED_MATRIX = np.array(
+    [
+        [-0.954892, -0.196632, 0.222525, 46.0531],
+        [0.196632, 0.142857, 0.970014, 19.4709],
+        [-0.222525, 0.970014, -0.0977491, 46.0531],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+)
+"""What the protocol's own test puts into the TRANSFORM."""
+PUBLISHED_POINTS = [
+    PointBody("POINT_DESCRIPTION_0", (10.0, 15.0, 20.0), "Landmark", (255, 0, 0, 255), 5.0, "IMAGE_0"),
+    PointBody("POINT_DESCRIPTION_1", (25.0, 30.0, 35.0), "Landmark", (0, 255, 0, 255), 3.0, "IMAGE_0"),
+    PointBody("POINT_DESCRIPTION_2", (40.0, 45.0, 50.0), "Landmark", (0, 0, 255, 255), 1.0, "IMAGE_0"),
+]
+CUBE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], dtype=float)
+FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+
+
+def test_the_published_transform():
+    """Its numbers are the test's, rounded to 32 bits."""
+    assert pack_transform(PUBLISHED_MATRIX) == published.TRANSFORM[58:]
+    assert read_transform(published.TRANSFORM[58:]) == pytest.approx(PUBLISHED_MATRIX, rel=2**-24)
+
+
+def test_a_transform_of_signalling_nan_is_read_without_a_warning():
+    """Its quiet bit is not set: NumPy warns where it casts one."""
+    assert np.isnan(read_transform(bytes.fromhex("7fa00000") * 12)[:3]).all()
+
+
+def test_the_published_status():
+    status = StatusBody(15, "ACTUATOR_DISABLED", "Actuator A is disabled.", 10)
+    assert pack_status(status) == published.STATUS[58:]
+    assert read_status(published.STATUS[58:]) == status
+
+
+def test_the_published_string():
+    assert pack_string("Welcome to OpenIGTLink") == published.STRING[58:]
+    assert read_string(published.STRING[58:]) == "Welcome to OpenIGTLink"
+
+
+def test_the_published_points():
+    assert pack_points(PUBLISHED_POINTS) == published.POINT[58:]
+    assert read_points(published.POINT[58:]) == PUBLISHED_POINTS
+
+
+def test_the_published_cube():
+    """All but its attribute, which is counted in the bytes 36 to 40: ours have none."""
+    body, ours = published.POLYDATA[58:], pack_surface(CUBE, FACES)
+    assert ours[:36] == body[:36]
+    assert ours[36:40] == bytes(4)
+    assert ours[40:] == body[40 : 40 + 8 * 12 + 6 * 20]
+
+
+def test_strings_points_and_surfaces_are_those_of_pyigtl():
+    assert pack_string('{"a": 1}') == StringMessage('{"a": 1}')._pack_content()
+    theirs = PointMessage(positions=[[1.5, -2.0, 3.25], [4.0, 5.0, 6.0]], names=["a", "b"])
+    assert pack_points([PointBody("a", (1.5, -2.0, 3.25)), PointBody("b", (4.0, 5.0, 6.0))]) == theirs._pack_content()
+    points, polygons = unit_sphere()
+    cells = np.array([number for polygon in polygons for number in (len(polygon), *polygon)])
+    assert pack_surface(points, polygons) == PolyDataMessage(points=points, polygons=cells)._pack_content()
+
+
+def test_the_unit_sphere_is_one():
+    """Points on the sphere, closed, seen from outside; its volume, of flat facets, is 4/3 pi less 3 %."""
+    points, polygons = unit_sphere()
+    assert np.linalg.norm(points, axis=1) == pytest.approx(1.0, abs=1e-12)
+    edges = [edge for polygon in polygons for edge in pairwise([*polygon, polygon[0]])]
+    assert len(set(edges)) == len(edges)
+    assert {(b, a) for a, b in edges} == set(edges)
+    fans = [(p[0], p[i], p[i + 1]) for p in polygons for i in range(1, len(p) - 1)]
+    volume = sum(np.linalg.det(points[list(fan)]) for fan in fans) / 6.0
+    assert 0.97 * 4.0 / 3.0 * np.pi < volume < 4.0 / 3.0 * np.pi
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e39])
+def test_a_transform_of_what_32_bits_cannot_hold_is_refused(bad: float):
+    matrix = np.eye(4)
+    matrix[0, 3] = bad
+    with pytest.raises(ValueError, match="32 bit"):
+        pack_transform(matrix)
+
+
+def test_text_too_long_is_refused():
+    assert len(pack_string("x" * 65535)) == 65539
+    with pytest.raises(ValueError, match="65535"):
+        pack_string("x" * 65536)
+    with pytest.raises(ValueError, match="20 bytes"):
+        pack_status(StatusBody(1, "x" * 21, ""))
+
+
+def test_strings_of_utf8_say_so():
+    assert pack_string("é")[:2] == b"\0\x6a"
+    assert read_string(pack_string("é")) == "é"
+
+
+@pytest.mark.parametrize(
+    ("read", "content"),
+    [
+        (read_transform, bytes(47)),
+        (read_transform, bytes(49)),
+        (read_transform, b""),
+        (read_points, bytes(135)),
+        (read_points, bytes(137)),
+        (read_points, b"\xff" + bytes(135)),
+        (read_status, bytes(29)),
+        (read_status, b"\0\1" + bytes(8) + b"\xff" * 20),
+        (read_string, b"\0\3\0"),
+        (read_string, b"\0\3\0\2a"),
+        (read_string, b"\0\3\0\1ab"),
+        (read_string, struct.pack(">HH", 4, 1) + b"a"),
+        (read_string, b"\0\3\0\1\xff"),
+    ],
+)
+def test_contents_of_another_size_or_kind_are_refused(read, content: bytes):
+    with pytest.raises(MalformedError):
+        read(content)
+
+
+def test_no_points_are_none():
+    assert read_points(b"") == []

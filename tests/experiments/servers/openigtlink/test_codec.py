@@ -1,0 +1,178 @@
+"""Headers, extended headers and metadata, against published messages and against pyigtl."""
+
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pyigtl.messages import MessageBase, StringMessage, TransformMessage
+
+from experiments.servers.openigtlink.bodies import pack_string, pack_transform
+from experiments.servers.openigtlink.codec import (
+    HEADER,
+    LARGEST_BODY,
+    MalformedError,
+    Message,
+    decode,
+    decode_header,
+    encode,
+)
+from experiments.servers.openigtlink.crc import crc64
+from tests.experiments.servers.openigtlink import published
+from tests.experiments.servers.openigtlink.states import UTC_S
+
+METADATA = {"First patient age": "22", "Second patient age": "25"}
+MATRIX = np.arange(16.0).reshape(4, 4) / 8.0
+
+
+def taken_apart(found: bytes) -> Message:
+    """The message in these bytes."""
+    return decode(decode_header(found[: HEADER.size]), found[HEADER.size :])
+
+
+def sealed(found: bytes) -> bytes:
+    """A message with the size and checksum of the body that it has."""
+    body = found[HEADER.size :]
+    return found[:42] + struct.pack(">QQ", len(body), crc64(body)) + body
+
+
+@pytest.mark.parametrize(
+    "found",
+    [published.TRANSFORM, published.STATUS, published.STRING, published.POINT, published.POLYDATA],
+    ids=lambda found: found[2:14].rstrip(b"\0").decode(),
+)
+def test_a_published_message_is_read_and_written_byte_for_byte(found: bytes):
+    message = taken_apart(found)
+    assert message.device == "DeviceName"
+    assert message.utc_s == published.TICKS / 2**32
+    assert message.content == found[58:]
+    assert encode(message, version=1) == found
+
+
+def test_a_published_message_with_metadata_is_read_and_written_byte_for_byte():
+    message = taken_apart(published.TRANSFORM_WITH_METADATA)
+    assert message.metadata == METADATA
+    assert message.number == 1
+    assert message.content == published.TRANSFORM[58:]
+    assert encode(message) == published.TRANSFORM_WITH_METADATA
+
+
+@pytest.mark.parametrize("metadata", [{}, {"TransformStatus": "OK"}, METADATA])
+@pytest.mark.parametrize("version", [1, 2])
+def test_messages_are_those_of_pyigtl_byte_for_byte(version: int, metadata: dict[str, str]):
+    theirs = TransformMessage(MATRIX, timestamp=UTC_S, device_name="TargetToReference")
+    theirs.header_version, theirs.metadata, theirs.message_id = version, metadata, 7
+    ours = Message("TRANSFORM", "TargetToReference", pack_transform(MATRIX), UTC_S, metadata, 7)
+    assert encode(ours, version) == theirs.pack()
+    kept = ours if version == 2 else replace(ours, metadata={}, number=0)
+    assert taken_apart(theirs.pack()) == kept
+
+
+def test_a_time_is_read_by_pyigtl_to_its_rounding():
+    """It rounds each of 32 halvings of a second to whole nanoseconds, and a float of today resolves 0.24 µs."""
+    found = encode(Message("STRING", "a", pack_string(""), 1234567890.123456))
+    assert MessageBase.parse_header(found[:58])["timestamp"] == pytest.approx(1234567890.123456, abs=3e-7, rel=0)
+    assert struct.unpack(">Q", found[34:42])[0] / 2**32 == pytest.approx(1234567890.123456, abs=3e-10, rel=0)
+
+
+def test_text_beyond_ascii_says_so():
+    """MIBenum 106 is UTF-8; pyigtl cannot write it and reads it."""
+    found = encode(Message("STRING", "a", pack_string(""), metadata={"who": "Grüße"}))
+    assert struct.unpack(">HHHI", found[74:84]) == (1, 3, 106, 7)
+    theirs = StringMessage()
+    theirs.unpack(MessageBase.parse_header(found[:58]), found[58:])
+    assert theirs.metadata == {"who": "Grüße"}
+    assert taken_apart(found).metadata == {"who": "Grüße"}
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: Message("TRANSFORM", "N" * 21, b""),
+        lambda: Message("T" * 13, "N", b""),
+        lambda: Message("TRANSFORM", "N", b"", -1.0),
+        lambda: Message("TRANSFORM", "N", b"", float("nan")),
+        lambda: Message("TRANSFORM", "N", b"", 2.0**32),
+        lambda: encode(Message("TRANSFORM", "N", b""), 3),
+    ],
+)
+def test_what_a_header_has_no_room_for_is_refused(made):
+    with pytest.raises(ValueError, match="expected"):
+        made()
+
+
+def test_names_of_full_length_have_no_zero_at_their_end():
+    message = Message("T" * 12, "N" * 20, b"")
+    assert taken_apart(encode(message)) == message
+
+
+@pytest.mark.parametrize("size", [LARGEST_BODY + 1, 2**31, 2**63, 2**64 - 1])
+def test_a_body_too_large_is_refused_by_its_header_alone(size: int):
+    found = published.TRANSFORM[:42] + struct.pack(">Q", size) + published.TRANSFORM[50:58]
+    with pytest.raises(MalformedError, match="at most 65536"):
+        decode_header(found)
+
+
+def test_the_largest_body_is_read():
+    message = Message("IMAGE", "N", bytes(LARGEST_BODY))
+    assert taken_apart(encode(message, 1)) == message
+
+
+@pytest.mark.parametrize("at", [58, 80, 105])
+def test_a_flipped_bit_of_the_body_is_noticed(at: int):
+    found = bytearray(published.TRANSFORM)
+    found[at] ^= 1
+    with pytest.raises(MalformedError, match="checksum"):
+        taken_apart(bytes(found))
+
+
+@pytest.mark.parametrize(
+    ("at", "fields"),
+    [
+        (58, struct.pack(">HHII", 11, 18, 39, 1)),
+        (58, struct.pack(">HHII", 65535, 18, 39, 1)),
+        (58, struct.pack(">HHII", 12, 65535, 39, 1)),
+        (58, struct.pack(">HHII", 12, 18, 2**32 - 1, 1)),
+        (58, struct.pack(">HHII", 12, 0, 39, 1)),
+        (58, struct.pack(">HHII", 12, 1, 39, 1)),
+        (118, struct.pack(">H", 65535)),
+        (120, struct.pack(">HHI", 65535, 3, 2)),
+        (120, struct.pack(">HHI", 17, 3, 2**32 - 1)),
+        (136, b"\xff"),
+    ],
+)
+def test_sizes_that_do_not_fit_are_refused(at: int, fields: bytes):
+    found = published.TRANSFORM_WITH_METADATA
+    with pytest.raises(MalformedError):
+        taken_apart(sealed(found[:at] + fields + found[at + len(fields) :]))
+
+
+def test_a_body_shorter_than_its_extended_header_is_refused():
+    with pytest.raises(MalformedError, match="extended header"):
+        taken_apart(sealed(published.TRANSFORM_WITH_METADATA[:69]))
+
+
+def test_metadata_in_another_character_set_is_left_out():
+    """MIBenum 4, ISO 8859-1, in place of ASCII for the first of two."""
+    found = published.TRANSFORM_WITH_METADATA
+    assert taken_apart(sealed(found[:122] + b"\0\4" + found[124:])).metadata == {"Second patient age": "25"}
+
+
+@pytest.mark.parametrize("version", [0, 3, 0x504F])
+def test_another_version_is_refused(version: int):
+    """Among them the P and the O of a browser's POST."""
+    with pytest.raises(MalformedError, match="version"):
+        decode_header(struct.pack(">H", version) + published.TRANSFORM[2:58])
+
+
+@pytest.mark.parametrize("at", [2, 14])
+def test_a_name_that_is_no_text_is_refused(at: int):
+    found = bytearray(published.TRANSFORM[:58])
+    found[at] = 0xFF
+    with pytest.raises(MalformedError, match="UTF-8"):
+        decode_header(bytes(found))
+
+
+def test_half_a_header_is_refused():
+    with pytest.raises(MalformedError, match="58 bytes"):
+        decode_header(published.TRANSFORM[:57])

@@ -1,0 +1,125 @@
+"""What clients send, as commands: messages made by pyigtl."""
+
+import numpy as np
+import pytest
+from pyigtl.messages import PointMessage, StringMessage, TransformMessage
+
+from experiments.servers.openigtlink.codec import HEADER, MalformedError, Message, decode, decode_header
+from experiments.servers.openigtlink.incoming import Incoming, RefusedError
+
+
+def sent(theirs) -> Message:
+    """A message of pyigtl's as it comes here."""
+    found = theirs.pack()
+    return decode(decode_header(found[: HEADER.size]), found[HEADER.size :])
+
+
+def pose(direction, tip, status: str | None = None, device: str = "NeedleTipToReference") -> Message:
+    """A needle's TRANSFORM: shaft along -z, tip in the origin."""
+    z = np.array(direction) / np.linalg.norm(direction)
+    x = np.cross([0.36, 0.48, 0.8], z)
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3] = np.column_stack([x, np.cross(z, x), z, tip])
+    theirs = TransformMessage(matrix, device_name=device)
+    if status is not None:
+        theirs.header_version, theirs.metadata = 2, {"TransformStatus": status}
+    return sent(theirs)
+
+
+def points(*places, name: str = "F") -> Message:
+    """Fiducials."""
+    names = [f"{name}-{i}" for i in range(len(places))]
+    return sent(PointMessage(positions=list(places), names=names, device_name="F"))
+
+
+def test_a_tracked_needle_is_a_command():
+    (command,) = Incoming(3).commands(pose([1.0, 2.0, 2.0], [10.0, -20.0, 30.0]))
+    assert command["command"] == "needle"
+    assert command["tip_mm"] == [10.0, -20.0, 30.0]
+    assert command["direction"] == pytest.approx([1 / 3, 2 / 3, 2 / 3], abs=1e-6)
+
+
+def test_in_a_plane_two_numbers_of_it_count():
+    (command,) = Incoming(2).commands(pose([0.0, 0.8, 0.6], [10.0, -20.0, 30.0]))
+    assert command["tip_mm"] == [10.0, -20.0]
+    assert command["direction"] == pytest.approx([0.0, 0.8], abs=1e-6)
+
+
+def test_a_needle_across_the_plane_is_refused():
+    with pytest.raises(RefusedError, match="plane"):
+        Incoming(2).commands(pose([0.3, 0.1, 0.9], [0.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("status", "n_commands"), [(None, 1), ("OK", 1), ("MISSING", 0), ("INVALID", 0), ("OUT_OF_VIEW", 0)]
+)
+def test_a_needle_that_its_tracker_does_not_see_is_left_alone(status, n_commands: int):
+    assert len(Incoming(3).commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], status))) == n_commands
+
+
+def test_the_needles_device_can_be_named():
+    incoming = Incoming(3, "StylusTipToReference")
+    assert incoming.commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0])) == []
+    assert not incoming.sends_needle
+    assert len(incoming.commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], device="StylusTipToReference"))) == 1
+    assert incoming.sends_needle
+
+
+@pytest.mark.parametrize(
+    ("at", "value"),
+    [((0, 3), np.nan), ((1, 3), np.inf), ((2, 3), 10_001.0), ((2, 2), np.nan), ((0, 0), 2.0), ((2, 2), 0.0)],
+)
+def test_a_pose_that_is_none_is_refused(at: tuple[int, int], value: float):
+    """Not finite, 10 m away, or axes that are not of length 1."""
+    matrix = np.eye(4)
+    matrix[at] = value
+    with pytest.raises(RefusedError):
+        Incoming(3).commands(sent(TransformMessage(matrix, device_name="NeedleTipToReference")))
+
+
+def test_points_are_sightings_of_the_target():
+    assert Incoming(3).commands(points([1.0, 2.0, 3.0], [4.5, 5.0, 6.0])) == [
+        {"command": "fix", "place_mm": [1.0, 2.0, 3.0]},
+        {"command": "fix", "place_mm": [4.5, 5.0, 6.0]},
+    ]
+    assert Incoming(2).commands(points([1.0, 2.0, 3.0])) == [{"command": "fix", "place_mm": [1.0, 2.0]}]
+
+
+def test_a_list_sent_again_for_a_point_more_is_that_point():
+    """Slicer sends the whole list whenever one is added or moved."""
+    incoming = Incoming(3)
+    assert len(incoming.commands(points([1.0, 2.0, 3.0]))) == 1
+    assert incoming.commands(points([1.0, 2.0, 3.0])) == []
+    assert [c["place_mm"] for c in incoming.commands(points([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]))] == [[4.0, 5.0, 6.0]]
+    assert [c["place_mm"] for c in incoming.commands(points([1.0, 2.5, 3.0], [4.0, 5.0, 6.0]))] == [[1.0, 2.5, 3.0]]
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -10_001.0])
+def test_one_point_that_is_none_refuses_all(bad: float):
+    with pytest.raises(RefusedError, match="place_mm"):
+        Incoming(3).commands(points([1.0, 2.0, 3.0], [bad, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        sent(StringMessage("hello", device_name="NeedleTipToReference")),
+        Message("GET_STATUS", "Softaim", b""),
+        Message("STT_TRANSFOR", "", b""),
+        Message("STP_TDATA", "", b"\1\2\3"),
+        Message("COMMAND", "x", bytes(200)),
+        Message("TRANSFORM", "ProbeToTracker", b"of another size"),
+    ],
+    ids=lambda message: message.type,
+)
+def test_anything_else_asks_for_nothing(message: Message):
+    assert Incoming(3).commands(message) == []
+
+
+@pytest.mark.parametrize(
+    "message", [Message("TRANSFORM", "NeedleTipToReference", bytes(47)), Message("POINT", "F", bytes(1))]
+)
+def test_contents_of_another_size_are_malformed(message: Message):
+    with pytest.raises(MalformedError):
+        Incoming(3).commands(message)

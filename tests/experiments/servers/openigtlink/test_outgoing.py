@@ -1,0 +1,179 @@
+"""What is sent of a moment, read by pyigtl where it can, and by our own codec, which has tests of its own."""
+
+import json
+
+import numpy as np
+import pytest
+from pyigtl.messages import MessageBase
+from scipy.stats import chi2
+
+from experiments.servers.openigtlink.bodies import read_status, read_string, read_transform
+from experiments.servers.openigtlink.codec import HEADER, Message, decode, decode_header
+from experiments.servers.openigtlink.outgoing import (
+    FLAT_MM,
+    LONGEST_TEXT,
+    WITHIN_95,
+    Code,
+    Packet,
+    needle_matrix,
+    packet_of,
+    sphere_message,
+    spread_matrix,
+)
+from tests.experiments.servers.openigtlink.states import UTC_S, state
+
+TRANSFORMS = {"TargetToReference", "SpreadToReference", "NeedleTipToReference"}
+IN_SPACE = {
+    "target_mm": [1.0, 2.0, 3.0],
+    "cov_mm2": [[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]],
+    "needle": {"tip_mm": [10.0, -50.0, 7.0], "direction": [1.0, -2.0, 2.0]},
+}
+
+
+def messages(sent: Packet | bytes) -> dict[str, Message]:
+    """All messages in these bytes by device."""
+    found = sent if isinstance(sent, bytes) else sent.common + sent.needle
+    all_of_them = {}
+    while found:
+        header = decode_header(found[: HEADER.size])
+        end = HEADER.size + header.size
+        all_of_them[header.device] = decode(header, found[HEADER.size : end])
+        found = found[end:]
+    return all_of_them
+
+
+def test_a_moment_is_two_or_three_transforms_a_status_and_a_string_of_its_exposure_time():
+    found = messages(packet_of(state(), 2))
+    assert {name: message.type for name, message in found.items()} == {
+        **dict.fromkeys(TRANSFORMS, "TRANSFORM"),
+        "Softaim": "STATUS",
+        "SoftaimState": "STRING",
+    }
+    assert {message.utc_s for message in found.values()} == {UTC_S}
+    assert set(messages(packet_of(state(needle=None), 2))) == set(found) - {"NeedleTipToReference"}
+    assert set(messages(packet_of(state(cov_mm2=None), 2))) == set(found) - {"SpreadToReference"}
+    assert TRANSFORMS & set(messages(packet_of(state(target_mm=None), 2))) == {"NeedleTipToReference"}
+
+
+def test_pyigtl_reads_where_the_target_is():
+    sent = packet_of(state(), 2).common
+    fields = MessageBase.parse_header(sent[:58])
+    message = MessageBase.create_message("TRANSFORM")
+    message.unpack(fields, sent[58 : 58 + fields["body_size"]])
+    assert message.device_name == "TargetToReference"
+    assert message.matrix.tolist() == [[1, 0, 0, 1.5], [0, 1, 0, -20.25], [0, 0, 1, 0], [0, 0, 0, 1]]
+    assert message.metadata == {"TransformStatus": "OK"}
+    assert message.timestamp == pytest.approx(UTC_S, abs=1e-6, rel=0)
+
+
+@pytest.mark.parametrize(
+    ("other", "status", "code", "name"),
+    [
+        ({}, "OK", Code.OK, "TRACKING"),
+        ({"status": "COASTING"}, "MISSING", Code.NOT_FOUND, "COASTING"),
+        ({"status": "INITIALISING"}, "INVALID", Code.NOT_READY, "INITIALISING"),
+        ({"status": "DIVERGED"}, "INVALID", Code.UNKNOWN_ERROR, "DIVERGED"),
+        ({"fault": "the camera is frozen"}, "INVALID", Code.UNKNOWN_ERROR, "FAULT"),
+        ({"fault": "the camera is frozen", "status": "COASTING"}, "INVALID", Code.UNKNOWN_ERROR, "FAULT"),
+        ({"paused": True}, "INVALID", Code.DISABLED, "PAUSED"),
+        ({"status": "LOST"}, None, Code.NOT_PRESENT, "LOST"),
+        ({"status": "LOST", "fault": "unplugged"}, None, Code.UNKNOWN_ERROR, "FAULT"),
+    ],
+)
+def test_the_status_of_the_estimate_is_that_of_its_transforms(other, status, code, name):
+    found = messages(packet_of(state(**other), 2))
+    shown = {device: found[device].metadata for device in TRANSFORMS & set(found)}
+    assert shown == ({} if status is None else {device: {"TransformStatus": status} for device in TRANSFORMS})
+    said = read_status(found["Softaim"].content)
+    assert (said.code, said.name) == (code, name)
+    assert json.loads(read_string(found["SoftaimState"].content))["transform_status"] == status
+
+
+@pytest.mark.parametrize(
+    ("other", "sent"),
+    [({}, TRANSFORMS), ({"status": "COASTING"}, set()), ({"fault": "frozen"}, set()), ({"status": "LOST"}, set())],
+)
+def test_version_1_has_no_metadata_and_sends_transforms_that_are_ok_only(other, sent):
+    found = messages(packet_of(state(**other), 1))
+    assert TRANSFORMS & set(found) == sent
+    assert {"Softaim", "SoftaimState"} <= set(found)
+    assert not any(message.metadata for message in found.values())
+
+
+def test_the_string_holds_covariance_health_probability_and_advice():
+    said = json.loads(read_string(messages(packet_of(state(fault="x" * 9999), 2))["SoftaimState"].content))
+    assert said["cov_mm2"] == [[4.0, 1.0], [1.0, 2.0]]
+    assert (said["status"], said["probability"], said["advice"]) == ("TRACKING", 0.97, "GO")
+    assert len(said["fault"]) == LONGEST_TEXT
+    without = json.loads(read_string(messages(packet_of(state(advice=None), 2))["SoftaimState"].content))
+    assert (without["probability"], without["advice"], without["reason"]) == (None, None, None)
+
+
+def test_the_quantiles_are_those_of_chi_square():
+    assert {dim: np.sqrt(chi2(dim).ppf(0.95)) for dim in (2, 3)} == pytest.approx(WITHIN_95, rel=1e-12)
+
+
+def test_the_spread_holds_95_percent_of_the_belief():
+    """Belief drawn at random, brought back by the inverse transform, is in the unit sphere in 95 of 100 cases."""
+    matrix = spread_matrix(state(**IN_SPACE))
+    drawn = np.random.default_rng(1).multivariate_normal(IN_SPACE["target_mm"], IN_SPACE["cov_mm2"], 40_000)
+    back = np.linalg.solve(matrix[:3, :3], (drawn - matrix[:3, 3]).T)
+    assert (np.linalg.norm(back, axis=0) < 1.0).mean() == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 40_000))
+
+
+@pytest.mark.parametrize(
+    "cov", [IN_SPACE["cov_mm2"], np.diag([1.0, 2.0, 3.0]).tolist(), np.diag([3.0, 2.0, 1.0]).tolist()]
+)
+def test_the_spread_is_right_handed_and_its_square_is_the_covariance(cov):
+    """A A' = 7.81 P, whatever the order and signs of the axes; mirrored, a model would be seen from inside."""
+    axes = spread_matrix(state(**IN_SPACE | {"cov_mm2": cov}))[:3, :3]
+    assert axes @ axes.T == pytest.approx(chi2(3).ppf(0.95) * np.array(cov), rel=1e-9, abs=1e-9)
+    assert np.linalg.det(axes) > 0.0
+
+
+def test_in_a_plane_the_spread_is_flat():
+    axes = spread_matrix(state())[:3, :3]
+    assert axes[:2, :2] @ axes[:2, :2].T == pytest.approx(chi2(2).ppf(0.95) * np.array([[4.0, 1.0], [1.0, 2.0]]))
+    assert axes[2, 2] == FLAT_MM
+    assert not axes[2, :2].any()
+    assert not axes[:2, 2].any()
+    assert np.linalg.det(axes) > 0.0
+
+
+@pytest.mark.parametrize("direction", [[1.0, -2.0, 2.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0], [1.0, 0.0], [0.6, 0.8]])
+def test_the_needle_points_along_z_from_its_tip(direction):
+    tip = [10.0, -50.0, 7.0][: len(direction)]
+    matrix = needle_matrix(state(needle={"tip_mm": tip, "direction": direction}))
+    along = np.r_[direction, np.zeros(3 - len(direction))]
+    assert matrix[:3, 2] == pytest.approx(along / np.linalg.norm(along))
+    assert matrix[:3, 3].tolist() == [*tip, *[0.0] * (3 - len(tip))]
+    assert matrix[:3, :3].T @ matrix[:3, :3] == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    "needle", [{"tip_mm": None, "direction": [0.0, 1.0]}, {"tip_mm": [0.0, 0.0], "direction": [0.0, 0.0]}]
+)
+def test_a_needle_without_place_or_direction_is_not_sent(needle):
+    assert packet_of(state(needle=needle), 2).needle == b""
+
+
+def test_a_target_beyond_32_bits_is_not_sent():
+    found = messages(packet_of(state(target_mm=[1e39, 0.0]), 2))
+    assert TRANSFORMS & set(found) == {"NeedleTipToReference"}
+
+
+def test_the_sphere_has_a_name_of_its_own():
+    (message,) = messages(sphere_message(2)).values()
+    assert (message.type, message.device) == ("POLYDATA", "Spread")
+    assert len(message.content) < 16384
+
+
+def test_transforms_are_those_of_the_matrices():
+    found = messages(packet_of(state(**IN_SPACE), 2))
+    assert read_transform(found["NeedleTipToReference"].content) == pytest.approx(
+        needle_matrix(state(**IN_SPACE)), rel=2**-23, abs=1e-30
+    )
+    assert read_transform(found["SpreadToReference"].content) == pytest.approx(
+        spread_matrix(state(**IN_SPACE)), rel=2**-23, abs=1e-30
+    )
