@@ -38,8 +38,8 @@ class _Served:
         if scene is None:
             return
         feed = Feed(json.loads(scene), self._send)
-        reader = threading.Thread(target=self._read, args=(loop, feed), daemon=True)
         servers = [asyncio.create_task(self._watched(name, run(feed))) for name, run in self._servers()]
+        reader = threading.Thread(target=self._read, args=(loop, feed), daemon=True)
         self._ready(feed)
         reader.start()
         await self._ended.wait()
@@ -48,7 +48,13 @@ class _Served:
         await asyncio.gather(*servers, return_exceptions=True)
 
     def _servers(self) -> list[tuple[str, Callable[[Feed], Awaitable[None]]]]:
+        faces = self._faces
         servers: list[tuple[str, Callable[[Feed], Awaitable[None]]]] = []
+        if (listener := faces.openigtlink) is not None:
+            from experiments.servers.openigtlink.server import serve as openigtlink
+
+            version = faces.igtl_version
+            servers.append(("OpenIGTLink", lambda feed: openigtlink(listener, feed, version=version)))
         return servers
 
     async def _watched(self, name: str, server: Awaitable[None]) -> None:

@@ -55,7 +55,7 @@ class Shows:
     """
 
     def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
-        self.link, self.plan = link, plan
+        self.link = link
         flat = scene.network.dim == 2
         self._camera = scene.cameras[0] if scene.cameras else ground_camera(scene) if flat else None
         self._events = LastEvents()
@@ -69,12 +69,14 @@ class Shows:
         camera, watched = self._camera, self.link.wants_picture
         overlay = nodes_m = image = None
         if watched and camera is not None and shown.step is not None:
-            overlay = overlay_of(line, shown.step, camera, shown.guidance, self.plan)
+            overlay = overlay_of(line, shown.step, camera, shown.guidance, shown.plan)
             image = None if shown.frame is None else shown.frame.image
         if camera is None:
             nodes_m = places(line)
         counters = self._counters(shown)
         utc_s = shown.at_s + time.time() - time.monotonic()
+        insertion = None if shown.plan is None else shown.plan.insertion
+        needle = None if insertion is None else (insertion.entry + insertion.depth_m * insertion.axis, insertion.axis)
         events, recording, paused = list(self._events.lines), self._recording, self._paused
         self.link.publish(
             lambda: state_message(
@@ -86,6 +88,7 @@ class Shows:
                 nodes_m=nodes_m,
                 nis_band=nis_band(shown.estimate.marks_used * line.scene.network.dim),
                 guidance=shown.guidance,
+                needle=needle,
                 fault=shown.fault,
                 events=events,
                 recording=recording,

@@ -174,10 +174,13 @@ class Session:
     ) -> None:
         if self.publisher is None:
             return
-        settings = AdviceSettings() if self.advice is None else self.advice.plan.settings
+        plan = None if self.advice is None else self.advice.plan
+        settings = AdviceSettings() if plan is None else plan.settings
         fault = PAUSED if self.paused else health_fault(estimate, now_s, self.line.filter.seen_s, settings)
         self.publisher.publish(
-            Shown(self._own(estimate), estimate.time_s, frame, step, advised, fault, self.interval_s, self.counters),
+            Shown(
+                self._own(estimate), estimate.time_s, frame, step, advised, plan, fault, self.interval_s, self.counters
+            ),
             self.line,
         )
 

@@ -10,6 +10,7 @@ import numpy as np
 
 import vision
 from estimators import Guidance, TargetEstimate
+from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.line import Line, Step
 from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
@@ -47,7 +48,8 @@ class Shown:
 
     estimate: in the source's own time; at_s: the time of which it speaks, on the clock [s]
     frame, step: None where no frame came and the target was predicted; frame also where another tracker found the marks
-    guidance: the advice on the needle, None without one; fault: why there is none to be given, whatever the needle
+    guidance, plan: the advice on the needle, and where that is; None without one
+    fault: why there is no advice to be given, whatever the needle
     interval_s: usual time from frame to frame [s]
     """
 
@@ -56,6 +58,7 @@ class Shown:
     frame: vision.Frame | None
     step: Step | None
     guidance: Guidance | None
+    plan: NeedlePlan | None
     fault: str | None
     interval_s: float | None
     counters: Counters

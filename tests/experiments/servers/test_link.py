@@ -1,0 +1,149 @@
+"""The process that serves a run: started, fed, asked by a client, killed."""
+
+import json
+import os
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import cv2
+import numpy as np
+import pytest
+from pyigtl.messages import PointMessage
+
+from experiments.errors import InputError
+from experiments.servers.faces import LOOPBACK, Faces, is_loopback, listening, usual
+from experiments.servers.link import Link, finite, jpeg, text_of
+from experiments.servers.opening import served
+from tests.experiments.servers.openigtlink.states import SCENE, state
+
+STARTS_S = 30.0
+"""For a process that imports on a busy machine."""
+
+
+def until(holds: Callable[[], object], seconds: float = STARTS_S) -> bool:
+    """Whether it came to hold in time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if holds():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+@contextmanager
+def linked() -> Iterator[tuple[Link, int]]:
+    """A link whose process serves OpenIGTLink, and the port."""
+    listener = usual(0)
+    port = listener.getsockname()[1]
+    link = Link(Faces(openigtlink=listener), ["served"])
+    listener.close()
+    try:
+        yield link, port
+    finally:
+        link.close()
+
+
+@pytest.mark.slow
+def test_a_client_is_sent_what_the_loop_publishes_and_the_loop_gets_what_it_asks(capfd):
+    """A moment is published until it came; then a sighting of the target goes the other way."""
+    with linked() as (link, port):
+        link.begin(SCENE)
+        with socket.create_connection((LOOPBACK, port), STARTS_S) as client:
+            client.settimeout(0.05)
+
+            def came() -> bool:
+                link.publish(lambda: state(sigma_mm=float("nan")), None)
+                try:
+                    return b"TargetToReference" in client.recv(1 << 16)
+                except TimeoutError:
+                    return False
+
+            assert until(came)
+            client.sendall(PointMessage(positions=[(1.0, 2.0, 0.0)], names=["lesion"], device_name="F").pack())
+            asked: list[object] = []
+            assert until(lambda: asked.extend(link.requests()) or asked)
+    assert asked[0]["command"] == "fix"  # type: ignore[index]
+    assert asked[0]["place_mm"] == [1.0, 2.0]  # type: ignore[index]
+    assert capfd.readouterr().err == "served\n"
+
+
+@pytest.mark.slow
+def test_the_loop_goes_on_when_the_process_is_killed(capfd):
+    """It is said once, and publishing is as quick as before."""
+    with linked() as (link, port):
+        link.begin(SCENE)
+        assert until(lambda: link._ready)
+        pid = link._process.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGKILL)
+        assert until(lambda: link._ended)
+        began = time.monotonic()
+        for _ in range(1000):
+            link.publish(state, np.zeros((480, 640, 3), np.uint8))
+        assert time.monotonic() - began < 1.0
+        with pytest.raises(OSError, match="refused"):
+            socket.create_connection((LOOPBACK, port), 1.0)
+    assert capfd.readouterr().err.count("page and network: their process ended") == 1
+
+
+@pytest.mark.slow
+def test_the_process_ends_with_the_link():
+    with linked() as (link, _port):
+        link.begin(SCENE)
+        assert until(lambda: link._ready)
+    assert link._process.exitcode == 0
+
+
+def test_numbers_that_json_cannot_hold_are_null():
+    found = json.loads(text_of({"a": [float("nan"), {"b": float("inf")}], "c": 1.5}))
+    assert found == {"a": [None, {"b": None}], "c": 1.5}
+    assert finite((1, "x", None)) == [1, "x", None]
+
+
+def test_a_picture_is_sent_as_jpeg():
+    image = np.full((48, 64, 3), (30, 60, 200), np.uint8)
+    decoded = cv2.imdecode(np.frombuffer(jpeg(image), np.uint8), cv2.IMREAD_COLOR)
+    assert np.abs(decoded.astype(int) - image).max() <= 3
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("nowhere:port", "HOST:PORT"),
+        ("127.0.0.1:70000", "up to 65535"),
+        ("203.0.113.7:80", "an address that is free, found"),
+    ],
+)
+def test_an_address_that_cannot_be_had_is_one_line(address, message):
+    with pytest.raises(InputError, match=message):
+        listening("--page", address, 8765)
+
+
+def test_a_port_that_is_taken_is_one_line_where_it_was_asked_for_and_another_where_not():
+    with usual(0) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match="in use"):
+            listening("--page", f"{LOOPBACK}:{port}", 8765)
+        with usual(port) as other:
+            assert other.getsockname()[0] == LOOPBACK
+            assert other.getsockname()[1] != port
+            assert is_loopback(other)
+
+
+def test_a_port_alone_is_on_loopback_and_a_host_alone_at_the_usual_port():
+    with listening("--page", "0", None) as one:
+        assert is_loopback(one)
+    with usual(0) as free:
+        port = free.getsockname()[1]
+    with listening("--page", LOOPBACK, port) as one:
+        assert one.getsockname() == (LOOPBACK, port)
+    with listening("--page", "0.0.0.0:0", None) as one:
+        assert not is_loopback(one)
+
+
+def test_nothing_is_served_where_nothing_is_wanted():
+    with served(None, None, with_page=False) as link:
+        assert link is None
