@@ -140,7 +140,9 @@ def test_in_a_plane_the_spread_is_flat():
     assert np.linalg.det(axes) > 0.0
 
 
-@pytest.mark.parametrize("direction", [[1.0, -2.0, 2.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0], [1.0, 0.0], [0.6, 0.8]])
+@pytest.mark.parametrize(
+    "direction", [[1.0, -2.0, 2.0], [3.0, 1.0, -2.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0], [1.0, 0.0], [0.6, 0.8]]
+)
 def test_the_needle_points_along_z_from_its_tip(direction):
     tip = [10.0, -50.0, 7.0][: len(direction)]
     matrix = needle_matrix(state(needle={"tip_mm": tip, "direction": direction}))
