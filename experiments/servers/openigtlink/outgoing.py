@@ -125,7 +125,7 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """What STRING holds, as JSON: covariance, health, probability of a hit and advice; no GO of what is INVALID or lost."""
+    """What STRING holds, as JSON: covariance, health, probability of a hit, and advice: no GO where INVALID or lost."""
     fit, advice, fault = transform_status(state), state["advice"] or {}, state["fault"]
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
