@@ -16,6 +16,8 @@ RIGID = 1e-2
 """By how much the length of an axis may differ from 1: more is no tracked tool's pose; rounding of trackers, chosen."""
 IN_PLANE = 0.5
 """Share of a needle's direction that must lie in the plane of flat tissue, within 60 degrees of it; chosen."""
+MOST_POINTS = 100
+"""Sightings in a message: what one list may grow to; more would hold others up, chosen."""
 
 Command = dict[str, Any]
 
@@ -65,6 +67,8 @@ class Incoming:
 
     def _fixes(self, points: Iterable[PointBody]) -> list[Command]:
         sent = tuple(points)
+        if len(sent) > MOST_POINTS:
+            raise RefusedError(f"points: expected at most {MOST_POINTS}, found {len(sent)}")
         new = [point for point in sent if point not in self._points]
         commands = [_checked({"command": "fix", "place_mm": list(point.place_mm[: self._dim])}) for point in new]
         self._points = frozenset(sent)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators import Status
+from estimators import Advice, Status
 from experiments.arrays import Floats
 from experiments.servers.openigtlink.bodies import (
     LARGEST,
@@ -125,16 +125,18 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """What STRING holds, as JSON: covariance, health, probability of a hit and advice."""
-    advice = state["advice"] or {}
-    reason, fault = advice.get("reason"), state["fault"]
+    """What STRING holds, as JSON: covariance, health, probability of a hit, and advice: no GO where INVALID or lost."""
+    fit, advice, fault = transform_status(state), state["advice"] or {}, state["fault"]
+    if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
+        advice = {}
+    reason = advice.get("reason")
     return {
         "utc_s": state["utc_s"],
         "time_s": state["time_s"],
         "status": state["status"],
         "fault": None if fault is None else _short(fault),
         "paused": state["paused"],
-        "transform_status": transform_status(state),
+        "transform_status": fit,
         "cov_mm2": state["cov_mm2"],
         "sigma_mm": state["sigma_mm"],
         "marks_used": state["marks_used"],

@@ -28,7 +28,8 @@ async def serving(feed: Feed, **options: Any) -> AsyncIterator[int]:
     finally:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
-            await task
+            async with asyncio.timeout(SOON_S):
+                await task
         assert sock.fileno() == -1
 
 

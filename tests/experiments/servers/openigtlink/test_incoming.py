@@ -95,6 +95,12 @@ def test_a_list_sent_again_for_a_point_more_is_that_point():
     assert [c["place_mm"] for c in incoming.commands(points([1.0, 2.5, 3.0], [4.0, 5.0, 6.0]))] == [[1.0, 2.5, 3.0]]
 
 
+def test_a_hundred_points_are_taken_and_no_more():
+    assert len(Incoming(3).commands(points(*([1.0, 2.0, z] for z in range(100))))) == 100
+    with pytest.raises(RefusedError, match="at most 100"):
+        Incoming(3).commands(points(*([1.0, 2.0, z] for z in range(101))))
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -10_001.0])
 def test_one_point_that_is_none_refuses_all(bad: float):
     with pytest.raises(RefusedError, match="place_mm"):

@@ -101,12 +101,24 @@ def test_version_1_has_no_metadata_and_sends_transforms_that_are_ok_only(other, 
 
 
 def test_the_string_holds_covariance_health_probability_and_advice():
-    said = json.loads(read_string(messages(packet_of(state(fault="x" * 9999), 2))["SoftaimState"].content))
+    said = json.loads(read_string(messages(packet_of(state(), 2))["SoftaimState"].content))
     assert said["cov_mm2"] == [[4.0, 1.0], [1.0, 2.0]]
     assert (said["status"], said["probability"], said["advice"]) == ("TRACKING", 0.97, "GO")
-    assert len(said["fault"]) == LONGEST_TEXT
+    faulty = json.loads(read_string(messages(packet_of(state(fault="x" * 9999), 2))["SoftaimState"].content))
+    assert len(faulty["fault"]) == LONGEST_TEXT
     without = json.loads(read_string(messages(packet_of(state(advice=None), 2))["SoftaimState"].content))
     assert (without["probability"], without["advice"], without["reason"]) == (None, None, None)
+
+
+@pytest.mark.parametrize("other", [{"fault": "frozen"}, {"paused": True}, {"status": "LOST"}, {"status": "DIVERGED"}])
+@pytest.mark.parametrize(
+    ("advice", "shown"), [("GO", None), ("WAIT", "WAIT"), ("REALIGN", "REALIGN"), ("ABORT", "ABORT")]
+)
+def test_no_go_is_sent_of_what_may_not_be_relied_upon(other, advice: str, shown: str | None):
+    said = {"advice": advice, "reason": "why", "probability": 0.97}
+    found = json.loads(read_string(messages(packet_of(state(advice=said, **other), 2))["SoftaimState"].content))
+    assert found["advice"] == shown
+    assert (found["probability"] is None) == (shown is None)
 
 
 def test_the_quantiles_are_those_of_chi_square():
@@ -140,7 +152,9 @@ def test_in_a_plane_the_spread_is_flat():
     assert np.linalg.det(axes) > 0.0
 
 
-@pytest.mark.parametrize("direction", [[1.0, -2.0, 2.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0], [1.0, 0.0], [0.6, 0.8]])
+@pytest.mark.parametrize(
+    "direction", [[1.0, -2.0, 2.0], [3.0, 1.0, -2.0], [0.0, 0.0, 1.0], [0.0, 0.0, -3.0], [1.0, 0.0], [0.6, 0.8]]
+)
 def test_the_needle_points_along_z_from_its_tip(direction):
     tip = [10.0, -50.0, 7.0][: len(direction)]
     matrix = needle_matrix(state(needle={"tip_mm": tip, "direction": direction}))
