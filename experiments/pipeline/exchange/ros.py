@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from heapq import merge
 from itertools import count
@@ -25,7 +25,6 @@ from experiments.formats.exchange.ros_messages import (
     pose_message,
     text_message,
 )
-from experiments.formats.scene.scene import Scene
 from experiments.pipeline.exchange.exported import Exported
 from vision.arrays import Image
 
@@ -41,7 +40,7 @@ Advance = Callable[[float], None]
 def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> dict[str, int]:
     """Write an MCAP file; how many messages each topic has. Raises InputError, SourceError."""
     recording = of.recording
-    topics = node_topics(recording.scene)
+    topics = node_topics(mark.node for mark in recording.scene.marks)
     about = {
         "recording": recording.folder.name,
         "target": recording.scene.target.node,
@@ -55,20 +54,22 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
     with mcap_file(stream, about) as file:
         for message in merge(*streams, key=lambda one: one.time_ns):
             file.write(message)
-            advance(min(1.0, (message.time_ns - first_ns) / max(1, last_ns - first_ns)))
+            if first_ns < message.time_ns < last_ns:
+                advance((message.time_ns - first_ns) / (last_ns - first_ns))
+        advance(1.0)
         return dict(file.counts)
 
 
-def node_topics(scene: Scene) -> dict[str, str]:
-    """The topic of each node with a mark: its name, as far as ROS 2 can have it; no two are the same."""
+def node_topics(nodes: Iterable[str]) -> dict[str, str]:
+    """The topic of each node: its name, as far as ROS 2 can have it; no two are the same."""
     found: dict[str, str] = {}
-    for mark in scene.marks:
-        plain = re.sub(r"[^A-Za-z0-9]+", "_", mark.node)
-        name = f"/marks/{plain}" if plain[0].isalpha() else f"/marks/n{plain}"
-        same = (f"{name}_{k}" for k in count(2))
+    for node in nodes:
+        plain = re.sub(r"[^A-Za-z0-9]+", "_", node).strip("_")
+        name = base = f"/marks/{plain}" if plain[:1].isalpha() else f"/marks/n{plain}"
+        more = count(2)
         while name in found.values():
-            name = next(same)
-        found[mark.node] = name
+            name = f"{base}_{next(more)}"
+        found[node] = name
     return found
 
 
