@@ -10,8 +10,8 @@ import typer
 from experiments.commands.options import RecordingFolder, Replace, SceneFile
 from experiments.commands.run import Answer, Run
 
-ENDINGS = {"mcap": ".mcap", "plus": ".igs.mha"}
-"""What tells other programs what a file is."""
+ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
+"""By which other programs know what a file is: PLUS the first of its own, 3D Slicer the second."""
 
 
 def export(
@@ -21,9 +21,9 @@ def export(
         Literal["mcap", "plus"],
         typer.Option("--to", help="mcap: Foxglove, ROS 2; plus: PLUS, 3D Slicer.", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", help="File to write: .mcap, or .igs.mha.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", help="File to write: .mcap; .igs.mha or .seq.mha.", show_default=False)],
     estimates: Annotated[
-        Path | None, typer.Option("--estimates", help="Folder of `track`, `live` or `advise`: what it estimated.")
+        Path | None, typer.Option("--estimates", help="Folder that `track` or `live` wrote of it.")
     ] = None,
     start: Annotated[
         str | None,
@@ -38,7 +38,7 @@ def export(
     from experiments.pipeline.exchange.exported import exported
 
     if not out.name.endswith(ENDINGS[to]):
-        raise InputError.at("--out", f"a name that ends in {ENDINGS[to]}", shown(out.name))
+        raise InputError.at("--out", f"a name that ends in {' or '.join(ENDINGS[to])}", shown(out.name))
     opened = exported(read_recording(recording, scene, run.stage("read")), estimates, start)
     found: dict[str, Any] = {"out": out, "frames": len(opened.recording.exposures_s)}
     with run.file(out, force=force, inputs=[recording, scene, estimates]) as file:
@@ -54,9 +54,7 @@ def export(
             found["placed"] = export_plus(opened, file, run.stage("export"))
             lines = [f"{found['frames']} frames; the target is in {found['placed']} of them"]
             if opened.recording.source is not None:
-                found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
-                lines.append(
-                    f"The pictures lie on the plane to {found['picture_off_mm']:.2f} mm at the marks, as drawn"
-                )
+                off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
+                lines.append(f"The pictures lie on the plane to {off_mm:.2f} mm at the marks, as drawn")
     lines.append(f"Written to {out}")
     return Answer(found, lambda: print(*lines, sep="\n"))

@@ -1,4 +1,4 @@
-"""CDR, the encoding of ROS 2 messages: plain, little-endian, version 1 [DDSI-RTPS, 10; CORBA, 15.3]."""
+"""CDR, the encoding of ROS 2 messages: plain, little-endian, version 1 [corba], [ddsi-rtps]."""
 
 from __future__ import annotations
 

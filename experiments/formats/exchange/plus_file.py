@@ -1,6 +1,6 @@
 """Sequence files of PLUS, `.igs.mha`: MetaImage with fields of each frame before the pixels of all.
 
-Facts: the page "Sequence file" of PLUS's user manual, and IGSIO, which reads them for PLUS and 3D Slicer.
+Fields are those of [plus], "Sequence file"; what is read of them is as [igsio] does it.
 """
 
 from __future__ import annotations

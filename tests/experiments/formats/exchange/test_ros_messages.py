@@ -63,7 +63,7 @@ def test_pictures_and_texts_of_any_length_are_aligned(name: str, data: bytes) ->
 
 @given(st.text(max_size=9))
 def test_numbers_after_a_text_stand_at_multiples_of_their_size(text: str) -> None:
-    """[DDSI-RTPS]: counted from the end of the header of four bytes, which is not part of the message."""
+    """[ddsi-rtps]: counted from the end of the header of four bytes, which is not part of the message."""
     data = Cdr().text(text).doubles([1.5]).content()
     assert data[:4] == b"\x00\x01\x00\x00"
     assert data.endswith(np.array(1.5).tobytes())

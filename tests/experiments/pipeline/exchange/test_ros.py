@@ -111,7 +111,7 @@ def test_times_that_ros_cannot_hold_are_refused(tmp_path: Path) -> None:
 
 
 def test_topics_are_names_that_ros_can_have() -> None:
-    """[ROS 2, topic and service names]: letters, digits and single underscores, no digit first."""
+    """ROS 2, "Topic and service names": letters, digits and single underscores, no digit first."""
     names = ("M1", "tip 1", "tip_1", "tip-1", "2nd", "左", "右", "tip_1_2", "_")
     found = node_topics(names)
     assert list(found) == list(names)
