@@ -23,7 +23,7 @@ class ImportSettings:
     """Which places of a table are marks, and how sure each is.
 
     least: likelihood below which a place is left out [1]; source: `pcutoff` of DeepLabCut
-    sd_px: error of a place, one standard deviation an axis [px]; choice: labels of one person differ by about that
+    sd_px: error of a place, one standard deviation an axis [px]; choice: until the tracker's own evaluation says it
     """
 
     least: float = 0.6

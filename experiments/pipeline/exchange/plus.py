@@ -8,11 +8,14 @@ from typing import BinaryIO
 import numpy as np
 
 from experiments.arrays import Floats
+from experiments.errors import InputError
 from experiments.formats.exchange.plus_file import WHOLE_READ_BYTES, transform_fields, write_plus
 from experiments.formats.exchange.results import Results
+from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.log import LOG
 from experiments.pipeline.exchange.exported import Exported
+from vision import Frame
 from vision.arrays import Image
 
 Advance = Callable[[float], None]
@@ -29,7 +32,7 @@ def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
         if 3 * size_px[0] * size_px[1] * n_frames >= WHOLE_READ_BYTES:
             LOG.warning("PLUS reads no sequence of 4 GiB or more, as these %d pictures are", n_frames)
         with recording.open_frames() as pictures:
-            images = _counted((picture.image for picture in pictures), n_frames, advance)
+            images = _images(recording, pictures, advance)
             write_plus(stream, _fields(of), images, n_frames=n_frames, size_px=size_px)
     return 0 if estimates is None else int(estimates.trusted[[*_by_frame(estimates).values()]].sum())
 
@@ -63,10 +66,15 @@ def _by_frame(rows: Results | None) -> dict[int, int]:
     return {} if rows is None else {int(frame): row for row, frame in enumerate(rows.frames) if frame >= 0}
 
 
-def _counted(images: Iterable[Image], n_frames: int, advance: Advance) -> Iterator[Image]:
-    for k, image in enumerate(images, start=1):
-        yield image
-        advance(k / n_frames)
+def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -> Iterator[Image]:
+    """The pictures' pixels, all of one size; InputError where one has another."""
+    width, height = recording.scene.cameras[0].size_px
+    for picture in pictures:
+        if picture.image.shape != (height, width, 3):
+            found = "x".join(str(n) for n in picture.image.shape[1::-1])
+            raise InputError.at(f"{recording.source}: frame {picture.index}", f"{width}x{height} px", f"{found} px")
+        yield picture.image
+        advance((picture.index + 1) / len(recording.exposures_s))
 
 
 def translation_mm(place_m: Floats) -> Floats:

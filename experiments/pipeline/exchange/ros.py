@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from heapq import merge
 from itertools import count
 from typing import BinaryIO
@@ -44,7 +44,7 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
     about = {
         "recording": recording.folder.name,
         "target": recording.scene.target.node,
-        "time 0": datetime.fromtimestamp(of.start_ns / 1e9, UTC).isoformat(),
+        "time 0": (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=of.start_ns // 1000)).isoformat(),
         "marks": json.dumps(topics, ensure_ascii=False),
     }
     streams = [_marks(of, topics), _fixes(of), _estimates(of), _advice(of)]

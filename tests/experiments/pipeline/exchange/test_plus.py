@@ -4,9 +4,11 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
+from experiments.errors import InputError
 from experiments.pipeline.exchange import plus
 from experiments.pipeline.exchange.exported import exported
 from experiments.pipeline.exchange.plus import export_plus, picture_off_mm, picture_to_plane
@@ -121,3 +123,10 @@ def test_it_is_said_where_plus_cannot_read_so_many(
     monkeypatch.setattr(plus, "WHOLE_READ_BYTES", 3 * 3 * SIZE_PX[0] * SIZE_PX[1])
     sequence(tmp_path, "filmed")
     assert "PLUS reads no sequence of 4 GiB or more, as these 3 pictures are" in caplog.text
+
+
+def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:
+    images = write_filmed(tmp_path)
+    cv2.imwrite(str(tmp_path / "filmed" / "frames" / "000002.png"), images[2][:, :60])
+    with pytest.raises(InputError, match=r"filmed/frames: frame 2: expected 64x48 px, found 60x48 px"):
+        sequence(tmp_path, "filmed")

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,17 @@ def test_pictures_are_those_of_the_recording(tmp_path: Path) -> None:
         np.testing.assert_allclose(shown[8::16, 8::16].astype(float), image[8::16, 8::16], atol=4)
 
 
+def test_the_start_is_the_time_of_the_first_frame(tmp_path: Path) -> None:
+    """To the nanosecond, whatever the recording's clock says; without it, times are the clock's."""
+    write_filmed(tmp_path)
+    frames = tmp_path / "filmed" / "frames.csv"
+    frames.write_text("frame,exposure_s\n0,33763.609654306\n1,33763.642987639\n2,33763.676320972\n")
+    found = messages(tmp_path, "filmed", None, START)["/camera/image/compressed"]
+    assert [time_ns - START_NS for time_ns, _ in found] == [0, 33_333_333, 66_666_666]
+    found = messages(tmp_path, "filmed", None)["/camera/image/compressed"]
+    assert found[0][0] == 33_763_609_654_306
+
+
 def test_only_what_is_trusted_is_a_pose(tmp_path: Path) -> None:
     """Of three rows one is TRACKING; all three say what they say."""
     write_filmed(tmp_path)
@@ -94,6 +106,23 @@ def test_marks_of_another_tracker_are_points(tmp_path: Path) -> None:
             place = (content.point.x, content.point.y)
             assert place == pytest.approx(network.positions[network.index(node)], abs=1e-6)
             assert content.header.frame_id == "reference"
+
+
+def test_a_body_in_space_has_its_depth(tmp_path: Path) -> None:
+    (tmp_path / "space").mkdir()
+    shutil.copy(Path(__file__).parents[2] / "hanging.toml", tmp_path / "space" / "scene.toml")
+    (tmp_path / "space" / "marks.csv").write_text("time_s,node,x_mm,y_mm,z_mm,sd_mm\n0.5,a,1,-100,20,0.5\n")
+    (tmp_path / "run").mkdir()
+    header = "time_s,status,x_mm,y_mm,z_mm,xx,xy,yy,xz,yz,zz"
+    (tmp_path / "run" / "estimates.csv").write_text(f"{header}\n0.5,COASTING,1,-50,10,4,1,9,0.5,-2,16\n")
+    found = messages(tmp_path, "space", "run")
+    ((_, seen),) = found["/marks/a"]
+    assert (seen.point.x, seen.point.y, seen.point.z) == pytest.approx((0.001, -0.1, 0.02))
+    ((_, pose),) = found["/target/pose"]
+    place = pose.pose.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx((0.001, -0.05, 0.01))
+    covariance = 1e6 * np.reshape(pose.pose.covariance, (6, 6))[:3, :3]
+    np.testing.assert_allclose(covariance, [[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 16.0]], rtol=1e-9)
 
 
 def test_a_run_that_was_elsewhere_is_refused(tmp_path: Path) -> None:
