@@ -22,6 +22,8 @@ from experiments.commands.estimate.replay import replay
 from experiments.commands.estimate.smooth import smooth
 from experiments.commands.estimate.track import track
 from experiments.commands.estimate.tune import tune
+from experiments.commands.exchange.export import export
+from experiments.commands.exchange.import_table import import_table
 from experiments.commands.faults import one_line, refused
 from experiments.commands.guide.advise import advise
 from experiments.commands.guide.insert import insert
@@ -53,6 +55,8 @@ COMMANDS = (
     live,
     record,
     hue,
+    export,
+    import_table,
     sweep,
     bench,
     faults,

@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from experiments.commands.options import AsJson, Verbose
 from experiments.commands.terminal import progress
@@ -147,6 +147,24 @@ class Run:
 
         self.begun()
         write_together({**contents, beside(next(iter(contents))): self._provenance(inputs)})
+
+    @contextmanager
+    def file(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[BinaryIO]:
+        """A file to write bit by bit, as `streamed_file`, that has the run's provenance beside it at the end.
+
+        inputs: files and folders that are read, None for one that is not given. Raises InputError.
+        """
+        from experiments.formats.outputs import check_new, check_outside, streamed_file, write_together
+        from experiments.formats.provenance import beside
+
+        for folder in inputs:
+            if folder is not None and folder.is_dir():
+                check_outside(path, folder)
+        check_new(path, force)
+        with streamed_file(path) as file:
+            yield file
+            self.begun()
+            write_together({beside(path): self._provenance(inputs)})
 
     def _provenance(self, inputs: Sequence[Path | None]) -> str:
         from datetime import UTC, datetime

@@ -9,8 +9,12 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from experiments.errors import InputError
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""What an operating system says where a disk, or one's share of it, is full."""
 
 
 @contextmanager
@@ -33,7 +37,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
         _check_free(path, final, force, work)  # again: someone else may have written there during a long run
         _hand_over(path, work, final)
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno in FULL:
             raise InputError.refused(path, "room to write", error) from error
         raise
     finally:
@@ -110,6 +114,32 @@ def _put_back(old: Mapping[Path, bytes | None]) -> None:
             final.write_bytes(content)
 
 
+@contextmanager
+def streamed_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write bit by bit, which stands under `path` after a clean exit; after any exception, what stood there.
+
+    Raises InputError.
+    """
+    final = _final(path)
+    part = _part_of(final, final.parent)
+    try:
+        file = part.open("xb")
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be written", error) from error
+    try:
+        with file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(final)
+    except OSError as error:
+        if error.errno in FULL:
+            raise InputError.refused(path, "room to write", error) from error
+        raise
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def check_new(path: Path, force: bool) -> None:
     """Raise InputError where a file stands that must not be replaced, or where none can be written."""
     final = _final(path)
@@ -145,6 +175,12 @@ def check_apart(path: Path, source: Path) -> None:
     if final == read or read in final.parents or final in read.parents:
         found = "the same" if final == read else "one in the other"
         raise InputError.at(path, f"a folder apart from {source}, which is read", found)
+
+
+def check_outside(path: Path, folder: Path) -> None:
+    """Raise InputError where a file to write lies in a folder that is read."""
+    if Path(os.path.realpath(folder)) in Path(os.path.realpath(path)).parents:
+        raise InputError.at(path, f"a file outside of {folder}, which is read", "one in it")
 
 
 def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None:

@@ -86,13 +86,7 @@ def read_table(
 
     Raises InputError for anything else; for a number that is not finite too.
     """
-    text = read_text(path)
-    if torn:
-        text = text[: text.rfind("\n") + 1]
-    if not text.strip():
-        raise InputError.at(path, f"columns {', '.join([*numbers, *texts])}", "an empty file")
-    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
-    rows = _rows(path, reader)
+    rows = read_rows(path, f"columns {', '.join([*numbers, *texts])}", torn=torn)
     header = next(rows)
     _check_header(path, header, [*numbers, *texts], rejected or {})
     parts: dict[str, list[Floats]] = {column: [np.empty(0)] for column in numbers}
@@ -112,8 +106,15 @@ def read_table(
     return Table(path, {column: np.concatenate(arrays) for column, arrays in parts.items()}, read_texts, n_rows)
 
 
-def _rows(path: Path, reader: Iterator[list[str]]) -> Iterator[list[str]]:
-    """Rows of the file, header first, each as long as the header and on a line of its own."""
+def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
+    """Rows of a CSV file, header first, each as long as the header and on a line of its own; at least one.
+
+    expected: what an empty file is told to lack; torn: as for `read_table`. Raises InputError.
+    """
+    text = read_text(path)
+    if torn:
+        text = text[: text.rfind("\n") + 1]
+    reader = csv.reader(io.StringIO(text, newline=""), skipinitialspace=True, strict=True)
     row, width, blank = 0, 0, 0
     while True:
         row += 1
@@ -122,8 +123,10 @@ def _rows(path: Path, reader: Iterator[list[str]]) -> Iterator[list[str]]:
         except csv.Error as error:
             raise InputError.at(f"{path}: row {row}", "comma-separated values", str(error)) from None
         if entries is None:
+            if not width:
+                raise InputError.at(path, expected, "an empty file")
             return
-        if reader.line_num != row:  # type: ignore[attr-defined]
+        if reader.line_num != row:
             raise InputError.at(f"{path}: row {row}", "a row on one line", "a line break in quotes")
         if not any(entries):
             blank = blank or row

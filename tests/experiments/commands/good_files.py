@@ -50,8 +50,31 @@ marks.sd_mm = [1.0]
 """
 
 
+ESTIMATES = """time_s,status,x_mm,y_mm,xx,xy,yy,nis,marks_used,poked,gain,model_only
+0,INITIALISING,0.5,188,1,0,1,,0,0.1,,False
+0.1,TRACKING,1,189,1,0.25,2,0.5,3,0.1,-3,False
+0.2,LOST,1,189,100,0,100,,0,0.1,,True
+"""
+ADVICE = """time_s,advice,reason,arrival_s,p_hit
+0,NO_GUIDANCE,"no marks, yet",,
+0.1,GO,the target is likely to be hit,0.4,0.97
+0.2,NO_GUIDANCE,target lost,,
+"""
+DEEPLABCUT = """scorer,net,net,net,net,net,net
+bodyparts,M1,M1,M1,tail,tail,tail
+coords,x,y,likelihood,x,y,likelihood
+0,18.25,10.5,0.99,40,30,0.9
+1,18.5,10.5,0.5,41,30,0.9
+2,19,10.5,0.98,,,
+"""
+SLEAP = """track,frame_idx,instance.score,M1.x,M1.y,M1.score,M4.x,M4.y,M4.score
+,0,0.9,18.25,10.5,0.99,40,30,0.9
+,2,0.9,18.5,10.5,0.95,,,
+"""
+
+
 def write_good_files(folder: Path) -> None:
-    """A recording of marks and one of a film, a scene, needle, plan, scenario, sweep, pictures, a user's own notes."""
+    """A recording of marks and one of a film, a scene, other inputs, results, a user's own notes."""
     network = four_mass_phantom()
     marks = tuple(Mark(node, 0.0, 0.03, measured=node != "M2") for node in ("M1", "M2", "M3", "M4"))
     scene = Scene(network, marks, Target("M2", 0.005), (fronto_parallel_camera("front", SIZE_PX, (15.0, 15.0)),))
@@ -78,7 +101,11 @@ def write_good_files(folder: Path) -> None:
     cv2.imwrite(str(folder / "boards" / "blank.png"), grey)
     write_scene(scene, folder / "scene.toml")
     shutil.copy(HERE.parent / "needle.toml", folder / "needle.toml")
-    for name, text in (("plan.toml", PLAN), ("scenario.toml", SCENARIO), ("sweep.toml", SWEEP)):
+    (folder / "results").mkdir()
+    (folder / "results" / "estimates.csv").write_text(ESTIMATES, encoding="utf-8")
+    (folder / "results" / "advice.csv").write_text(ADVICE, encoding="utf-8")
+    poses = (("deeplabcut.csv", DEEPLABCUT), ("sleap.csv", SLEAP))
+    for name, text in (("plan.toml", PLAN), ("scenario.toml", SCENARIO), ("sweep.toml", SWEEP), *poses):
         (folder / name).write_text(text, encoding="utf-8")
     (folder / "notes").mkdir()
     (folder / "notes" / "mine.txt").write_text("mine", encoding="utf-8")

@@ -84,3 +84,7 @@ def test_the_files_are_good_before_they_are_spoilt(here: Path, capfd: pytest.Cap
     assert softaim("simulate", "scenario.toml", "--out", "rec") == 0
     assert softaim("advise", "film", "--needle", "needle.toml", "--out", "advice") == 0
     assert softaim("sweep", "sweep.toml", "--out", "swept", "--processes", "1") == 0
+    assert softaim("export", "film", "--to", "plus", "--out", "film.igs.mha", "--estimates", "results") == 0
+    assert softaim("import", "sleap.csv", "--scene", "scene.toml", "--out", "sleap", "--fps", "30") == 0
+    named = ("--scene", "scene.toml", "--rename", "tail=M4", "--fps", "30")
+    assert softaim("import", "deeplabcut.csv", "--out", "deeplabcut", *named) == 0

@@ -9,7 +9,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats import outputs
-from experiments.formats.outputs import output_folder, write_whole
+from experiments.formats.outputs import check_outside, output_folder, streamed_file, write_whole
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -265,3 +265,61 @@ def test_only_files_are_written_over(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match=r"expected a file, found a device$"):
         write_whole(tmp_path / "pipe", "x")
+
+
+@pytest.mark.parametrize("before", [{}, {"film.mcap": "old"}])
+def test_a_streamed_file_stands_there_when_it_is_whole(tmp_path: Path, before: dict[str, str]) -> None:
+    for name, content in before.items():
+        (tmp_path / name).write_text(content)
+    with streamed_file(tmp_path / "film.mcap") as file:
+        file.write(b"one ")
+        file.write(b"two")
+        file.flush()
+        assert {name: text for name, text in tree(tmp_path).items() if name == "film.mcap"} == before
+    assert tree(tmp_path) == {"film.mcap": "one two"}
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, InputError])
+@pytest.mark.parametrize("before", [{}, {"film.mcap": "old"}])
+def test_nothing_is_left_of_a_streamed_file_after_an_exception(
+    tmp_path: Path, before: dict[str, str], error: type[BaseException]
+) -> None:
+    for name, content in before.items():
+        (tmp_path / name).write_text(content)
+
+    def half() -> None:
+        with streamed_file(tmp_path / "film.mcap") as file:
+            file.write(b"half")
+            raise error
+
+    with pytest.raises(error):
+        half()
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the device that is always full is Linux's")
+def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
+    with (
+        pytest.raises(InputError, match=r"film.mcap: expected room to write, found no space left on device"),
+        streamed_file(tmp_path / "film.mcap"),
+        Path("/dev/full").open("wb", buffering=0) as full,
+    ):
+        full.write(b"more")
+    assert tree(tmp_path) == {}
+
+
+def test_a_streamed_file_needs_a_folder(tmp_path: Path) -> None:
+    with (
+        pytest.raises(InputError, match=r"film.mcap: expected a file that can be written, found no such file"),
+        streamed_file(tmp_path / "none" / "film.mcap"),
+    ):
+        pass
+
+
+def test_a_file_in_a_folder_that_is_read_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "rec" / "deep").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "rec")
+    for path in (tmp_path / "rec" / "deep" / "film.mcap", tmp_path / "link" / "film.mcap"):
+        with pytest.raises(InputError, match=r"film.mcap: expected a file outside of .*rec, which is read, found one"):
+            check_outside(path, tmp_path / "rec")
+    check_outside(tmp_path / "record.mcap", tmp_path / "rec")

@@ -1,0 +1,80 @@
+"""`softaim import`."""
+
+from __future__ import annotations
+
+from math import isfinite, nan
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Force, Out
+from experiments.commands.run import Answer, Run
+
+
+def import_table(
+    run: Run,
+    table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
+    scene: Annotated[Path, typer.Option("--scene", help="Scene whose marks they are.", show_default=False)],
+    out: Out,
+    fps: Annotated[float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frames a second of the film.")] = None,
+    frames: Annotated[Path | None, typer.Option("--frames", help="A frames.csv, in place of --fps.")] = None,
+    least: Annotated[
+        float, typer.Option("--least", min=0.0, max=1.0, help="Likelihood below which a place is left out.")
+    ] = 0.6,
+    sd_px: Annotated[
+        float, typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a place, one standard deviation an axis.")
+    ] = 1.0,
+    rename: Annotated[
+        list[str] | None, typer.Option("--rename", help="PART=NODE where names differ; PART= leaves it out.")
+    ] = None,
+    mm_per_px: Annotated[
+        float | None,
+        typer.Option("--mm-per-px", min=1e-6, max=1e3, help="Of a camera square to the plane, not the scene's."),
+    ] = None,
+    origin_px: Annotated[
+        str | None, typer.Option("--origin-px", help="With it, U,V: the pixel that shows the plane's origin.")
+    ] = None,
+    force: Force = False,
+) -> Answer:
+    """Make a recording of the marks that DeepLabCut or SLEAP found: marks.csv, by the scene's camera."""
+    from experiments.errors import InputError
+    from experiments.pipeline.exchange.marks import ImportSettings, PlaneScale, write_imported
+    from experiments.pipeline.exchange.marks import import_table as imported
+
+    times = fps if frames is None else frames
+    if times is None or (fps is not None and frames is not None):
+        raise InputError("import: expected --fps or --frames, found " + ("neither" if times is None else "both"))
+    if (mm_per_px is None) != (origin_px is None):
+        raise InputError("import: expected --mm-per-px and --origin-px, found one of them")
+    scale = None if mm_per_px is None or origin_px is None else PlaneScale(mm_per_px, _place_px(origin_px))
+    settings = ImportSettings(least, sd_px)
+    with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
+        done = imported(table, scene, times, settings=settings, renamed=rename or [], scale=scale)
+        run.use(done.scene)
+        write_imported(done, folder)
+    counts = done.counts()
+
+    def show() -> None:
+        seen = ", ".join(f"{node} {n}" for node, n in counts.items())
+        print(f"{len(done.exposures_s)} frames; seen in: {seen}")
+        print(f"Left out: {done.unlikely} of a likelihood below {least:g}, {done.outside} outside of the picture")
+        print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
+
+    report = {"frames": len(done.exposures_s), "marks": counts, "unlikely": done.unlikely, "outside": done.outside}
+    return Answer({"out": out, **report}, show)
+
+
+def _place_px(text: str) -> tuple[float, float]:
+    from experiments.errors import InputError, shown
+
+    try:
+        u, v = (float(part) for part in text.split(","))
+    except ValueError:
+        u = v = nan
+    if not (isfinite(u) and isfinite(v)):
+        raise InputError.at("--origin-px", "U,V: a place [px]", shown(text))
+    return u, v
+
+
+import_table.__name__ = "import"  # no function can be defined under a word of Python's own

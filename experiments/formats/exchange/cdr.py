@@ -1,0 +1,53 @@
+"""CDR, the encoding of ROS 2 messages: plain, little-endian, version 1 [corba], [ddsi-rtps]."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+HEADER = b"\x00\x01\x00\x00"
+"""Plain CDR, least byte first, no options."""
+
+
+class Cdr:
+    """A message, field by field in the order of its definition.
+
+    State: its bytes. Each number stands at a multiple of its own size after the header.
+    """
+
+    def __init__(self) -> None:
+        self._bytes = bytearray(HEADER)
+
+    def content(self) -> bytes:
+        """The message so far."""
+        return bytes(self._bytes)
+
+    def int32(self, value: int) -> Cdr:
+        """A whole number with a sign."""
+        return self._put("i", 4, [value])
+
+    def uint32(self, value: int) -> Cdr:
+        """A whole number without one, or a length."""
+        return self._put("I", 4, [value])
+
+    def doubles(self, values: Sequence[float]) -> Cdr:
+        """Numbers one after the other: fields, or an array of fixed length, which is not written."""
+        return self._put("d", 8, values)
+
+    def text(self, value: str) -> Cdr:
+        """UTF-8 and a zero byte, after their length."""
+        encoded = value.encode("utf-8") + b"\x00"
+        self.uint32(len(encoded))
+        self._bytes += encoded
+        return self
+
+    def octets(self, value: bytes) -> Cdr:
+        """A sequence of bytes, after its length."""
+        self.uint32(len(value))
+        self._bytes += value
+        return self
+
+    def _put(self, code: str, size: int, values: Sequence[float]) -> Cdr:
+        self._bytes += bytes(-(len(self._bytes) - len(HEADER)) % size)
+        self._bytes += struct.pack(f"<{len(values)}{code}", *values)
+        return self

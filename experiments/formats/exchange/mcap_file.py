@@ -1,0 +1,69 @@
+"""MCAP with ROS 2 messages, as rosbag2 writes it and Foxglove opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, BinaryIO
+
+from experiments.errors import InputError
+from experiments.formats.exchange.ros_messages import DEFINITIONS
+from experiments.version import version
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+EXTRA = 'the package mcap of the extra "export" (pip install "softaim[export]")'
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A message: when [ns], on which topic, of which kind in `DEFINITIONS`, and its bytes."""
+
+    time_ns: int
+    topic: str
+    kind: str
+    data: bytes
+
+
+class McapFile:
+    """An MCAP file that is being written; `mcap_file` opens it.
+
+    State: the writer; ids of schemas by kind, of channels by topic; how many messages each topic has.
+    """
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self.counts: dict[str, int] = {}
+
+    def write(self, message: Message) -> None:
+        """Append a message."""
+        topic, kind = message.topic, message.kind
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            self.counts[topic] = 0
+        time_ns, count = message.time_ns, self.counts[topic]
+        self._writer.add_message(self._channels[topic], time_ns, message.data, time_ns, count)
+        self.counts[topic] = count + 1
+
+
+@contextmanager
+def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFile]:
+    """A file to write messages to, finished after a clean exit; InputError where the package is not installed.
+
+    metadata: of the recording; it stands in the record `softaim`
+    """
+    try:
+        from mcap.writer import Writer
+    except ModuleNotFoundError:
+        raise InputError.at("--to mcap", EXTRA, "none") from None
+    writer = Writer(stream)
+    writer.start(profile="ros2", library=f"softaim {version()}")
+    writer.add_metadata("softaim", dict(metadata))
+    yield McapFile(writer)
+    writer.finish()

@@ -1,0 +1,74 @@
+"""Sequence files of PLUS, `.igs.mha`: MetaImage with fields of each frame before the pixels of all.
+
+Fields are those of [plus], "Sequence file"; what is read of them is as [igsio] does it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import BinaryIO
+
+import numpy as np
+
+from experiments.arrays import Floats
+from vision.arrays import Image
+
+WHOLE_READ_BYTES = 2**32
+"""PLUS counts the bytes of a file's pixels in 32 bits: of a larger one it reads other frames than it should."""
+
+_FIXED = {
+    "BinaryData": "True",
+    "BinaryDataByteOrderMSB": "False",
+    "CompressedData": "False",
+    "TransformMatrix": "1 0 0 0 1 0 0 0 1",
+    "Offset": "0 0 0",
+    "CenterOfRotation": "0 0 0",
+    "AnatomicalOrientation": "RAI",
+    "ElementSpacing": "1 1 1",
+    "ElementType": "MET_UCHAR",
+    "Kinds": "domain domain list",
+    "UltrasoundImageOrientation": "MF",
+}
+"""Pixels are as in the picture, u right and v down: MF is what PLUS does not turn."""
+
+
+def write_plus(
+    stream: BinaryIO,
+    frames: Iterable[Mapping[str, str]],
+    images: Iterable[Image] | None,
+    *,
+    n_frames: int,
+    size_px: tuple[int, int],
+) -> None:
+    """Write a sequence, frame by frame.
+
+    frames: fields of each, by name; those of its number and its picture are added
+    images: of the frames, (height, width, 3) BGR; None where there are none: then each frame is one pixel, INVALID
+    size_px: width and height of the images
+    """
+    width, height = (1, 1) if images is None else size_px
+    head = {"ObjectType": "Image", "NDims": "3", **_FIXED, "DimSize": f"{width} {height} {n_frames}"}
+    head["ElementNumberOfChannels"] = "1" if images is None else "3"
+    head["UltrasoundImageType"] = "BRIGHTNESS" if images is None else "RGB_COLOR"
+    _write(stream, head)
+    status = "INVALID" if images is None else "OK"
+    for k, fields in enumerate(frames):
+        own = {"FrameNumber": str(k), **fields, "ImageStatus": status}
+        _write(stream, {f"Seq_Frame{k:04d}_{name}": value for name, value in own.items()})
+    _write(stream, {"ElementDataFile": "LOCAL"})
+    if images is None:
+        stream.write(bytes(n_frames))
+    else:
+        for image in images:
+            stream.write(np.ascontiguousarray(image[:, :, ::-1]).data)
+
+
+def transform_fields(name: str, matrix: Floats | None) -> dict[str, str]:
+    """Fields of a transform such as `TargetToReference`, (4, 4) in mm; of none, that it is INVALID."""
+    values = np.eye(4) if matrix is None else matrix
+    text = " ".join(f"{value:.9g}" for value in values.ravel())
+    return {f"{name}Transform": text, f"{name}TransformStatus": "INVALID" if matrix is None else "OK"}
+
+
+def _write(stream: BinaryIO, fields: Mapping[str, str]) -> None:
+    stream.write("".join(f"{name} = {value}\n" for name, value in fields.items()).encode("utf-8"))

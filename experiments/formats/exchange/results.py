@@ -1,0 +1,125 @@
+"""What a run wrote, read again: estimates.csv and advice.csv, with the columns that they happen to have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators import Status
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
+from experiments.formats.estimate_rows import AXES
+from experiments.formats.exchange.open_table import OpenTable, open_table
+from experiments.formats.recording import SAME_TIME_S
+from experiments.formats.tables import read_rows
+
+ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
+WORDS = ("status", "model_only", "advice", "reason")
+FLAGS = {"True": True, "False": False}
+TRUSTED = (Status.TRACKING, Status.COASTING)
+"""Estimates that stand for where the target is; others are told of by their status alone."""
+DIGITS = 1e-8
+"""Times of a table have at least nine digits: by this share of themselves they may be off."""
+
+Entry = float | str | bool | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Results:
+    """What a run wrote of a recording; its rows in their order.
+
+    table: of the file; times_s: of the rows, those of frames to the last digit [s], (n,)
+    frames: of the recording that the rows are of, -1 for moments without one, (n,)
+    """
+
+    table: OpenTable
+    times_s: Floats
+    frames: NDArray[np.int64]
+
+    def entries(self, row: int) -> dict[str, Entry]:
+        """All that a row says, by column; None where it says nothing."""
+        return {column: self._entry(column, row) for column in self.table.columns}
+
+    def _entry(self, column: str, row: int) -> Entry:
+        if column in self.table.words:
+            word = self.table.words[column][row]
+            return FLAGS.get(word, word)
+        value = float(self.table.numbers[column][row])
+        return None if np.isnan(value) else value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimates(Results):
+    """Rows of estimates.csv: means [m], (n, dim), and covariances [m²], (n, dim, dim), NaN where there are none."""
+
+    means: Floats
+    covs: Floats
+
+    @property
+    def trusted(self) -> NDArray[np.bool_]:
+        """Which rows say where the target is, (n,)."""
+        followed = np.isin(self.table.words["status"], TRUSTED)
+        return followed & np.isfinite(self.means).all(axis=1) & np.isfinite(self.covs).all(axis=(1, 2))
+
+
+def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
+    """The estimates in a folder of results, of frames with these exposure times [s]; raises InputError.
+
+    dim: of the scene. At least one row must be of a frame.
+    """
+    path = folder / ESTIMATES
+    if not folder.is_dir():
+        raise InputError.at(folder, f"a folder with {ESTIMATES}", "a file" if folder.exists() else "none")
+    places = [f"{axis}_mm" for axis in AXES[:dim]]
+    pairs = [(AXES[a] + AXES[b], a, b) for b in range(dim) for a in range(b + 1)]
+    table = _read(path, ["time_s", "status", *places, *(name for name, _, _ in pairs)])
+    if dim == 2 and "z_mm" in table.numbers:
+        raise InputError.at(f"{path}: row 1", "estimates of a flat scene, as the recording's is", "column z_mm")
+    table.check("status", np.isin(table.words["status"], list(Status)), f"one of {', '.join(Status)}")
+    times_s, frames = _frames_of(table.numbers["time_s"], exposures_s)
+    if not (frames >= 0).any():
+        span = f"{exposures_s[0]:g} to {exposures_s[-1]:g} s"
+        raise InputError.at(f"{path}: time_s", f"times of the recording's frames, {span}", _span(times_s))
+    covs = np.empty((table.n_rows, dim, dim))
+    for name, a, b in pairs:
+        covs[:, a, b] = covs[:, b, a] = 1e-6 * table.numbers[name]
+    means = 1e-3 * np.stack([table.numbers[place] for place in places], axis=1)
+    return Estimates(table, times_s, frames, means, covs)
+
+
+def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
+    """The advice in a folder of results; None where there is none. Raises InputError."""
+    path = folder / ADVICE
+    if not path.exists():
+        return None
+    table = _read(path, ["time_s", "advice", "reason"])
+    return Results(table, *_frames_of(table.numbers["time_s"], exposures_s))
+
+
+def _read(path: Path, needed: list[str]) -> OpenTable:
+    """A table that has these columns and maybe others; a live run may have been killed in its last line."""
+    header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
+    for column in dict.fromkeys([*needed, *header]):
+        if header.count(column) != 1:
+            found = f"{header.count(column) or 'none'} in {shown(','.join(header))}"
+            raise InputError.at(f"{path}: row 1", f"one column {column}", found)
+    table = open_table(path, header, rows, WORDS)
+    table.check("time_s", np.isfinite(table.numbers["time_s"]), "a finite number")
+    return table
+
+
+def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Times of rows [s], those of frames made theirs, and the frame of each row, -1 where it is of none."""
+    after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
+    near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
+    off = np.abs(exposures_s[near] - times_s)
+    frames = np.where(off[0] <= off[1], near[0], near[1])
+    found = off.min(axis=0) <= SAME_TIME_S + DIGITS * np.abs(times_s)
+    return np.where(found, exposures_s[frames], times_s), np.where(found, frames, -1)
+
+
+def _span(times_s: Floats) -> str:
+    return f"{times_s.min():g} to {times_s.max():g} s" if len(times_s) else "no rows"

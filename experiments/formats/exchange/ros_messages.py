@@ -1,0 +1,80 @@
+"""The few ROS 2 messages that are written: their definitions, and what they hold as CDR.
+
+Definitions are those of ROS 2's common_interfaces, the same from Foxy on. Lengths in metres; stamps in nanoseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.arrays import Floats
+from experiments.formats.exchange.cdr import Cdr
+
+FRAME = "reference"
+"""Frame of the scene's axes: x right, y up, z toward the camera."""
+
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+POINT = "geometry_msgs/msg/PointStamped"
+IMAGE = "sensor_msgs/msg/CompressedImage"
+TEXT = "std_msgs/msg/String"
+
+_PARTS: Mapping[str, str] = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
+}
+_STAMPED = ("std_msgs/Header", "builtin_interfaces/Time")
+_POSED = ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose", "geometry_msgs/Point", "geometry_msgs/Quaternion")
+
+
+def _definition(own: str, *parts: str) -> str:
+    """A definition with those of the messages in it, as MCAP and rosbag2 have them."""
+    return f"\n{'=' * 80}\n".join([own, *(f"MSG: {part}\n{_PARTS[part]}" for part in parts)]) + "\n"
+
+
+DEFINITIONS: Mapping[str, str] = {
+    POSE: _definition("std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose", *_STAMPED, *_POSED),
+    POINT: _definition("std_msgs/Header header\ngeometry_msgs/Point point", *_STAMPED, "geometry_msgs/Point"),
+    IMAGE: _definition("std_msgs/Header header\nstring format\nuint8[] data", *_STAMPED),
+    TEXT: _definition("string data"),
+}
+"""By message, in the encoding `ros2msg`."""
+
+
+def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
+    """Where the target is [m], (dim,), with its covariance [m²], (dim, dim).
+
+    It has no orientation: that is of the axes, exactly, as is z in the plane.
+    """
+    whole = np.zeros((6, 6))
+    whole[: len(mean), : len(mean)] = cov
+    return _stamped(time_ns, FRAME).doubles([*_point(mean), 0.0, 0.0, 0.0, 1.0, *whole.ravel()]).content()
+
+
+def point_message(time_ns: int, place: Floats) -> bytes:
+    """A place [m], (dim,)."""
+    return _stamped(time_ns, FRAME).doubles(_point(place)).content()
+
+
+def image_message(time_ns: int, frame_id: str, jpeg: bytes) -> bytes:
+    """A picture as JPEG."""
+    return _stamped(time_ns, frame_id).text("jpeg").octets(jpeg).content()
+
+
+def text_message(text: str) -> bytes:
+    """A text; it has no stamp of its own."""
+    return Cdr().text(text).content()
+
+
+def _stamped(time_ns: int, frame_id: str) -> Cdr:
+    seconds, nanoseconds = divmod(time_ns, 10**9)
+    return Cdr().int32(seconds).uint32(nanoseconds).text(frame_id)
+
+
+def _point(place: Floats) -> list[float]:
+    return [*map(float, place), *[0.0] * (3 - len(place))]

@@ -1,0 +1,4 @@
+"""Recordings handed to other programs, and taken from them: what `softaim export` and `softaim import` do.
+
+Formats are in `experiments/formats/exchange`. Each is imported from its own module.
+"""

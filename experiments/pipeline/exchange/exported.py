@@ -1,0 +1,65 @@
+"""What is exported: a recording with the estimates and the advice of a run, and when its time 0 was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from experiments.errors import InputError, shown
+from experiments.formats.exchange.results import Estimates, Results, read_advice, read_estimates
+from experiments.formats.recording import Recording
+
+LATEST_S = 2**31
+"""ROS 2 counts seconds from 1970 in 31 bits."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exported:
+    """What is exported.
+
+    estimates, advice: of the recording, where they were given; start_ns: time 0 of the recording, from 1970 UTC [ns]
+    """
+
+    recording: Recording
+    estimates: Estimates | None
+    advice: Results | None
+    start_ns: int = 0
+
+    def time_ns(self, time_s: float) -> int:
+        """A time of the recording [s], from 1970 UTC [ns]."""
+        return self.start_ns + round(1e9 * time_s)
+
+
+def exported(recording: Recording, folder: Path | None, start: str | None) -> Exported:
+    """A recording with the results in a folder, checked to be of it; raises InputError.
+
+    start: when its first frame was exposed, as ISO 8601 has it; without it, its times count from 1970
+    """
+    exposures_s, dim = recording.exposures_s, recording.scene.network.dim
+    chosen = Exported(
+        recording,
+        None if folder is None else read_estimates(folder, dim, exposures_s),
+        None if folder is None else read_advice(folder, exposures_s),
+    )
+    if start is not None:
+        chosen = replace(chosen, start_ns=_start_ns(start) - round(1e9 * float(exposures_s[0])))
+    times = [exposures_s, *(one.times_s for one in (chosen.estimates, chosen.advice) if one is not None)]
+    times.append(np.array([fix.time_s for fix in recording.fixes]))
+    first_s, last_s = (edge(np.concatenate(times)) + 1e-9 * chosen.start_ns for edge in (np.min, np.max))
+    if first_s < 0 or last_s >= LATEST_S:
+        raise InputError.at("--start", "times from 1970 to 2038 with it", f"{first_s:.9g} to {last_s:.9g} s from 1970")
+    return chosen
+
+
+def _start_ns(start: str) -> int:
+    try:
+        found = datetime.fromisoformat(start)
+    except ValueError:
+        found = None
+    if found is None or found.tzinfo is None:
+        raise InputError.at("--start", "a time with its zone, such as 2026-01-31T09:00:00Z", shown(start))
+    since = found - datetime(1970, 1, 1, tzinfo=UTC)
+    return ((since.days * 86400 + since.seconds) * 10**6 + since.microseconds) * 1000

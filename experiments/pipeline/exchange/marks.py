@@ -1,0 +1,161 @@
+"""Marks from the table of a pose tracker: what `softaim import` does."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
+from experiments.formats.exchange.pose_table import PoseTable, read_poses
+from experiments.formats.recording import MarkRow, read_frames, write_frames_csv, write_marks_csv
+from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from vision import PlaneCamera, fronto_parallel_camera
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSettings:
+    """Which places of a table are marks, and how sure each is.
+
+    least: likelihood below which a place is left out [1]; source: `pcutoff` of DeepLabCut
+    sd_px: error of a place, one standard deviation an axis [px]; choice: until the tracker's own evaluation says it
+    """
+
+    least: float = 0.6
+    sd_px: float = 1.0
+
+
+DEFAULTS = ImportSettings()
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneScale:
+    """A camera square to the plane: millimetres of a pixel, and the pixel in which the plane's origin is seen."""
+
+    mm_per_px: float
+    origin_px: tuple[float, float]
+
+    def camera(self) -> PlaneCamera:
+        """A camera that sees so; the size of its picture says nothing."""
+        u, v = self.origin_px
+        first_m = (-1e-3 * self.mm_per_px * u, 1e-3 * self.mm_per_px * v)
+        return fronto_parallel_camera("scale", (1, 1), (self.mm_per_px, self.mm_per_px), first_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imported:
+    """Marks of a table, by frame.
+
+    scene: they are of; exposures_s: of all frames [s], (n_frames,); marks: of each frame
+    unlikely, outside: how many places were left out, for their likelihood, and outside of the picture
+    """
+
+    scene: Scene
+    exposures_s: Floats
+    marks: tuple[tuple[MarkRow, ...], ...]
+    unlikely: int
+    outside: int
+
+    def counts(self) -> dict[str, int]:
+        """In how many frames each node was seen."""
+        seen = Counter(mark.node for found in self.marks for mark in found)
+        return {mark.node: seen[mark.node] for mark in self.scene.marks}
+
+
+def import_table(
+    table: Path,
+    scene_path: Path,
+    times: float | Path,
+    *,
+    settings: ImportSettings = DEFAULTS,
+    renamed: Sequence[str] = (),
+    scale: PlaneScale | None = None,
+) -> Imported:
+    """The marks of a table; raises InputError.
+
+    times: frames a second, or a frames.csv; renamed: `PART=NODE` where names differ, `PART=` to leave one out
+    scale: of a camera square to the plane, in place of the scene's
+    """
+    scene = read_scene(scene_path)
+    if scene.network.dim != 2:
+        raise InputError.at(scene_path, "a flat scene: one picture has no depth", "a network in space")
+    if scale is None and len(scene.cameras) != 1:
+        expected = "one, or --mm-per-px and --origin-px"
+        raise InputError.at(f"{scene_path}: camera", expected, str(len(scene.cameras)))
+    poses = read_poses(table)
+    nodes = _nodes(poses, scene, renamed)
+    exposures_s = _exposures_s(poses, times)
+    taken = np.isfinite(poses.places_px).all(axis=2) & np.array([node is not None for node in nodes])
+    likely = taken & (poses.likelihood >= settings.least)
+    camera = scene.cameras[0] if scale is None else scale.camera()
+    seen = likely & _inside(poses.places_px, camera.size_px) if scale is None else likely
+    if not seen.any():
+        raise InputError.at(table, f"marks with a likelihood of {settings.least:g} or more in the picture", "none")
+    marks: list[list[MarkRow]] = [[] for _ in exposures_s]
+    places_m, sds_m = _on_plane(poses, camera, seen, settings.sd_px)
+    for (row, part), place_m, sd_m in zip(np.argwhere(seen), places_m, sds_m, strict=True):
+        marks[poses.frames[row]].append(MarkRow(str(nodes[part]), place_m, float(sd_m)))
+    unlikely, outside = int((taken & ~likely).sum()), int((likely & ~seen).sum())
+    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside)
+
+
+def write_imported(done: Imported, folder: Path) -> None:
+    """Write a recording to a folder that exists."""
+    write_scene(done.scene, folder / "scene.toml")
+    write_frames_csv(folder / "frames.csv", done.exposures_s)
+    write_marks_csv(folder / "marks.csv", done.exposures_s, done.marks, dim=2)
+
+
+def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str | None]:
+    """The node of each body part, None for one that is left out."""
+    names: dict[str, str] = {}
+    for text in renamed:
+        part, given, node = text.partition("=")
+        if not given or part not in poses.parts or part in names:
+            parts = ", ".join(poses.parts)
+            raise InputError.at("--rename", f"PART=NODE once, of the parts {parts}", shown(text))
+        names[part] = node
+    marked = [mark.node for mark in scene.marks]
+    nodes = [names.get(part, part) for part in poses.parts]
+    for part, node in zip(poses.parts, nodes, strict=True):
+        if node and node not in marked:
+            expected = f"a node with a mark ({', '.join(marked)}); --rename {part}=NODE, or {part}= to leave it out"
+            raise InputError.at(f"{poses.path}: {part}", expected, shown(node))
+        if node and nodes.count(node) > 1:
+            raise InputError.at(f"{poses.path}: {part}", "a node of its own", f"{shown(node)} of another part, too")
+    return [node or None for node in nodes]
+
+
+def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
+    last = int(poses.frames[-1])
+    if isinstance(times, Path):
+        exposures_s = read_frames(times)
+        if last >= len(exposures_s):
+            raise InputError.at(times, f"a row for frame {last} of {poses.path}", f"{len(exposures_s)} rows")
+        return exposures_s
+    return np.arange(last + 1, dtype=np.float64) / times
+
+
+def _inside(places_px: Floats, size_px: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which places are in the picture, (n_rows, n_parts)."""
+    return np.all((places_px >= -0.5) & (places_px <= np.array(size_px) - 0.5), axis=2)
+
+
+def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
+    """Where the places that were seen are on the plane [m], (n, 2), and the standard deviation of each [m], (n,).
+
+    The one of both axes: of an ellipse, that of the circle of its area.
+    """
+    places_px = poses.places_px[seen]
+    var_px2 = sd_px**2 + camera.calibration_sd_px**2
+    try:
+        places_m = camera.to_plane(places_px)
+        covs = camera.cov_to_plane(places_px, np.tile(var_px2 * np.eye(2), (len(places_px), 1, 1)))
+    except ValueError as error:
+        raise InputError(f"{poses.path}: {error}") from None
+    return places_m, np.linalg.det(covs) ** 0.25

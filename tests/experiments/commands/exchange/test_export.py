@@ -1,0 +1,66 @@
+"""`softaim export` as it is called: what it prints, what it leaves."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from tests.experiments.command import softaim
+from tests.experiments.commands.good_files import tree, write_good_files
+
+CALL = ("export", "film", "--to", "mcap", "--out", "film.mcap", "--estimates", "results")
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    write_good_files(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_it_says_what_is_in_the_file(capfd: pytest.CaptureFixture[str]) -> None:
+    assert softaim(*CALL, "--json") == 0
+    said = json.loads(capfd.readouterr().out)
+    with Path("film.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = summary.statistics.channel_message_counts
+    assert said["topics"] == {one.topic: counts[k] for k, one in summary.channels.items()}
+    assert said["topics"]["/camera/image/compressed"] == said["frames"] == 3
+    assert softaim("export", "film", "--to", "plus", "--out", "film.igs.mha", "--estimates", "results") == 0
+    assert capfd.readouterr().out == (
+        "3 frames; the target is in 1 of them\n"
+        "The pictures lie on the plane to 0.00 mm at the marks, as drawn\n"
+        "Written to film.igs.mha\n"
+    )
+
+
+def test_its_provenance_stands_beside_it(here: Path) -> None:
+    before = tree(here)
+    assert softaim(*CALL) == 0
+    assert set(tree(here)) - set(before) == {"film.mcap", "film.provenance.json"}
+    found = json.loads(Path("film.provenance.json").read_text(encoding="utf-8"))
+    assert [one["path"] for one in found["inputs"]] == ["film", "results"]
+    assert found["scene"]["steps"] == []
+
+
+def test_with_force_a_file_is_replaced() -> None:
+    Path("film.mcap").write_text("mine")
+    assert softaim(*CALL) == 2
+    assert Path("film.mcap").read_text() == "mine"
+    assert softaim(*CALL, "--force") == 0
+    assert Path("film.mcap").read_bytes().startswith(b"\x89MCAP0\r\n")
+
+
+def test_without_the_package_it_is_one_line(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    before = tree(here)
+    assert softaim(*CALL) == 2
+    said = 'expected the package mcap of the extra "export" (pip install "softaim[export]"), found none'
+    assert capfd.readouterr().err == f"softaim: --to mcap: {said}\n"
+    assert tree(here) == before

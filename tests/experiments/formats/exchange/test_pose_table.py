@@ -1,0 +1,76 @@
+"""Tables of DeepLabCut and SLEAP, as the two write them."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.errors import InputError
+from experiments.formats.exchange.pose_table import PoseTable, read_poses
+
+PARTS = ("nose", "left.ear")
+PLACES = np.array([[[1.5, 2.5], [30.0, 40.0]], [[2.0, 3.0], [np.nan, np.nan]], [[2.5, 3.5], [31.0, 41.0]]])
+LIKELIHOOD = np.array([[0.99, 0.5], [1.0, np.nan], [1e-5, 0.75]])
+
+
+def check(found: PoseTable, frames: list[int]) -> None:
+    assert found.parts == PARTS
+    assert found.frames.tolist() == frames
+    np.testing.assert_array_equal(found.places_px, PLACES)
+    np.testing.assert_array_equal(found.likelihood, LIKELIHOOD)
+
+
+def test_deeplabcut(tmp_path: Path) -> None:
+    """Written by pandas from columns of three levels, as DeepLabCut does it."""
+    names = ["scorer", "bodyparts", "coords"]
+    columns = pd.MultiIndex.from_product([["DLC_resnet50"], PARTS, ["x", "y", "likelihood"]], names=names)
+    values = np.concatenate([PLACES, LIKELIHOOD[:, :, None]], axis=2).reshape(3, -1)
+    pd.DataFrame(values, columns=columns).to_csv(tmp_path / "poses.csv")
+    check(read_poses(tmp_path / "poses.csv"), [0, 1, 2])
+
+
+def sleap(path: Path, frames: list[int], order: list[int]) -> Path:
+    """Written by pandas with a row an instance, in any order of frames."""
+    table: dict[str, object] = {"track": None, "frame_idx": frames, "instance.score": 0.9}
+    for k, part in enumerate(PARTS):
+        table |= {f"{part}.x": PLACES[:, k, 0], f"{part}.y": PLACES[:, k, 1], f"{part}.score": LIKELIHOOD[:, k]}
+    pd.DataFrame(table).iloc[order].to_csv(path, index=False)
+    return path
+
+
+def test_sleap(tmp_path: Path) -> None:
+    check(read_poses(sleap(tmp_path / "poses.csv", [3, 4, 7], [0, 1, 2])), [3, 4, 7])
+
+
+def test_rows_are_put_in_the_order_of_frames(tmp_path: Path) -> None:
+    check(read_poses(sleap(tmp_path / "poses.csv", [3, 4, 7], [2, 0, 1])), [3, 4, 7])
+
+
+def test_two_animals_are_refused(tmp_path: Path) -> None:
+    path = sleap(tmp_path / "poses.csv", [3, 4, 4], [0, 1, 2])
+    with pytest.raises(InputError, match=r"row 4: frame_idx: expected each frame once: a table of one animal, found 4"):
+        read_poses(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("scorer,a,a,a\nbodyparts,n,n,n\n", "row 3: expected the row coords of DeepLabCut, found none"),
+        ("scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,likelihood\n", "expected a row for each frame, and body parts"),
+        ("scorer\nbodyparts\ncoords\n0\n", "expected a row for each frame, and body parts, found none"),
+        ("scorer,a,a\nbodyparts,n,n\ncoords,x,y\n0,1,2\n", "row 3: expected x, y, likelihood of each body part"),
+        ("track,frame_idx,instance.score\n,0,1\n", "expected a row for each frame, and body parts, found none"),
+        ("track,frame_idx,n.x,n.y\n,0,1,2\n", "row 1: expected a column n.score, found none"),
+        (
+            "track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n",
+            'columns of different names, found "n.x" twice',
+        ),
+        ("track,frame_idx,n.x,n.y,n.score\n,0.5,1,2,1\n", "row 2: frame_idx: expected a frame's number, .* found 0.5"),
+        (",,\n,,\n", "expected a table of DeepLabCut .*, found an empty file"),
+    ],
+)
+def test_other_tables_are_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "poses.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_poses(tmp_path / "poses.csv")

@@ -1,0 +1,77 @@
+"""Results are read with the columns that they have, and their rows are those of the recording's frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimators import Status, TargetEstimate
+from experiments.errors import InputError
+from experiments.formats.estimate_rows import header, row
+from experiments.formats.exchange.results import read_advice, read_estimates
+from experiments.formats.tables import write_table
+
+EXPOSURES_S = 33763.60965430567 + np.arange(4) / 30
+
+
+def estimate(time_s: float, status: Status, cov: np.ndarray | None) -> TargetEstimate:
+    return TargetEstimate(time_s, np.array([0.001, 0.002, -0.003]), cov, status, marks_used=3)
+
+
+def test_estimates_as_a_live_run_writes_them(tmp_path: Path) -> None:
+    """In space: means and covariances in metres; a row between frames is of none."""
+    cov = 1e-6 * np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 16.0]])
+    written = [
+        estimate(EXPOSURES_S[0], Status.INITIALISING, cov),
+        estimate(EXPOSURES_S[1], Status.TRACKING, cov),
+        estimate(EXPOSURES_S[1] + 0.01, Status.COASTING, 2.0 * cov),
+        estimate(EXPOSURES_S[3], Status.TRACKING, None),
+    ]
+    rows = [["" if value is None else str(value) for value in row(one)] for one in written]
+    write_table(tmp_path / "estimates.csv", header(3), rows)
+    found = read_estimates(tmp_path, 3, EXPOSURES_S)
+    assert found.frames.tolist() == [0, 1, -1, 3]
+    assert found.trusted.tolist() == [False, True, True, False]
+    assert found.times_s.tolist() == [one.time_s for one in written]
+    np.testing.assert_allclose(found.means, [one.mean for one in written], rtol=1e-12)
+    np.testing.assert_allclose(found.covs[:3], [cov, cov, 2.0 * cov], rtol=1e-12)
+    assert np.isnan(found.covs[3]).all()
+    said = found.entries(3)
+    assert list(said) == header(3)
+    assert (said["status"], said["xx"], said["model_only"]) == ("TRACKING", None, False)
+    assert said["z_mm"] == pytest.approx(-3.0)
+
+
+def test_times_of_nine_digits_are_those_of_the_frames(tmp_path: Path) -> None:
+    """`track` writes 33763.6097 for a frame at 33763.60965430567 s."""
+    lines = [f"{t:.9g},TRACKING,1,2,1,0,1,,3,0.1,,False" for t in EXPOSURES_S]
+    (tmp_path / "estimates.csv").write_text(
+        "\n".join(["time_s,status,x_mm,y_mm,xx,xy,yy,nis,marks_used,poked,gain,model_only", *lines, ""])
+    )
+    found = read_estimates(tmp_path, 2, EXPOSURES_S)
+    assert found.frames.tolist() == [0, 1, 2, 3]
+    assert (found.times_s == EXPOSURES_S).all()
+
+
+def test_a_line_that_was_being_written_is_left_out(tmp_path: Path) -> None:
+    text = 'time_s,advice,reason\n33763.61,GO,"there, now"\n33763.64,NO_GUI'
+    (tmp_path / "advice.csv").write_text(text)
+    found = read_advice(tmp_path, EXPOSURES_S)
+    assert found is not None
+    assert found.table.words == {"advice": ["GO"], "reason": ["there, now"]}
+
+
+def test_no_advice_is_none(tmp_path: Path) -> None:
+    assert read_advice(tmp_path, EXPOSURES_S) is None
+
+
+def test_a_row_must_say_when(tmp_path: Path) -> None:
+    (tmp_path / "advice.csv").write_text("time_s,advice,reason\n1,GO,x\n,GO,x\n")
+    with pytest.raises(InputError, match=r"row 3: time_s: expected a finite number, found nan"):
+        read_advice(tmp_path, EXPOSURES_S)
+
+
+def test_estimates_in_space_are_not_of_a_flat_scene(tmp_path: Path) -> None:
+    (tmp_path / "estimates.csv").write_text(",".join(header(3)) + "\n")
+    with pytest.raises(InputError, match=r"row 1: expected estimates of a flat scene, .*, found column z_mm"):
+        read_estimates(tmp_path, 2, EXPOSURES_S)

@@ -1,0 +1,32 @@
+"""A recording of pictures of random blocks, with results, small."""
+
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from experiments.formats.recording import Recording, read_recording
+from tests.experiments.commands.good_files import SIZE_PX, write_good_files
+from vision.arrays import Image
+
+
+def write_filmed(folder: Path) -> list[Image]:
+    """Write `filmed`, a recording of three pictures of random blocks at 0, 0.1 and 0.2 s, beside all good files."""
+    write_good_files(folder)
+    filmed = folder / "filmed"
+    (filmed / "frames").mkdir(parents=True)
+    for name in ("scene.toml", "frames.csv"):
+        shutil.copy(folder / "film" / name, filmed / name)
+    shutil.copy(folder / "marks" / "fixes.csv", filmed / "fixes.csv")
+    rng = np.random.default_rng(5)
+    blocks = rng.integers(0, 256, (3, SIZE_PX[1] // 16, SIZE_PX[0] // 16, 3), dtype=np.uint8)
+    images = list(np.kron(blocks, np.ones((1, 16, 16, 1), dtype=np.uint8)))
+    for k, image in enumerate(images):
+        cv2.imwrite(str(filmed / "frames" / f"{k:06d}.png"), image)
+    return images
+
+
+def opened(folder: Path, name: str) -> Recording:
+    """One of the recordings."""
+    return read_recording(folder / name)
