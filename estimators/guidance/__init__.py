@@ -5,6 +5,7 @@ What may enter: what turns an estimate into advice on the needle; a rule of advi
 
 from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, advise, guide, path_times
 from estimators.guidance.breathing import Breath, Breathing, BreathingSettings
+from estimators.guidance.doubt import Doubt, DoubtSettings
 from estimators.guidance.hit_probability import Aim, best_aim, hit_probability
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Hit, Insertion, Needle
@@ -31,6 +32,8 @@ __all__ = [
     "Breath",
     "Breathing",
     "BreathingSettings",
+    "Doubt",
+    "DoubtSettings",
     "Guidance",
     "Hit",
     "Insertion",

@@ -95,11 +95,13 @@ class Link:
         with self._changed:
             self._ended = True
             self._changed.notify_all()
-        self._connection.close()
         self._process.join(ENDS_S)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
+        for thread in self._threads:  # whose connection has no other end any more
+            thread.join(ENDS_S)
+        self._connection.close()
 
     def _send(self) -> None:
         try:
@@ -108,14 +110,15 @@ class Link:
                 scene = self._scene
             if scene is not None:
                 self._connection.send_bytes(text_of(scene))
-            while True:
+            while not self._ended:
                 with self._changed:
                     self._changed.wait_for(lambda: self._ended or (self._ready and self._waiting is not None))
                     if self._ended or self._waiting is None:
-                        return
+                        break
                     (message, image), self._waiting, self._ready = self._waiting, None, False
                 self._connection.send_bytes(text_of(message()))
                 self._connection.send_bytes(b"" if image is None else jpeg(image))
+            self._connection.send_bytes(b"")  # the end
         except (OSError, ValueError) as error:
             self._broken(error)
 

@@ -18,7 +18,7 @@ LONGEST = 64 * 1024 * 1024
 
 
 def serve(connection: Connection, faces: Faces) -> None:
-    """Serve until the loop's end of the connection closes. Ctrl-C is for the process that asked."""
+    """Serve until the loop says that it ends, or is gone. Ctrl-C is for the process that asked."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     asyncio.run(_Served(connection, faces).run())
 
@@ -35,7 +35,7 @@ class _Served:
         """Until the connection closes."""
         loop = asyncio.get_running_loop()
         scene = await loop.run_in_executor(None, self._received)
-        if scene is None:
+        if not scene:
             return
         feed = Feed(json.loads(scene), self._send)
         servers = [asyncio.create_task(self._watched(name, run(feed))) for name, run in self._servers()]
@@ -65,7 +65,7 @@ class _Served:
             self._send({"fault": f"{name}: {type(error).__name__}: {error}; the run goes on without it"})
 
     def _read(self, loop: asyncio.AbstractEventLoop, feed: Feed) -> None:
-        while (text := self._received()) is not None and (picture := self._received()) is not None:
+        while (text := self._received()) and (picture := self._received()) is not None:
             loop.call_soon_threadsafe(self._take, feed, text, picture or None)
         loop.call_soon_threadsafe(self._ended.set)
 

@@ -55,14 +55,17 @@ class LiveAdvice:
         """Forget the breath and the last estimate: the filter begins anew."""
         self._breathing, self._learn_s, self._last = Breathing(self._dim), np.inf, None
 
-    def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
-        """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written."""
+    def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
+        """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written.
+
+        fault: why there is none to be given, where something else than the estimate says so
+        """
         self._last = estimate
         if estimate.status is Status.TRACKING and estimate.cov is not None:
             self._learn_s = min(self._learn_s, estimate.time_s + SETTLED_S)
             if estimate.time_s >= self._learn_s:
                 self._breathing.update(estimate.time_s, estimate.mean, estimate.cov)
-        return self._said(tissue, estimate, now_s, estimate.time_s)
+        return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
         """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import vision
-from estimators import AdviceSettings, CovarianceError, Guidance, TargetEstimate, after_frame, health_fault
+from estimators import AdviceSettings, CovarianceError, Doubt, Guidance, TargetEstimate, after_frame, health_fault
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
@@ -59,7 +59,8 @@ class Session:
     needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
     watch: is shown each frame, what it gave and the advice; publisher: also each moment without one
     State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
-    who is told all that is done, so that it can be done again; whether the filter could use the last frame.
+    who is told all that is done, so that it can be done again; whether the filter could use the last frame; whether the
+    marks contradicted the model.
     """
 
     def __init__(
@@ -81,6 +82,7 @@ class Session:
         self.watch, self.publisher = watch, publisher
         self.journals: list[Journal] = []
         self.paused = False
+        self.doubt = Doubt()
         self.picture: vision.Frame | None = None
         self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE))
         self._clock = clock
@@ -117,7 +119,9 @@ class Session:
             return False
         estimate = step.estimates[FILTER]
         self._write(estimate)
-        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s)
+        self.doubt.update(estimate)
+        doubt = self.doubt.reason
+        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, doubt)
         ended = time.perf_counter()
         stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
         self._count(self._clock() - exposure_s, ended - began, stages_s)
@@ -164,6 +168,11 @@ class Session:
         counters.latencies.add(counters.latency_ms)
         counters.stages_s = stages_s
 
+    @property
+    def _fault(self) -> str | None:
+        """Why there is no advice, whatever the newest estimate says of itself."""
+        return PAUSED if self.paused else self.doubt.reason
+
     def _publish(
         self,
         estimate: TargetEstimate,
@@ -176,7 +185,7 @@ class Session:
             return
         plan = None if self.advice is None else self.advice.plan
         settings = AdviceSettings() if plan is None else plan.settings
-        fault = PAUSED if self.paused else health_fault(estimate, now_s, self.line.filter.seen_s, settings)
+        fault = self._fault or health_fault(estimate, now_s, self.line.filter.seen_s, settings)
         self.publisher.publish(
             Shown(
                 self._own(estimate), estimate.time_s, frame, step, advised, plan, fault, self.interval_s, self.counters
@@ -208,9 +217,7 @@ class Session:
         if now_s > tissue.time_s:
             status = after_frame(tissue.health, now_s, None, 0, tissue.settings).status
             ahead = replace(tissue.predict_at(now_s), status=status)
-            advised = (
-                None if self.advice is None else self.advice.unseen(tissue, now_s, PAUSED if self.paused else None)
-            )
+            advised = None if self.advice is None else self.advice.unseen(tissue, now_s, self._fault)
             self._show(status_text(self._own(ahead), interval_s, 1e3 * (now_s - self._last_s), advised))
             self._publish(ahead, None, None, advised, now_s)
 
@@ -249,6 +256,7 @@ class Session:
 
     def _renew(self, scene: Scene) -> None:
         self.line = Line(scene, baseline=False, explain=self._explain)
+        self.doubt.forget()
         if self.advice is not None:
             self.advice.forget()
 

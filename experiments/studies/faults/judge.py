@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,7 @@ from experiments.studies.faults.world import (
     scene_in_view,
 )
 
+CHECK = bool(int(os.environ.get("CHK", "1")))
 DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """From exposure to arrival [s]: half a frame, and reading it out."""
@@ -155,7 +157,12 @@ def judged(fault: Fault, seed: int, folder: Path) -> Judged:
     watching = Watching(frames, motion, target, np.zeros(scene.network.dim))
     clock = partial(getattr, frames, "now_s")
     session = Session(
-        believed, folder / ESTIMATES, lambda _text: None, needle=plan_of(believed), publisher=watching, clock=clock
+        believed,
+        folder / ESTIMATES,
+        lambda _text: None,
+        needle=plan_of(believed),
+        publisher=watching,
+        clock=clock,
     )
     follow(session, frames, DURATION_S, clock)
     session.close()

@@ -45,7 +45,7 @@ class Link:
 
 @pytest.fixture
 def shown(tmp_path):
-    """A link, the attendant that shows a run at rest to it, the run's control; and a function that goes on by frames."""
+    """A link, to which a run at rest is shown; the run's control; and a function that goes on by frames."""
     scene = scene_of(read_scenario("webcam"))
     plan = read_needle(NEEDLE, scene.target.radius_m, 2)
     image = draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
@@ -107,7 +107,7 @@ def test_paused_there_is_no_advice_and_the_state_says_why(shown):
 
 
 def test_what_clients_ask_for_is_done_between_two_frames(shown, capfd):
-    link, control, go_on = shown
+    link, _control, go_on = shown
     go_on(10)
     link.asked = [{"command": "record", "on": True}]
     state = go_on()
@@ -169,7 +169,7 @@ def test_the_band_of_nis_holds_95_in_100():
 
 
 def test_events_are_kept_while_it_shows_and_no_longer(shown):
-    link, _control, go_on = shown
+    _link, _control, go_on = shown
     for k in range(12):
         LOG.warning("event %d", k)
     texts = [event["text"] for event in go_on()["events"]]

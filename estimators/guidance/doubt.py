@@ -1,0 +1,67 @@
+"""Doubt in the model: once the marks contradicted it, an estimate may look well again and be of another body.
+
+After a spring was cut, or a mark was stuck on elsewhere, the filter explains the marks anew, by forces that go on; its
+innovations are as they should be, and the hidden target is somewhere else. No frame shows that. So the contradiction is
+kept in mind until somebody who looked at tissue and marks says that it is over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scipy.stats import chi2
+
+from estimators.tissue.estimate import Status, TargetEstimate
+
+
+@dataclass(frozen=True, slots=True)
+class DoubtSettings:
+    """When what is seen contradicts the model.
+
+    away_s: a mark that was not used for so long has to come back where it is expected [s]; choice
+    improbable: probability of innovations as large as in that frame below which it did not [1]; choice
+    """
+
+    away_s: float = 0.2
+    improbable: float = 1e-4
+
+
+DOUBT = DoubtSettings()
+
+
+class Doubt:
+    """Whether the marks contradicted the model since `forget`, and how: by estimates in order of time.
+
+    State: the reason, None while there is none; when each mark was last used [s].
+    """
+
+    def __init__(self, settings: DoubtSettings = DOUBT) -> None:
+        self.reason: str | None = None
+        self._settings = settings
+        self._used_s: dict[str, float] = {}
+
+    def forget(self) -> None:
+        """Somebody looked: begin anew."""
+        self.reason = None
+        self._used_s.clear()
+
+    def update(self, estimate: TargetEstimate) -> None:
+        """Take in the estimate of a frame."""
+        if self.reason is None:
+            self.reason = self._why(estimate)
+        self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
+
+    def _why(self, estimate: TargetEstimate) -> str | None:
+        if estimate.status is Status.DIVERGED:
+            return "the marks contradicted the model: look at tissue and marks, then reset"
+        back = [
+            node
+            for node in estimate.information_share
+            if estimate.time_s - self._used_s.get(node, estimate.time_s) > self._settings.away_s
+        ]
+        if not back or estimate.nis is None:
+            return None
+        degrees = estimate.marks_used * len(estimate.mean)
+        if chi2.sf(estimate.nis, degrees) >= self._settings.improbable:
+            return None
+        return f"mark {back[0]} came back elsewhere than expected: look at it, then reset"

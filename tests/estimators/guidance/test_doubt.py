@@ -1,0 +1,55 @@
+"""Doubt is raised by what contradicts the model, by nothing else, and stays until somebody looked."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from estimators import Doubt, Status, TargetEstimate
+
+ALL = ("M1", "M2", "M3")
+
+
+def seen(time_s: float, nodes=ALL, nis: float = 4.0, status: Status = Status.TRACKING) -> TargetEstimate:
+    share = dict.fromkeys(nodes, 0.3)
+    return TargetEstimate(time_s, np.zeros(2), np.eye(2), status, len(nodes), nis, information_share=share)
+
+
+def after(*estimates: TargetEstimate) -> str | None:
+    doubt = Doubt()
+    for estimate in estimates:
+        doubt.update(estimate)
+    return doubt.reason
+
+
+def test_a_divergence_is_kept_in_mind_when_all_looks_well_again():
+    well = [seen(1.0 + 0.1 * k) for k in range(50)]
+    assert after(*well) is None
+    assert "contradicted the model" in (after(seen(0.0), seen(0.1, status=Status.DIVERGED), *well) or "")
+
+
+def test_it_is_over_when_somebody_says_so():
+    doubt = Doubt()
+    doubt.update(seen(0.0, status=Status.DIVERGED))
+    doubt.forget()
+    assert doubt.reason is None
+    doubt.update(seen(0.1))
+    assert doubt.reason is None
+
+
+@pytest.mark.parametrize(("away_s", "p", "doubted"), [(1.0, 1e-5, True), (1.0, 1e-3, False), (0.1, 1e-5, False)])
+def test_a_mark_has_to_come_back_where_it_is_expected(away_s, p, doubted):
+    """By the tail of chi-square with two coordinates for each of three marks; a short absence proves nothing."""
+    without = [seen(0.03 * k, ("M2", "M3")) for k in range(1, int(away_s / 0.03))]
+    reason = after(seen(0.0), *without, seen(away_s, nis=float(chi2.isf(p, 6))))
+    assert (reason is not None) == doubted
+    if reason is not None:
+        assert reason.startswith("mark M1 came back elsewhere")
+
+
+def test_a_large_innovation_of_marks_that_were_never_away_is_a_poke():
+    assert after(*(seen(0.03 * k, nis=60.0) for k in range(20))) is None
+
+
+def test_a_mark_that_is_seen_for_the_first_time_is_not_back():
+    without = [seen(0.03 * k, ("M2", "M3")) for k in range(20)]
+    assert after(*without, seen(0.6, ALL, nis=60.0)) is None
