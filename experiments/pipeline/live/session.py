@@ -23,11 +23,12 @@ from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_event, report_source_events, report_swap
 from experiments.pipeline.frame_sources import check_size, open_source
-from experiments.pipeline.line import FILTER, Film, Line, Watcher, warm_up
+from experiments.pipeline.line import FILTER, Film, Line, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s, words
 from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
 from experiments.pipeline.live.marks.receiver import LiveMarks, MarksFrame, MarkSource
 from experiments.pipeline.live.outputs import Latencies, LiveTable, StatusLine
+from experiments.pipeline.warm_up import warm_up
 
 ADVICE = "advice.csv"
 
