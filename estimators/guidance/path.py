@@ -88,7 +88,10 @@ class TargetPath:
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
-    """The path that is one of two at the same times: probability of the first, (k,); parts, and moments of all."""
+    """The path that is one of two, both at the same times: in their parts, with mean and covariance of all.
+
+    probability: of the first at each time, (k,)
+    """
     share = np.stack([probability, 1.0 - probability], axis=1)
     both = [path.parts for path in (one, other)]
     weights = np.concatenate([share[:, i, None] * parts[0] for i, parts in enumerate(both)], axis=1)
