@@ -11,7 +11,7 @@ from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Hit, Insertion, Needle
 from estimators.guidance.needle_tracking import Arrival, NeedleNoise, NeedleTracker
 from estimators.guidance.obstacles import Obstacle, ball, clearances
-from estimators.guidance.path import PathParts, TargetPath, path_by_tables, path_near_rest, path_reach_s
+from estimators.guidance.path import PathParts, TargetPath, either_path, path_by_tables, path_near_rest, path_reach_s
 from estimators.guidance.planning import (
     Plan,
     PlannedNeedle,
@@ -56,6 +56,7 @@ __all__ = [
     "candidate_paths",
     "clearances",
     "compliance",
+    "either_path",
     "guide",
     "health_fault",
     "hit_probability",

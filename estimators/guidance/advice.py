@@ -96,6 +96,8 @@ class Prospect:
     best_in_s, best_probability: the best time to begin, from now [s]
     turn_rad, turned_probability: once turned to where the target will be
     depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
+    behind: whether no depth along the present direction brings the needle beside the target, for that lies behind the
+        entry
     """
 
     probability: float
@@ -106,6 +108,7 @@ class Prospect:
     turn_rad: float = 0.0
     turned_probability: float = 0.0
     depth_m: float = 0.0
+    behind: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +125,11 @@ RULES = (
         Advice.WAIT,
         lambda it, _: not it.arrives,
         lambda it: f"the needle does not reach the target within {it.reach_s:.1f} s",
+    ),
+    Rule(
+        Advice.REALIGN,
+        lambda it, _: it.behind,
+        lambda _: "the target does not lie before the needle: turn it, or enter elsewhere",
     ),
     Rule(
         Advice.REALIGN,
@@ -270,6 +278,7 @@ def advise(
         turn_rad=turn,
         turned_probability=turned_probability,
         depth_m=deeper,
+        behind=float(depths[0]) < needle.reach_m,
     )
     what, reason = decide(prospect, settings)
     return Guidance(

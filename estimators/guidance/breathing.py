@@ -3,6 +3,10 @@
 For each period of a grid the track is a constant and some harmonics, fitted by least squares with exponential
 forgetting. Periods are weighted by their likelihood, exp(-misfit / 2), and the prediction is the mixture of theirs.
 Errors of neighbouring frames are correlated: the misfit counts for as many independent errors as it contains.
+
+A target may leave its breath: it shifts, is held, coughs. Each estimate is compared with the breath's prediction before
+it is added, and the probability that the breath holds follows by Bayes' rule, with a hazard of change and a new track
+once it is improbable [adams2007]. The other hypothesis: the target is off its breath by a random walk.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit, logit
 
 from estimators.arrays import Floats
 
@@ -29,6 +34,8 @@ class BreathingSettings:
     alike_s: correlation time of the filter's errors: later ones count as independent [s]; choice
     cycles: of the period that have to be in the track before a breath is reported; choice
     explained: least share of the track's variance that a breath has to explain; choice
+    lasting_s: mean time until a target leaves its breath [s]; choice
+    forgotten: probability that the breath holds below which a new track begins; choice
     """
 
     shortest_s: float = 2.8
@@ -39,12 +46,17 @@ class BreathingSettings:
     alike_s: float = 0.2
     cycles: float = 1.5
     explained: float = 0.9
+    lasting_s: float = 100.0
+    forgotten: float = 0.01
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_s < self.longest_s < np.inf:
             raise ValueError(
                 f"breathing: expected 0 < shortest_s < longest_s, found {self.shortest_s}, {self.longest_s}"
             )
+        for name in ("lasting_s", "forgotten"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"breathing {name}: expected more than 0, found {getattr(self, name)}")
         if self.n_periods < 2 or self.harmonics < 1:
             raise ValueError(
                 f"breathing: expected 2 periods, 1 harmonic or more, found {self.n_periods}, {self.harmonics}"
@@ -69,22 +81,31 @@ class Breathing:
     """Predictor of a target that breathes, updated with a filter's estimates, frame by frame.
 
     State: sums over the track with exponential forgetting: information (n_periods, n, n), products with the track
-    (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit.
+    (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit;
+    the probability that the breath holds; how far the target may have walked off it [m], (dim,), and its covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
         self.settings = BreathingSettings() if settings is None else settings
         s = self.settings
         self.periods_s = 1.0 / np.linspace(1.0 / s.longest_s, 1.0 / s.shortest_s, s.n_periods)
-        n = 2 * s.harmonics + 1
         self.dim = dim
-        self._first_s, self._last_s = np.inf, -np.inf
+        self._last_s = -np.inf
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a new track."""
+        s = self.settings
+        n = 2 * s.harmonics + 1
+        self._first_s = np.inf
         self._origin: Floats
         self._information = np.zeros((s.n_periods, n, n))
-        self._products = np.zeros((s.n_periods, n, dim))
+        self._products = np.zeros((s.n_periods, n, self.dim))
         self._filter_variance = 0.0
-        self._squares, self._weight, self._sum = 0.0, 0.0, np.zeros(dim)
-        self._fit: tuple[Floats, Floats, Breath] | None
+        self._squares, self._weight, self._sum = 0.0, 0.0, np.zeros(self.dim)
+        self._fit: tuple[Floats, Floats, Breath] | None = None
+        self._holds = 1.0
+        self._walk, self._walk_cov = np.zeros(self.dim), np.zeros((self.dim, self.dim))
 
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
         """Add the filter's estimate of the target at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
@@ -95,6 +116,8 @@ class Breathing:
             raise ValueError(f"time_s: expected more than {self._last_s}, found {time_s}")
         if np.shape(mean) != (self.dim,) or not np.isfinite(mean).all():
             raise ValueError(f"mean: expected {self.dim} finite coordinates, found {mean}")
+        if (breath := self.breath()) is not None:
+            self._compare(breath, time_s, mean, cov)
         if not self._weight:
             self._first_s = self._last_s = time_s
             self._origin = np.array(mean, dtype=float)
@@ -136,6 +159,34 @@ class Breathing:
         covs += (breath.scatter_m**2 + of_fit)[:, None, None] * np.eye(self.dim)
         return means + self._origin, covs
 
+    def holds(self, times_s: Floats) -> Floats:
+        """Probability that the breath holds at times [s] from the last estimate on, (k,); 0 where there is none."""
+        if self.breath() is None:
+            return np.zeros(len(times_s))
+        return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
+
+    def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
+        """Update the probability that the breath holds, and the walk off it; begin a new track where it is improbable.
+
+        The walk's variance grows by that of the track in a period, and a Kalman filter follows it. Estimates within
+        `alike_s` count as one for both hypotheses.
+        """
+        s = self.settings
+        dt = time_s - self._last_s
+        counted = min(dt / s.alike_s, 1.0)
+        expected, spread = self.predict(np.array([time_s]))
+        error_cov = spread[0] + cov
+        off = np.asarray(mean) - expected[0]
+        variance = (self._squares - float(self._sum @ self._sum) / self._weight) / self._weight / self.dim
+        walk_cov = self._walk_cov + variance * dt / breath.period_s * np.eye(self.dim)
+        gain = np.linalg.solve(walk_cov + error_cov / counted, walk_cov).T
+        for_breath = _log_density(off, error_cov) - _log_density(off - self._walk, walk_cov + error_cov)
+        self._holds = float(expit(logit(self._holds * np.exp(-dt / s.lasting_s)) + counted * for_breath))
+        self._walk = self._walk + gain @ (off - self._walk)
+        self._walk_cov = walk_cov - gain @ walk_cov
+        if self._holds < s.forgotten:
+            self._begin()
+
     def _waves(self, time_s: float) -> Floats:
         return self._of_angle(2.0 * np.pi * time_s / self.periods_s)
 
@@ -165,3 +216,8 @@ class Breathing:
             # the coefficients err by the whole misfit, the filter's part included; the target scatters by `own` only
             self._fit = found, inverse * (scatter2 * self._weight / independent), breath
         return self._fit
+
+
+def _log_density(off: Floats, cov: Floats) -> float:
+    """Of a Gaussian without mean, but for a constant."""
+    return -0.5 * float(off @ np.linalg.solve(cov, off) + np.linalg.slogdet(cov)[1])

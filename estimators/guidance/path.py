@@ -87,6 +87,24 @@ class TargetPath:
         return self.mixture.weights, self.mixture.means - self.means[:, None], self.mixture.covs
 
 
+def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
+    """The path that is one of two, both at the same times: in their parts, with mean and covariance of all.
+
+    probability: of the first at each time, (k,)
+    """
+    share = np.stack([probability, 1.0 - probability], axis=1)
+    both = [path.parts for path in (one, other)]
+    weights = np.concatenate([share[:, i, None] * parts[0] for i, parts in enumerate(both)], axis=1)
+    means = np.concatenate(
+        [path.means[:, None] + parts[1] for path, parts in zip((one, other), both, strict=True)], axis=1
+    )
+    covs = np.concatenate([parts[2] for parts in both], axis=1)
+    mean = np.einsum("kc,kcd->kd", weights, means)
+    away = means - mean[:, None]
+    cov = np.einsum("kc,kcde->kde", weights, covs + away[..., :, None] * away[..., None, :])
+    return TargetPath(one.times_s, mean, cov, PathParts(weights, means, covs))
+
+
 def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
     """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
     network = tissue.model.network

@@ -29,8 +29,6 @@ from experiments.arrays import Floats
 from experiments.formats.recording import Fix
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
-from vision.detection.rim_search import detect_by_rim
-from vision.tracking.appearance import AppearanceModel
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
@@ -244,25 +242,3 @@ def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
     """The settings with a common error of fixes, the usual one where there are fixes and none is stated."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings
-
-
-def warm_up(scene: Scene) -> None:
-    """Compile and load all that the first frame would have to wait for."""
-    line = Line(scene, baseline=False)
-    positions = scene.network.positions[[scene.network.index(node) for node in scene.measured_nodes]]
-    plain = np.eye(scene.network.dim)
-    marks = [MarkMeasurement(node, x, 1e-6 * plain) for node, x in zip(scene.measured_nodes, positions, strict=True)]
-    for k in range(2):
-        line.take(k / 30.0, marks)
-    if not scene.cameras:
-        return
-    camera = scene.cameras[0]
-    discs = [vision.Disc(center, (8.0, 8.0), scene.marks[0].hue_deg) for center in camera.project(positions)]
-    image = vision.draw_frame(camera.size_px, discs, vision.Lighting(), np.random.default_rng(0))
-    line.see(3 / 30.0, image)
-    one = vision.Expected("", np.array([60.0, 60.0]), np.eye(2), 0.0, vision.Outline(8.0 * np.eye(2), 0.05))
-    appearance = AppearanceModel(0.0)
-    appearance.remember(image, one.center_px, vision.Outline(8.0 * np.eye(2), 0.05))
-    for another in (False, True):
-        appearance.place(image, one, another=another)
-    detect_by_rim(image, one)

@@ -11,7 +11,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -32,13 +32,26 @@ PIECE_S = 1.0
 TABLES = ("frames.csv", MARKS, "truth.csv", "fixes.csv")
 """Of a recording that is replaced: they are of its frames."""
 
+HEADER = b"frame,exposure_s\n"
+
 Advance = Callable[[float], None]
+
+
+@dataclass(slots=True)
+class _Piece:
+    """The piece that is being written: its first row, where that is in frames.csv [bytes], its begin, its times [s]."""
+
+    first_row: int
+    begins_at: int
+    began_s: float = 0.0
+    times_s: list[float] = field(default_factory=list)
 
 
 class Recorder:
     """Writer of a recording that grows piece by piece. Errors of the disk are InputErrors.
 
-    State: the pieces, exposure times of the piece that is being written [s], when it was begun, rows written.
+    Interrupted at any moment, by Ctrl-C say, a piece can be finished again: it is there once, and so are its rows.
+    State: the film's pieces, the piece that is being written, the last exposure time [s], the fault that ended it.
     """
 
     def __init__(
@@ -50,20 +63,26 @@ class Recorder:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.folder, self.size_px, self._clock = folder, size_px, clock
-        self.n_rows = 0
-        self._times: list[float] = []
         self._last_s = -float("inf")
-        self._began = 0.0
+        self._piece = _Piece(0, len(HEADER))
+        self._fault: InputError | None = None
         try:
             (folder / SEGMENTS).mkdir(parents=True)
             with (folder / "frames.csv").open("xb") as rows:
-                rows.write(b"frame,exposure_s\n")
+                rows.write(HEADER)
         except OSError as error:
             raise InputError.refused(folder, "a folder that can be written", error) from error
         self._pieces = vision.SegmentWriter(folder / SEGMENTS, size_px, codec)
 
+    @property
+    def n_rows(self) -> int:
+        """Rows of the pieces that are finished."""
+        return self._piece.first_row
+
     def take(self, frame: vision.Frame) -> None:
         """Append a frame; InputError where its size or its time cannot follow the one before."""
+        if self._fault is not None:
+            raise self._fault
         height, width = frame.image.shape[:2]
         if (width, height) != self.size_px:
             raise InputError.at(
@@ -71,33 +90,50 @@ class Recorder:
             )
         if not round(frame.exposure_s, 9) > round(self._last_s, 9):
             raise InputError.at(self.folder, f"a frame after {self._last_s:.9f} s", f"{frame.exposure_s:.9f} s")
-        if self._times and frame.exposure_s - self._times[0] >= PIECE_S:
+        times = self._piece.times_s
+        if times and frame.exposure_s - times[0] >= PIECE_S:
             self.finish_piece()
         self.check()  # where frames are written more slowly than they come
-        if not self._times:
-            self._began = self._clock()
+        if not self._piece.times_s:
+            self._piece.began_s = self._clock()
         self._pieces.write(frame.image)
-        self._times.append(frame.exposure_s)
+        self._piece.times_s.append(frame.exposure_s)
         self._last_s = frame.exposure_s
 
     def check(self) -> None:
         """Finish the piece if it was begun a second ago."""
-        if self._times and self._clock() - self._began >= PIECE_S:
+        if self._piece.times_s and self._clock() - self._piece.began_s >= PIECE_S:
             self.finish_piece()
 
     def finish_piece(self) -> None:
-        """Name the piece that is being written, then write its rows; both are on the disk."""
+        """Name the piece that is being written, then write its rows; both are on the disk.
+
+        InputError where there is no room for them: nothing is recorded any more.
+        """
+        if self._fault is not None:
+            raise self._fault
+        piece = self._piece
+        if not piece.times_s:
+            self._pieces.discard()
+            return
+        lines = "".join(f"{piece.first_row + k},{time_s:.9f}\n" for k, time_s in enumerate(piece.times_s)).encode(
+            "ascii"
+        )
         try:
             self._pieces.finish()
-            with (self.folder / "frames.csv").open("ab") as rows:
-                lines = (f"{self.n_rows + k},{time_s:.9f}\n" for k, time_s in enumerate(self._times))
-                rows.write("".join(lines).encode("ascii"))
+            with (self.folder / "frames.csv").open("r+b") as rows:
+                rows.seek(piece.begins_at)
+                rows.write(lines)
+                rows.truncate()
                 rows.flush()
                 os.fsync(rows.fileno())
-        except OSError as error:
-            raise InputError.refused(self.folder, "room to write", error) from error
-        self.n_rows += len(self._times)
-        self._times = []
+        except (OSError, vision.SourceError) as error:
+            if isinstance(error, OSError):
+                self._fault = InputError.refused(self.folder, "room to write", error)
+            else:
+                self._fault = InputError(str(error))
+            raise self._fault from error
+        self._piece = _Piece(piece.first_row + len(piece.times_s), piece.begins_at + len(lines))
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from estimators import (
     TargetPath,
     TissueFilter,
     compliance,
+    either_path,
     fast_prediction_tables,
     health_fault,
     path_reach_s,
@@ -204,7 +205,7 @@ class Filtered:
         """Where it is now, for ever."""
         return _standing(self.estimate.time_s, self.estimate.mean)
 
-    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
+    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
         unknown = force_error_cov(self._compliance, parts, self._error)
@@ -216,7 +217,7 @@ class Filtered:
 
 
 class Ahead(Filtered):
-    """Follow where the target will be: by its breath where it breathes, by the filter's equations where it does not.
+    """Follow where the target will be: by its breath as far as it goes by one, by the filter's equations where not.
 
     State: as `Filtered`, and the breath, of the target less the predicted shift by the needle.
     """
@@ -234,21 +235,27 @@ class Ahead(Filtered):
         self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """By the breath, or by the filter's tables."""
+        """By the filter's tables, and by the breath as far as the target goes by one."""
+        path = TargetPath(*predict_fast(self._tables, self.tissue, pushes))
         if self._breathing.breath() is None:
-            return TargetPath(*predict_fast(self._tables, self.tissue, pushes))
-        n = self._tables.n_times
-        times = self.estimate.time_s + self._tables.cycle_s * np.arange(n, dtype=np.float64)
+            return path
+        n, times = self._tables.n_times, path.times_s
         means, covs = self._breathing.predict(times)
-        return TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
+        breath = TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
+        return either_path(breath, path, self._breathing.holds(times))
 
-    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """By the breath, or by the filter, and what wrong forces of the needle make of it."""
+    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
+        """By the breath as far as the target goes by one, by the filter, and what wrong forces of the needle add."""
+        own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
-            return super().density_at(time_s, parts)
-        mean, cov = self._breathing.predict(np.array([time_s]))
-        return GaussianMixture.gaussian(
-            mean[0] + self._shifts(parts).sum(axis=0), cov[0] + force_error_cov(self._compliance, parts, self._error)
+            return own
+        at = np.array([time_s])
+        mean, cov = self._breathing.predict(at)
+        holds = self._breathing.holds(at)
+        return GaussianMixture(
+            np.concatenate([holds, (1.0 - holds) * own.weights]),
+            np.concatenate([mean + self._shifts(parts).sum(axis=0), own.means]),
+            np.concatenate([cov + force_error_cov(self._compliance, parts, self._error), own.covs]),
         )
 
     def _shifts(self, pushes: Floats) -> Floats:

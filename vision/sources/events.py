@@ -28,6 +28,8 @@ class EventKind(StrEnum):
     """Pictures of another size than before."""
     REFUSED = "REFUSED"
     """What came could not be used: it is no frame, or its time does not follow."""
+    CLOCK = "CLOCK"
+    """Its own times stand still, go back or wander: times of arrival are used."""
     ENDED = "ENDED"
     """No frames will come any more."""
 

@@ -85,6 +85,46 @@ class DeviceTimes:
         return 1.0 / rate if 1.0 <= rate <= 1000.0 else 0.0
 
 
+class RisingTimes:
+    """Exposure times by a rule as long as they rise, else by arrival.
+
+    Where they stand still, go back or are no numbers in settings.stuck_frames frames in a row, a frame was exposed,
+    from then on, as long before its arrival as the last one whose time rose.
+
+    State: that one's time and its delay [s], frames since; whether arrival counts; the fault not yet taken.
+    """
+
+    def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
+        self._rule, self._settings = rule, settings
+        self._last_s, self._delay_s, self._stuck = -np.inf, 0.0, 0
+        self._by_arrival = False
+        self._fault: str | None = None
+
+    def __call__(self, capture: Any, grabbed_s: float) -> float:
+        """Exposure time [s] of the frame that grab() gave at grabbed_s [s]; the last one's where it is not known."""
+        device = self._rule if isinstance(self._rule, DeviceTimes) else None
+        trusted = device is not None and device.trusts_device
+        stated_s = self._rule(capture, grabbed_s)
+        if device is not None and trusted and not device.trusts_device:
+            self._fault = "the device's clock stands, goes back or wanders: times of arrival are used"
+        if self._by_arrival:
+            return grabbed_s - self._delay_s
+        if np.isfinite(stated_s) and stated_s > self._last_s:
+            self._last_s, self._delay_s, self._stuck = stated_s, grabbed_s - stated_s, 0
+            return stated_s
+        self._stuck += 1
+        if self._stuck < self._settings.stuck_frames:
+            return self._last_s
+        self._by_arrival = True
+        self._fault = f"exposure times have not risen in {self._stuck} frames: times of arrival are used"
+        return grabbed_s - self._delay_s
+
+    def take_fault(self) -> str | None:
+        """What was found wrong with the times since this was last asked."""
+        fault, self._fault = self._fault, None
+        return fault
+
+
 class FilmTimes:
     """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's where the two part.
 

@@ -20,6 +20,10 @@ from vision.sources.exposure_times import FilmTimes
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
+JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+"""First and last bytes of a JPEG: markers of its start and its end."""
+
+
 class SourceError(ValueError):
     """Frames that cannot be had; one line that names the source, what was expected and what was found."""
 
@@ -146,6 +150,24 @@ def count_frames(path: str | Path, advance: Callable[[float], None] = lambda _sh
             advance(min(n_frames / expected, 1.0))
     capture.release()
     return n_frames
+
+
+def whole_packets(path: Path) -> Iterator[Image]:
+    """Compressed frames of a film as they stand in it, (n_bytes,) each, until one is cut short. None is decoded."""
+    with quiet_opencv():
+        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+    try:
+        while True:
+            read, packet = capture.read()
+            if not read:
+                return
+            packet = np.asarray(packet, dtype=np.uint8).ravel()
+            data = packet.tobytes()
+            if data.startswith(JPEG_BEGIN) and not data.rstrip(b"\0").endswith(JPEG_END):
+                return
+            yield packet
+    finally:
+        capture.release()
 
 
 def _opened(path: Path) -> cv2.VideoCapture:

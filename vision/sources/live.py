@@ -16,7 +16,7 @@ import numpy as np
 from vision.arrays import Image
 from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
-from vision.sources.exposure_times import DeviceTimes, ExposureRule
+from vision.sources.exposure_times import DeviceTimes, ExposureRule, RisingTimes
 from vision.sources.frames import Frame, SourceError, bgr, quiet_opencv
 from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import SourceWatchdog
@@ -223,7 +223,7 @@ class LiveFrames(Closing):
 
     def _read(self, reader: _Reader, capture: Capture) -> None:
         """Hand on what the capture gives, until it ends, fails for settings.blocked_s, or the reader is retired."""
-        exposure, ends = self._exposures(), self._ends(capture)
+        times, ends = RisingTimes(self._exposures(), self._settings), self._ends(capture)
         failing_s: float | None = None
         while self._wanted(reader):
             reader.alive_s, reader.may_hang_s = self._clock(), self._settings.hung_s
@@ -231,7 +231,7 @@ class LiveFrames(Closing):
             reader.alive_s = self._clock()
             if image is not None:
                 failing_s = None
-                self._take(reader, image, grabbed_s, lambda grabbed: exposure(capture, grabbed))
+                self._take(reader, image, grabbed_s, capture, times)
                 continue
             if ends:
                 with self._changed:
@@ -260,7 +260,7 @@ class LiveFrames(Closing):
         except ValueError as error:
             return None, grabbed_s, f"a read gave a {error}"
 
-    def _take(self, reader: _Reader, image: Image, grabbed_s: float, exposure: Callable[[float], float]) -> None:
+    def _take(self, reader: _Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
         """Hand on a picture, unless it is the one before, or its time is."""
         with self._changed:
             if not self._wanted(reader):
@@ -270,11 +270,13 @@ class LiveFrames(Closing):
             if not self._may_repeat and any(_equal(one, image) for one in self._recent):
                 self._watch.saw_repeat(grabbed_s)
                 return
-            frame = Frame(self._n_frames, exposure(grabbed_s), image)
+            frame = Frame(self._n_frames, times(capture, grabbed_s), image)
             self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
+            if (fault := times.take_fault()) is not None:
+                self._events.append(SourceEvent(grabbed_s, EventKind.CLOCK, fault))
             self._n_frames += 1
             self._recent.append(image)
-            if frame.exposure_s <= self._last_s:
+            if not frame.exposure_s > self._last_s:
                 self.frames_dropped += 1
                 return
             self._last_s = frame.exposure_s

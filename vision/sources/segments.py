@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from vision.arrays import Image
 from vision.sources.closing import Closing
-from vision.sources.frames import Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.sources.frames import Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv, whole_packets
 from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
@@ -24,6 +23,7 @@ NOMINAL_FPS = 30.0
 class SegmentWriter:
     """Pieces 000000.mkv (FFV1) or 000000.avi (MJPG), 000001 ... in a folder that is there and empty.
 
+    Interrupted at any moment, `finish` can be called again.
     State: the piece that is being written, hidden until it is whole, and how many are whole.
     """
 
@@ -40,11 +40,14 @@ class SegmentWriter:
         self._piece.write(image)
 
     def finish(self) -> None:
-        """Finish the piece, if there is one: whole on the disk, then named."""
+        """Finish the piece, if there is one: whole on the disk, then named.
+
+        Raises SourceError where it is not whole: then nothing of it is left.
+        """
         if self._piece is not None:
             self._piece.close(sync=True)
+            self.n_whole = int(self._piece.path.stem) + 1
             self._piece = None
-            self.n_whole += 1
 
     def discard(self) -> None:
         """Leave the piece that is not finished."""
@@ -131,7 +134,7 @@ def _join_jpegs(paths: list[Path], film: Path, n_frames: int, fps: float, advanc
             raise SourceError(f"{film}: expected a place where a film can be written, found none")
         index = 0
         for path in paths:
-            for packet in _packets(path):
+            for packet in whole_packets(path):
                 if index == n_frames:
                     break
                 writer.set(cv2.VIDEOWRITER_PROP_PTS, index)
@@ -141,6 +144,9 @@ def _join_jpegs(paths: list[Path], film: Path, n_frames: int, fps: float, advanc
         writer.release()
         if index < n_frames:
             raise SourceError(f"{film}: expected {n_frames} frames in its pieces, found {index}")
+        n_found = sum(1 for _ in whole_packets(partial))
+        if n_found < n_frames:
+            raise SourceError(f"{film}: expected room for {n_frames} frames, found it for {n_found}")
         os.replace(partial, film)
     finally:
         writer.release()
@@ -151,15 +157,3 @@ def _size_px(path: Path) -> tuple[int, int]:
     with VideoFileFrames(path) as frames:
         image = next(iter(frames)).image
     return image.shape[1], image.shape[0]
-
-
-def _packets(path: Path) -> Iterator[np.ndarray]:
-    """Compressed frames of a film as they stand in it."""
-    with quiet_opencv():
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
-    while True:
-        read, packet = capture.read()
-        if not read:
-            capture.release()
-            return
-        yield packet

@@ -19,6 +19,8 @@ class SourceSettings:
     slow_intervals: a slow camera is not blocked or frozen before so many of its usual frame intervals [1]; choice
     settled_frames: frames of which the median interval is the usual one, and after which a device's own times are
         trusted if they were plausible in all of them [1]; choice
+    stuck_frames: frames in a row whose stated times do not rise, from which on times of arrival are used [1]; source:
+        a fault is to be noticed within 200 ms or three frames
     clock_error_s: how far a device's times may wander beside the times of arrival [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
     backlog: frames of a device that wait where every frame counts [1]; choice
@@ -34,6 +36,7 @@ class SourceSettings:
     most_readers: int = 4
     slow_intervals: float = 3.0
     settled_frames: int = 30
+    stuck_frames: int = 3
     clock_error_s: float = 0.05
     remembered_frames: int = 300
     backlog: int = 64

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
-from vision.sources.frames import SourceError, quiet_opencv
+from vision.sources.frames import SourceError, quiet_opencv, whole_packets
 
 Codec = Literal["MJPG", "FFV1"]
 """How a film is compressed: JPEG by JPEG, small; or without any loss."""
@@ -21,7 +21,7 @@ class VideoWriter:
     """A film that appears under its name when it is complete.
 
     MJPG compresses every frame by itself as JPEG of the given quality, in .avi; FFV1 loses nothing.
-    State: the open writer and the count of frames. As a context manager: an error inside leaves no file.
+    State: the open writer, the count of frames, whether it ended. As a context manager: an error inside leaves no file.
     """
 
     def __init__(
@@ -36,6 +36,7 @@ class VideoWriter:
         self.path = Path(path)
         self.size_px = size_px
         self.n_frames = 0
+        self._ended = False
         # The suffix stays last: OpenCV chooses the container by it. The process id keeps two writers apart.
         self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}.partial{self.path.suffix}")
         # Only OpenCV's own MJPG writer heeds a quality, and it writes .avi only.
@@ -58,18 +59,31 @@ class VideoWriter:
         self.n_frames += 1
 
     def close(self, *, sync: bool = False) -> None:
-        """Finish the film and give it its name; with sync once it is on the disk."""
-        if self._writer.isOpened():
-            self._writer.release()
+        """Finish the film and give it its name; with sync once it is on the disk.
+
+        Raises SourceError, and leaves nothing, where frames are missing in it, as on a full disk: OpenCV reports no
+        error of writing. Interrupted at any moment, it can be called again.
+        """
+        if self._ended:
+            return
+        self._writer.release()
+        there = self._partial.exists()
+        if there or not self.path.exists():  # else it was interrupted after it had given the name
+            n_found = sum(1 for _ in whole_packets(self._partial)) if there and self.n_frames else 0
+            if not there or n_found < self.n_frames:
+                self._partial.unlink(missing_ok=True)
+                raise SourceError(f"{self.path}: expected room for {self.n_frames} frames, found it for {n_found}")
             if sync:
                 with self._partial.open("rb") as file:
                     os.fsync(file.fileno())
             os.replace(self._partial, self.path)
+        self._ended = True
 
     def discard(self) -> None:
         """Stop, and leave nothing."""
         self._writer.release()
         self._partial.unlink(missing_ok=True)
+        self._ended = True
 
     def __enter__(self) -> Self:
         return self

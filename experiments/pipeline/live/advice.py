@@ -1,4 +1,4 @@
-"""Advice on a needle while frames come: the path by tables, or by the breath where the target breathes."""
+"""Advice on a needle while frames come: the path by tables, and by the breath as far as the target goes by one."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from estimators import (
     TargetPath,
     TissueFilter,
     advise,
+    either_path,
     fast_prediction_tables,
     health_fault,
     path_by_tables,
@@ -34,7 +35,7 @@ class LiveAdvice:
     """What is to be done with a needle, asked at each frame and while none comes, and written to advice.csv at once.
 
     Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
-    moment's. The path is the filter's, by tables, or the breath's.
+    moment's. The path is the filter's, by tables, or the breath's, each as probable as it is.
     origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
     State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice.
     """
@@ -94,10 +95,11 @@ class LiveAdvice:
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 
     def _path(self, tissue: TissueFilter, tables: FastPredictionTables) -> TargetPath:
-        if self._breathing.breath() is None or tissue.time_s is None:
-            return path_by_tables(tables, tissue)
-        times = tissue.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64)
-        return TargetPath(times, *self._breathing.predict(times))
+        path = path_by_tables(tables, tissue)
+        if self._breathing.breath() is None:
+            return path
+        times = path.times_s
+        return either_path(TargetPath(times, *self._breathing.predict(times)), path, self._breathing.holds(times))
 
     def _compiled(self, tables: FastPredictionTables) -> None:
         """Load what is compiled before the first frame has to wait for it."""

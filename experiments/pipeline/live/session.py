@@ -23,12 +23,13 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_event, report_swap
 from experiments.pipeline.frame_sources import check_size
-from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher, warm_up
+from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s
 from experiments.pipeline.live.journal import Act, Done, Journal
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.shown import Counters, Publisher, Shown, status_text
+from experiments.pipeline.warm_up import warm_up
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 

@@ -19,7 +19,7 @@ from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.simulate import draw, scene_of, start_and_forces
 from vision.arrays import Image
-from vision.sources.exposure_times import DeviceTimes
+from vision.sources.exposure_times import DeviceTimes, RisingTimes
 from vision.sources.frames import Frame
 from vision.sources.live import LiveFrames
 
@@ -111,7 +111,7 @@ class ScriptedFrames(LiveFrames):
     def __init__(self, arrivals: list[Arrival]) -> None:
         self.now_s = BEGAN_S
         self._arrivals = deque(arrivals)
-        self._rule = DeviceTimes()
+        self._times = RisingTimes(DeviceTimes())
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
     def _start_reader(self, now: float) -> None:
@@ -139,7 +139,7 @@ class ScriptedFrames(LiveFrames):
             if image is None:
                 self._fail(self._readers[0], why)
             else:
-                self._take(self._readers[0], image, at_s, lambda at_s: self._rule(_Read(None), at_s))
+                self._take(self._readers[0], image, at_s, _Read(None), self._times)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,6 +31,7 @@ from estimators import (
     TargetPath,
     TissueFilter,
     advise,
+    either_path,
     fast_prediction_tables,
     health_fault,
     path_times,
@@ -126,10 +127,9 @@ def guided(run: Run, settings: GuidanceSettings, insertion: Insertion) -> Iterat
         needed = path_times(estimate, insertion, NEEDLE, settings.advice, moment.now_s)
         n = min(int(np.searchsorted(moment.path.times_s, needed[-1])) + 1, len(moment.path.times_s))
         times = moment.path.times_s[:n]
-        if breathing.breath() is None:
-            path = TargetPath(times, moment.path.means[:n], moment.path.covs[:n])
-        else:
-            path = TargetPath(times, *breathing.predict(times))
+        path = TargetPath(times, moment.path.means[:n], moment.path.covs[:n])
+        if breathing.breath() is not None:
+            path = either_path(TargetPath(times, *breathing.predict(times)), path, breathing.holds(times))
         found = advise(path, insertion, LESION, needle=NEEDLE, settings=settings.advice, now_s=moment.now_s)
         yield moment, breathing, found
 

@@ -135,6 +135,21 @@ def test_a_tip_that_is_too_deep_is_drawn_back():
     assert said.probability < 0.4
 
 
+@pytest.mark.parametrize("depth_m", [0.0, 0.02])
+def test_a_target_behind_the_entry_is_not_before_the_needle(depth_m):
+    """35 mm behind the entry of a needle that is not yet in, or a little: nothing is too deep."""
+    said = advise(path_of(at(0.0, DOWN.entry[1] + 0.035)), replace(DOWN, depth_m=depth_m), DISC, needle=TIP)
+    assert said.advice is Advice.REALIGN
+    assert said.reason == "the target does not lie before the needle: turn it, or enter elsewhere"
+    assert said.probability == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_notch_that_is_to_go_less_deep_than_it_is_long_is_before_the_needle():
+    """The target 1 mm below the entry, the notch's middle 15 mm behind a tip that is 20 mm deep: 4 mm too deep."""
+    said = advise(path_of(at(0.0, DOWN.entry[1] - 1e-3)), replace(DOWN, depth_m=0.02), DISC, needle=Needle())
+    assert said.reason == "the tip is 4.0 mm too deep: draw it back"
+
+
 def test_wait_where_the_target_is_too_uncertain():
     """Sd 4 mm for a radius of 4 mm: at most 1 - exp(-1/2)."""
     said = advise(path_of(at(0.0, 0.04), sd=4e-3), DOWN, DISC, needle=TIP)
@@ -200,6 +215,7 @@ SURE = Prospect(probability=0.95, arrives=True, reach_s=3.0, best_in_s=0.0, best
 BY_RULE = {
     "never arrives": (replace(SURE, arrives=False, depth_m=-0.01), Advice.WAIT, "does not reach the target within 3.0"),
     "too deep": (replace(SURE, depth_m=-1.1e-3), Advice.REALIGN, "the tip is 1.1 mm too deep: draw it back"),
+    "behind": (replace(SURE, behind=True, depth_m=-0.05), Advice.REALIGN, "does not lie before the needle: turn it"),
     "sure": (replace(SURE, depth_m=-1e-3), Advice.GO, "a hit is 95 % probable"),
     "just sure, hardly better later": (
         replace(SURE, probability=0.9, best_in_s=1.0, best_probability=0.95),
@@ -268,7 +284,7 @@ def test_a_new_rule_takes_its_place_in_the_order():
 def test_unknown_advice_and_prospects_without_a_rule_raise():
     with pytest.raises(ValueError, match="'STOP' is not a valid Advice"):
         Advice("STOP")
-    with pytest.raises(LookupError, match="expected one of 5 rules to hold, found none for Prospect"):
+    with pytest.raises(LookupError, match="expected one of 6 rules to hold, found none for Prospect"):
         decide(replace(SURE, probability=0.1, best_probability=0.1), AdviceSettings(), RULES[:-1])
 
 

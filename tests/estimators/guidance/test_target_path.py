@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators import Advice, AdviceSettings, Needle, TargetPath, advise, guide, path_times
+from estimators import Advice, AdviceSettings, Needle, PathParts, TargetPath, advise, either_path, guide, path_times
 from tests.estimators.guidance.straight_down import DISC, DOWN, HEALTHY, NOW_S, TIP, at, path_of
 
 resting = at(0.0, 0.04)
@@ -157,3 +157,28 @@ def test_two_times_make_a_path():
 def test_what_is_no_path_is_rejected(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_either_of_two_paths_has_the_moments_of_both():
+    """Means and covariances of a Gaussian and of one in two parts, against the textbook sums over all parts, 1e-12."""
+    rng = np.random.default_rng(3)
+    times, k = np.array([0.0, 0.1, 0.3]), 3
+    roots = rng.normal(size=(3, k, 2, 2))
+    covs = roots @ roots.swapaxes(-1, -2)
+    means, halves = rng.normal(size=(3, k, 2)), np.full(k, 0.5)
+    parts = PathParts(np.full((k, 2), 0.5), means[1:].swapaxes(0, 1), covs[1:].swapaxes(0, 1))
+    mean = 0.5 * (means[1] + means[2])
+    away = 0.5 * (means[1] - means[2])
+    two = TargetPath(times, mean, 0.5 * (covs[1] + covs[2]) + away[:, :, None] * away[:, None, :], parts)
+    one = TargetPath(times, means[0], covs[0])
+    probability = np.array([1.0, 0.7, 0.0])
+    found = either_path(one, two, probability)
+    weights = np.stack([probability, (1.0 - probability) * halves, (1.0 - probability) * halves])
+    np.testing.assert_allclose(found.mixture.weights, weights.T, atol=1e-12)
+    for t in range(k):
+        expected = sum(w * m for w, m in zip(weights[:, t], means[:, t], strict=True))
+        second = sum(w * (P + np.outer(m, m)) for w, m, P in zip(weights[:, t], means[:, t], covs[:, t], strict=True))
+        np.testing.assert_allclose(found.means[t], expected, atol=1e-12)
+        np.testing.assert_allclose(found.covs[t], second - np.outer(expected, expected), atol=1e-12)
+    np.testing.assert_allclose(found.means[0], one.means[0], atol=1e-12)
+    np.testing.assert_allclose(found.covs[2], two.covs[2], atol=1e-12)

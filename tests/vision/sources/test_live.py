@@ -254,3 +254,58 @@ def test_a_blocked_camera_does_not_keep_the_program_alive() -> None:
     )
     assert done.stdout == "live frames: expected a new frame within 0.05 s, found none\n"
     assert done.stderr == ""
+
+
+class Stated(Scripted):
+    """States these times [s], one a frame, as its own."""
+
+    times_s: np.ndarray
+
+    def get(self, prop: int) -> float:
+        return 1e3 * self.times_s[self.n_given - 1] if prop == cv2.CAP_PROP_POS_MSEC else 0.0
+
+
+DUE_S = 100.0 + 0.1 * np.arange(60)
+STUCK = {
+    "stand still": np.where(np.arange(60) < 40, DUE_S, DUE_S[39]),
+    "go back": np.where(np.arange(60) < 40, DUE_S, DUE_S - 30.0),
+    "no numbers": np.where(np.arange(60) < 40, DUE_S, np.nan),
+}
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["stated", "device"])
+@pytest.mark.parametrize("fault", STUCK)
+def test_exposure_times_that_do_not_rise_are_told_within_three_frames(fault: str, own: bool) -> None:
+    """Frames each 0.1 s that arrive 20 ms late; from frame 40 on their times fail: arrival counts, to 50 ms."""
+    clock, camera = Clock(), Stated(*[picture(k) for k in range(60)])
+    camera.times_s = STUCK[fault]
+    camera.let = threading.Semaphore(0)
+    rule = {"exposures": lambda: stated_exposure_time} if own else {}
+    times, told = {}, {}
+    with opened(camera, clock=clock, keep=99, **rule) as live:
+        for k in range(60):
+            clock.now = DUE_S[k] + 0.02
+            camera.let.release()
+            wait_until(lambda k=k: camera.n_asked == k + 2 or camera.waits)
+            if (frame := live.next(0.0)) is not None:
+                times[k] = frame.exposure_s
+            told |= {event.kind: (k, event.text) for event in live.take_events()}
+    assert list(told) == [EventKind.CLOCK]
+    noticed, text = told[EventKind.CLOCK]
+    assert 40 <= noticed <= 42
+    assert "times of arrival are used" in text
+    assert (np.diff(list(times.values())) > 0.0).all()
+    assert set(range(43, 60)) <= set(times)
+    own_s = 0.0 if own else 0.05  # of a device, half an interval before it is complete
+    np.testing.assert_allclose([times[k] for k in range(43, 60)], DUE_S[43:] - own_s, atol=0.05)
+
+
+def test_a_camera_without_times_of_its_own_is_no_fault() -> None:
+    """It states 0 for ever, as many do."""
+    clock, camera = Clock(), Scripted()
+    with opened(camera, clock=clock) as live:
+        for k in range(50):
+            clock.now += 0.1
+            camera.give(picture(k))
+            next_frame(live)
+        assert kinds(live) == []

@@ -1,0 +1,97 @@
+"""Before the first frame: a rehearsal that compiles, or loads, all that frames of a scene may have to wait for.
+
+Kernels are compiled by the types of their arguments, so what compiles them is what calls them: the line itself, on
+marks and pictures of a tissue that is seen, half hidden, gone, elsewhere and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+
+import numpy as np
+
+import vision
+from estimators import CovarianceError, MarkMeasurement
+from experiments.arrays import Floats
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.line import Line
+from vision.arrays import Image
+from vision.detection.rim_search import detect_by_rim
+from vision.tracking.appearance import AppearanceModel
+
+INTERVAL_S = 1.0 / 30.0
+"""Between the frames of the rehearsal [s]: those of a usual camera."""
+
+ASIDE = 0.2
+"""How far marks are moved at once, by the size of the network: no filter follows that, it starts again."""
+
+
+def warm_up(scene: Scene) -> None:
+    """Rehearse a scene; nothing of it is kept but what was compiled."""
+    network = scene.network
+    nodes = [network.index(mark.node) for mark in scene.marks]
+    rest = network.positions[nodes]
+    aside = np.zeros(network.dim)
+    aside[0] = ASIDE * float(np.ptp(network.positions, axis=0).max())
+    _rehearse_marks(scene, [rest] * 4 + [rest[1:]] + [rest + aside] * 12 + [rest] * 4)
+    if not scene.cameras:
+        return
+    _rehearse_pictures(scene, rest)
+    _rehearse_search()
+
+
+def _rehearse_marks(scene: Scene, places: Sequence[Floats]) -> None:
+    """Frames of marks at these places [m], (n_marks, dim) or less, then a fix, then none."""
+    line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
+    names = [mark.node for mark in scene.marks]
+    for k, seen in enumerate(places):
+        given = zip(names[len(names) - len(seen) :], seen, strict=True)
+        marks = [MarkMeasurement(node, place, plain) for node, place in given if node in scene.measured_nodes]
+        _tried(partial(line.take, k * INTERVAL_S, marks))
+    now_s = len(places) * INTERVAL_S
+    _tried(partial(line.identity.fix, line.filter.predict_at(now_s).mean, plain))
+    _tried(partial(line.take, now_s, []))
+
+
+def _rehearse_pictures(scene: Scene, places: Floats) -> None:
+    """Pictures of all marks, of their left halves, and of none."""
+    camera, rng = scene.cameras[0], np.random.default_rng(0)
+    centers_px = camera.project(places)
+    shapes_px = [camera.disc_shape(x, mark.diameter_m / 2.0) for x, mark in zip(places, scene.marks, strict=True)]
+    axes_px = [tuple(np.maximum(np.linalg.norm(shape, axis=1), 2.0)) for shape in shapes_px]
+    discs = [
+        vision.Disc(center, axes, mark.hue_deg)
+        for center, axes, mark in zip(centers_px, axes_px, scene.marks, strict=True)
+    ]
+    whole = vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng)
+    none = vision.draw_frame(camera.size_px, [], vision.Lighting(), rng)
+    halves = whole.copy()
+    for center, (wide, high) in zip(centers_px, axes_px, strict=True):
+        left, right = (int(np.clip(center[0] + far, 0, camera.size_px[0])) for far in (0.0, 1.5 * wide))
+        top, bottom = (int(np.clip(center[1] + far, 0, camera.size_px[1])) for far in (-1.5 * high, 1.5 * high))
+        halves[top:bottom, left:right] = none[top:bottom, left:right]
+    line = Line(scene, baseline=False, explain=True)
+    pictures: list[Image] = [whole] * 6 + [halves] * 3 + [whole] * 3 + [none] * 3 + [whole] * 2
+    for k, picture in enumerate(pictures):
+        _tried(partial(line.see, k * INTERVAL_S, picture))
+
+
+def _rehearse_search() -> None:
+    """What is searched for where a mark is not found by its colour alone."""
+    disc = vision.Disc(np.array([60.0, 60.0]), (8.0, 8.0), 0.0)
+    image = vision.draw_frame((120, 120), [disc], vision.Lighting(), np.random.default_rng(0))
+    outline = vision.Outline(8.0 * np.eye(2), 0.05)
+    one = vision.Expected("", disc.center_px, np.eye(2), disc.hue_deg, outline)
+    appearance = AppearanceModel(disc.hue_deg)
+    appearance.remember(image, one.center_px, outline)
+    for another in (False, True):
+        appearance.place(image, one, another=another)
+    detect_by_rim(image, one)
+
+
+def _tried(frame: Callable[[], object]) -> None:
+    """Rehearse a frame that the scene's filter may refuse: then it is refused as it would be in a run."""
+    with suppress(CovarianceError):
+        frame()

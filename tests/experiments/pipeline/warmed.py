@@ -1,0 +1,131 @@
+"""A program for `test_warm_up`: prints each kernel that a run calls in a way it was not called in before it began.
+
+    python -m tests.experiments.pipeline.warmed phantom     # pictures, and a needle
+    python -m tests.experiments.pipeline.warmed BODY        # marks of a body of the zoo
+
+Such a call is compiled while a frame waits, unless an earlier run left it on the disk.
+"""
+
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numba.core.registry import CPUDispatcher
+
+import vision
+from dynamics import HIDDEN, OUTER, four_mass_phantom
+from estimators import CovarianceError, MarkMeasurement
+from experiments.formats.needle_file import read_needle
+from experiments.formats.scene.scene import Mark, Scene, Target
+from experiments.pipeline.line import Line
+from experiments.pipeline.live.session import Session
+from experiments.pipeline.warm_up import warm_up
+from vision import Frame
+
+INTERVAL = 1 / 30
+NEEDLE = (
+    "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n[lesion]\nradius_mm = 2.5\n"
+)
+PACKAGES = ("dynamics", "estimators", "vision", "experiments")
+
+
+def called() -> set[str]:
+    """All kernels with the types that they were called with from Python."""
+    modules = [module for name, module in list(sys.modules.items()) if name.split(".")[0] in PACKAGES and module]
+    kernels = {one for module in modules for one in vars(module).values() if isinstance(one, CPUDispatcher)}
+    return {f"{one.py_func.__module__}.{one.py_func.__name__} {types}" for one in kernels for types in one.signatures}
+
+
+def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
+    """The phantom at rest, pushed about, half hidden, behind a red cloth, gone, elsewhere, dark, bright, grainy."""
+    rng, network = np.random.default_rng(0), scene.network
+    camera = scene.cameras[0]
+
+    def picture(places_m: np.ndarray, shift_px: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+        centers = camera.project(places_m) + shift_px
+        discs = [
+            vision.Disc(centers[network.index(mark.node)], (10.0, 10.0), mark.hue_deg + rng.normal(0.0, 2.0))
+            for mark in scene.marks
+        ]
+        return vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng)
+
+    rest = picture(network.positions)
+    for k in range(20):
+        yield picture(network.positions + 8e-3 * np.sin(k / 2.0) * ~network.fixed[:, None])
+    for k in range(12):
+        half = rest.copy()
+        half[:, : 320 - 10 * k] = 128
+        yield half
+    cloth = rest.copy()
+    for center in camera.project(network.positions).astype(int):
+        cloth[max(center[1] - 30, 0) : center[1] + 30, max(center[0], 0) : center[0] + 30] = (10, 10, 120)
+    yield from [cloth] * 10
+    yield from [np.full_like(rest, 128)] * 10
+    yield from [None] * 40
+    yield from [rest] * 8
+    for shift_px in ((60.0, 0.0), (-40.0, 50.0)):
+        yield from [picture(network.positions, shift_px)] * 20
+    yield from [(0.35 * rest).astype(np.uint8)] * 8
+    yield from [np.clip(2.5 * rest.astype(float), 0, 255).astype(np.uint8)] * 8
+    yield from [np.clip(rest + rng.normal(0.0, 25.0, rest.shape), 0, 255).astype(np.uint8)] * 8
+
+
+def run_phantom() -> set[str]:
+    """What pictures of the phantom call beyond what the session had called when it was made."""
+    network = four_mass_phantom()
+    marks = tuple(Mark(node, hue, 0.03) for node, hue in zip(OUTER, (0.0, 120.0, 240.0), strict=True))
+    low, high = network.positions.min(axis=0), network.positions.max(axis=0)
+    mm_per_px = 1.6e3 * float(((high - low) / (640, 480)).max())
+    camera = vision.fronto_parallel_camera("front", (640, 480), (mm_per_px, mm_per_px), tuple(0.5 * (low + high)))
+    scene = Scene(network, marks, Target(HIDDEN, 5e-3), (camera,))
+    now = [100.0]
+    with tempfile.TemporaryDirectory() as folder:
+        needle = Path(folder) / "needle.toml"
+        needle.write_text(NEEDLE)
+        plan = read_needle(needle, 5e-3, 2)
+        session = Session(scene, Path(folder) / "e.csv", lambda _: None, needle=plan, clock=lambda: now[0])
+        before = called()
+        for k, image in enumerate(pictures(scene)):
+            now[0] += INTERVAL
+            if image is None:
+                session.coast(now[0])
+            else:
+                session.take(Frame(k, now[0], image))
+        session.close()
+        assert {"TRACKING", "LOST"} <= set(session.statuses), session.statuses
+        assert session.line.filter.repairs, "expected a restart"
+    return called() - before
+
+
+def run_body(name: str) -> set[str]:
+    """What marks of a body call beyond the rehearsal: seen, some missing, pushed, exchanged, none, elsewhere, a fix."""
+    from experiments.simulation.bodies.zoo import make_body
+
+    body = make_body(name, 3, seconds=1.0)
+    marks = tuple(Mark(node, 0.0, 0.01) for node in body.marked)
+    hidden = body.hidden[0] if body.hidden else body.marked[-1]
+    scene = Scene(body.network, marks, Target(hidden, 5e-3), ())
+    warm_up(scene)
+    line, before, dim = Line(scene, baseline=False), called(), body.network.dim
+    cov, rng = body.mark_sd_m**2 * np.eye(dim), np.random.default_rng(0)
+    places = {node: body.network.index(node) for node in body.marked}
+    for k in range(90):
+        at = body.positions[min(k, len(body.positions) - 1)]
+        far = 0.1 * body.size_m if 60 <= k < 80 else 0.0
+        seen = [MarkMeasurement(node, at[i] + far + 1e-4 * rng.normal(size=dim), cov) for node, i in places.items()]
+        if 20 <= k < 26:
+            seen = [replace(one, node=other.node) for one, other in zip(seen, seen[::-1], strict=True)]
+        try:
+            line.take(k * INTERVAL, [] if 30 <= k < 36 else seen[(k // 10) % 2 :])
+            if k % 30 == 10:
+                line.identity.fix(line.filter.predict_at(k * INTERVAL).mean, 1e-6 * np.eye(dim))
+        except CovarianceError:
+            pass
+    return called() - before
+
+
+if __name__ == "__main__":
+    print("\n".join(sorted(run_phantom() if sys.argv[1] == "phantom" else run_body(sys.argv[1]))))
