@@ -1,0 +1,132 @@
+"""Who may read and write: exact Host and Origin against pages of others and DNS rebinding, and a token.
+
+`Guard` stands before the application, so that nothing is answered or accepted that it refuses.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from starlette.datastructures import Headers
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+PROTOCOL = "softaim.v1"
+TOKEN_PREFIX = "token."
+"""A client offers PROTOCOL and, with this prefix, its token as subprotocols: a browser can send no other header."""
+TOKEN_BYTES = 24
+"""Of randomness in a token; 16 are what nobody guesses."""
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What is asked of a client.
+
+    hosts: exact values of Host, `address:port`, in lower case
+    token: needed to write, and to read unless read_open
+    """
+
+    hosts: frozenset[str]
+    token: str
+    read_open: bool
+
+    def knows_place(self, headers: Headers) -> bool:
+        """Whether a request is to one of the hosts, and from no page but ours: one exact Host, such an Origin or none."""
+        hosts, origins = headers.getlist("host"), headers.getlist("origin")
+        if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
+            return False
+        # A program sends no Origin; a browser sends one with every WebSocket, and no page can change it
+        return not origins or origins == [f"http://{hosts[0].lower()}"]
+
+    def grant(self, subprotocols: Iterable[str]) -> Grant:
+        """What the subprotocols that a client offers allow it to do."""
+        tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
+        if not tokens:
+            return Grant(read=self.read_open, write=False)
+        # A wrong token reads nothing even where all may read: its page is of another run, and is to say so
+        known = len(tokens) == 1 and secrets.compare_digest(tokens[0].encode(), self.token.encode())
+        return Grant(read=known, write=known)
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """Whether a client may read, and write."""
+
+    read: bool
+    write: bool
+
+
+def new_token() -> str:
+    """A random token, of letters that an address may hold."""
+    return secrets.token_urlsafe(TOKEN_BYTES)
+
+
+def loopback_hosts(port: int) -> frozenset[str]:
+    """Values of Host by which a server on the loopback is called."""
+    names = ("127.0.0.1", "localhost", "[::1]")
+    return frozenset(f"{name}:{port}" for name in names) | (frozenset(names) if port == 80 else frozenset())
+
+
+class Guard:
+    """Before an application: refuses foreign hosts and origins, all methods but GET and HEAD, and requests with a body.
+
+    Every answer gets headers: the page is not to be framed, cached, guessed at or made to load from elsewhere.
+    """
+
+    def __init__(self, app: ASGIApp, access: Access) -> None:
+        self._app, self._access = app, access
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Hand a request on, or refuse it. Its body is never read."""
+        headers = Headers(scope=scope)
+        if not self._access.knows_place(headers):
+            if scope["type"] == "websocket":
+                await send({"type": "websocket.close"})  # before it is accepted: answered with 403
+            else:
+                await self._refuse(403, "wrong Host or Origin")(scope, receive, send)
+            return
+        if scope["type"] == "websocket":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_safely(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message["headers"], *_headers(headers["host"].lower())]}
+            await send(message)
+
+        answer = self._app
+        if scope["method"] not in {"GET", "HEAD"}:
+            answer = self._refuse(405, "only GET and HEAD", allow="GET, HEAD")
+        elif headers.get("content-length", "0") != "0" or "transfer-encoding" in headers:
+            answer = self._refuse(413, "no body")
+        await answer(scope, receive, send_safely)
+
+    @staticmethod
+    def _refuse(status: int, why: str, **headers: str) -> ASGIApp:
+        """The connection ends with the answer: what else the client sends on it is not looked at."""
+        return PlainTextResponse(f"{why}\n", status, {"connection": "close", **headers})
+
+
+def _headers(host: str) -> list[tuple[bytes, bytes]]:
+    """Headers of every answer; host: exact, and known."""
+    policy = [
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self'",
+        f"connect-src 'self' ws://{host}",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    ]
+    return [
+        (b"content-security-policy", "; ".join(policy).encode()),
+        (b"x-content-type-options", b"nosniff"),
+        (b"x-frame-options", b"DENY"),
+        (b"referrer-policy", b"no-referrer"),
+        (b"cache-control", b"no-store"),
+        (b"cross-origin-resource-policy", b"same-origin"),
+        (b"cross-origin-opener-policy", b"same-origin"),
+    ]

@@ -1,0 +1,100 @@
+"""uvicorn's protocols with what they lack against hostile clients: every connection has bounded memory and an end.
+
+`python -m tests.experiments.servers.page.fuzz` tries them by the hundred thousand.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+MOST_CONNECTIONS = 64
+"""Connections of all kinds at a time: 16 clients, and as many again that each fetch the page over three; chosen."""
+REQUESTS_S = 20.0
+"""Age at which a connection ends that is no WebSocket [s]: a page is fetched in less; chosen."""
+CLOSING_S = 2.0
+"""Time that a client has to take what is left for it once its connection is to end [s]; chosen."""
+MOST_UNSENT = 8 * 2**20
+"""Bytes that may wait for a client that goes on sending: more than the largest picture; chosen."""
+MOST_PIECES = 256
+"""Frames in one message: empty ones count nothing against its size; chosen."""
+
+
+class BoundedHttp(H11Protocol):
+    """HTTP; refuses connections beyond MOST_CONNECTIONS and ends each after REQUESTS_S."""
+
+    _end: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a connection, or end it at once."""
+        crowded = len(self.connections) >= MOST_CONNECTIONS
+        super().connection_made(transport)
+        if crowded:
+            transport.abort()
+        else:
+            self._end = self.loop.call_later(REQUESTS_S, transport.abort)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._forget_end()
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        """Hand the connection on: what ends it then is `BoundedWebSocket`."""
+        self._forget_end()
+        super().handle_websocket_upgrade(event)
+
+    def _forget_end(self) -> None:
+        if self._end is not None:
+            self._end.cancel()
+
+
+class BoundedWebSocket(WebSocketsSansIOProtocol):
+    """WebSocket; a connection that is not accepted in CLOSING_S ends, and one that is closed ends CLOSING_S later."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Take a connection."""
+        super().connection_made(transport)
+        self._end = self.loop.call_later(CLOSING_S, self._end_unless_open)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._end.cancel()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what came, unless the client does not read: each of its pings would be answered all the same."""
+        if self.transport.get_write_buffer_size() > MOST_UNSENT:
+            self.transport.abort()
+            return
+        super().data_received(data)
+
+    def handle_cont(self, event: Any) -> None:
+        """Take a piece of a message."""
+        if len(self.frames) >= MOST_PIECES:
+            self.transport.abort()
+            return
+        super().handle_cont(event)
+
+    def keepalive_timeout(self) -> None:
+        """End a connection whose client answers no ping."""
+        super().keepalive_timeout()
+        self._end_soon()
+
+    async def run_asgi(self) -> None:
+        """Serve; then end, though the client may take nothing of what is left."""
+        try:
+            await super().run_asgi()
+        finally:
+            self._end_soon()
+
+    def _end_unless_open(self) -> None:
+        if not self.handshake_complete or self.close_sent:
+            self.transport.abort()
+
+    def _end_soon(self) -> None:
+        self._end.cancel()
+        self._end = self.loop.call_later(CLOSING_S, self.transport.abort)

@@ -1,0 +1,65 @@
+"""The page on a socket, until its task is cancelled."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import uvicorn
+
+from experiments.servers.feed import Feed
+from experiments.servers.page.application import application
+from experiments.servers.page.bounded import BoundedHttp, BoundedWebSocket
+
+MOST_INBOUND = 65_536
+"""Bytes of a message from a client; asked for."""
+MOST_HEAD = 16_384
+"""Bytes of a request's line and headers; chosen: ours have 1000."""
+PING_S = 10.0
+"""Between two pings, and the time in which one is to be answered [s]: who is gone is dropped in twice that; chosen."""
+LEAVING_S = 1
+"""Time that clients have to close when the server ends [s]; chosen."""
+
+
+async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:
+    """Serve a feed on a bound socket until cancelled, then close connections and socket; the rest as in `application`.
+
+    Signals are left to the process.
+    """
+    config = uvicorn.Config(
+        application(feed, hosts=hosts, token=token, read_open=read_open),
+        http=BoundedHttp,
+        ws=BoundedWebSocket,
+        ws_max_size=MOST_INBOUND,
+        ws_ping_interval=PING_S,
+        ws_ping_timeout=PING_S,
+        ws_per_message_deflate=False,
+        h11_max_incomplete_event_size=MOST_HEAD,
+        timeout_graceful_shutdown=LEAVING_S,
+        lifespan="off",
+        log_config=None,
+        log_level="error",  # what a hostile client does wrong fills no log
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+    )
+    server = _Server(config)
+    running = asyncio.create_task(server.serve(sockets=[sock]))
+    try:
+        await asyncio.shield(running)
+    finally:
+        server.should_exit = True
+        await running
+        for connection in list(server.server_state.connections):
+            connection.transport.abort()
+
+
+class _Server(uvicorn.Server):
+    """uvicorn without its signal handlers."""
+
+    @contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Capture none."""
+        yield

@@ -1,0 +1,214 @@
+// The page of a live run: what came, shown; and what did not come, too.
+
+import { Age } from "./age.js";
+import { Commands } from "./commands.js";
+import { Picture } from "./picture.js";
+import { Plots, Traces, WITHIN_95 } from "./plots.js";
+import { Stream } from "./stream.js";
+import { judged, turning } from "./verdict.js";
+
+const LOOK_MS = 25; // between two looks at whether what is shown is still fresh
+const SLOW_MS = 100; // between two drawings of plots and numbers
+const IMAGE_MS = 250; // after the last picture, states are drawn as they come; else with their pictures
+const NO_IMAGE_MS = 1000; // after the last picture, it is said to be old
+const SPOKEN_MS = 1000; // between two advices that are spoken
+const TOLD_MS = 8000; // that an answer stays
+const MOST_EVENTS = 5;
+
+const find = (id) => document.getElementById(id);
+const age = new Age();
+const traces = new Traces();
+const plots = new Plots(traces);
+const picture = new Picture(find("picture"));
+const now = { scene: null, state: null, image: null, imageAt: -Infinity, lostAt: performance.now(), refused: null, decoding: false, waiting: null };
+
+const stream = new Stream({
+  scene(message) {
+    now.scene = message;
+    now.refused = now.lostAt = null;
+    anew();
+    commands.scene(message);
+    text("source", message.source);
+  },
+  state(message) {
+    const at = performance.now();
+    if (now.state && message.counters.frames < now.state.counters.frames) anew();
+    now.state = message;
+    age.take(message.utc_s, at);
+    traces.take(message, now.scene.dim, at, now.scene.stale_ms);
+    commands.take(message);
+    show();
+    if (at - now.imageAt > IMAGE_MS) draw(message);
+    alive(at);
+  },
+  picture(blob) {
+    now.waiting = { blob, state: now.state };
+    decode();
+  },
+  answer(message) {
+    const name = message.command ?? "command";
+    tell(message.error === null ? `${name}: handed over` : `${name} refused: ${message.error}`, message.error !== null);
+  },
+  lost(why) {
+    now.refused = why;
+    now.lostAt ??= performance.now();
+    show();
+  },
+});
+const commands = new Commands(picture, (command) => stream.command(command), tell);
+
+// Dead man's switch: an animation that the browser runs by itself covers the advice, unless each state puts it off. It
+// does so though this script hang or fail.
+const dead = find("dead").animate([{ opacity: 0 }, { opacity: 1 }], { duration: 1, fill: "both" });
+dead.cancel();
+
+function alive(at) {
+  dead.effect.updateTiming({ delay: Math.max(0, now.scene.stale_ms - age.at(at)) });
+  dead.currentTime = 0;
+  dead.play();
+}
+
+function anew() {
+  now.state = now.waiting = null;
+  age.forget();
+  traces.clear();
+  picture.forget();
+}
+
+// Only the newest picture is decoded; it is drawn with its own state
+async function decode() {
+  if (now.decoding) return;
+  now.decoding = true;
+  while (now.waiting) {
+    const { blob, state } = now.waiting;
+    now.waiting = null;
+    try {
+      const image = await createImageBitmap(blob);
+      now.image?.close();
+      now.image = image;
+      now.imageAt = performance.now();
+      if (state && now.state) draw(state);
+    } catch {
+      tell("a picture came that is none", true);
+    }
+  }
+  now.decoding = false;
+}
+
+function draw(state) {
+  now.drawn = state;
+  picture.draw(now.scene, state, now.image, document.body.classList.contains("old"));
+  text("unseen", picture.told ?? "");
+  find("unseen").hidden = picture.told === null;
+}
+
+function show() {
+  const at = performance.now();
+  const lostMs = now.lostAt === null ? null : at - now.lostAt;
+  const staleMs = now.scene?.stale_ms ?? 0;
+  const { health, advice, live } = judged({ state: now.state, ageMs: age.at(at), lostMs, staleMs, refused: now.refused });
+  say("health", health);
+  say("advice", advice);
+  find("advice").querySelector(".word").classList.toggle("long", advice.word.length > 7);
+  find("probability").hidden = advice.probability === null;
+  text("percent", advice.probability === null ? "" : `${Math.floor(100 * advice.probability)} %`);
+  text("turn", live && advice.probability !== null ? turning(now.state) : "");
+  speak(advice.word, at);
+  document.body.classList.toggle("live", live);
+  const old = !live && now.state !== null;
+  find("view").dataset.old = advice.word;
+  if (document.body.classList.toggle("old", old) !== now.old) {
+    now.old = old;
+    if (now.drawn && now.state) draw(now.drawn);
+  }
+}
+
+function say(id, { word, kind, why }) {
+  const root = find(id);
+  if (root.dataset.kind !== kind) {
+    root.dataset.kind = kind;
+    root.querySelector("use").setAttribute("href", `#shape-${kind}`);
+  }
+  text(`${id}-word`, word);
+  text(id === "advice" ? "why" : "health-why", why);
+}
+
+// Spoken where it is another, and not too often: but what is old at once
+function speak(word, at) {
+  const urgent = document.body.classList.contains("old");
+  if (word === now.spoken || (!urgent && at - (now.spokenAt ?? -Infinity) < SPOKEN_MS)) return;
+  [now.spoken, now.spokenAt] = [word, at];
+  text("spoken", word);
+}
+
+function tell(message, bad) {
+  text("message", message);
+  find("message").classList.toggle("bad", bad);
+  clearTimeout(now.telling);
+  now.telling = setTimeout(() => text("message", commands.mayWrite === false ? "read only" : ""), TOLD_MS);
+}
+
+function text(id, value) {
+  const root = find(id);
+  if (root.textContent !== value) root.textContent = value;
+}
+
+// What a person reads now and then
+function slow() {
+  const at = performance.now();
+  plots.draw(at);
+  const { state, scene } = now;
+  if (state === null) return;
+  const { counters } = state;
+  now.latencies = [...(now.latencies ?? []), counters.latency_ms].filter((x) => x !== null).slice(-200);
+  const middle = now.latencies.toSorted((a, b) => a - b)[now.latencies.length >> 1];
+  text("latency", `${number(middle, 1)} / ${number(counters.latency_p99_ms, 1)} ms`);
+  text("rate", `${number(counters.rate_hz, 0)} Hz`);
+  text("missed", String(counters.deadlines_missed));
+  text("memory", `${number(counters.memory_mb, 0)} MB`);
+  const sigma = state.sigma_mm;
+  text("sigma-now", sigma === null ? "–" : `σ ${sigma.toFixed(2)} · 95 % ${(WITHIN_95[scene.dim] * sigma).toFixed(1)} mm`);
+  text("nis-now", number(state.nis, 1));
+  text("poke-now", state.poked === null ? "–" : `${(100 * state.poked).toFixed(0)} %`);
+  find("recording").hidden = state.recording === null;
+  if (state.recording) text("recording", `● REC ${state.recording.frames} frames`);
+  text("seen", seen(state, at).join("\n"));
+  events(state);
+}
+
+function seen(state, at) {
+  if (state.picture === null) return ["no picture"];
+  const marks = state.picture.marks.filter((mark) => now.scene.marks.find((one) => one.node === mark.node)?.measured !== false);
+  const found = marks.filter((mark) => mark.fate === "found").length;
+  const lines = [`marks ${found} of ${marks.length} found`];
+  for (const mark of marks.filter((one) => one.fate !== "found").slice(0, 4)) {
+    lines.push(`${mark.node} ${mark.fate}${mark.why ? `: ${mark.why}` : ""}`);
+  }
+  if (at - now.imageAt > NO_IMAGE_MS) lines.push(now.image ? `picture ${((at - now.imageAt) / 1000).toFixed(0)} s old` : "no picture yet");
+  return [...lines, ...state.picture.notes];
+}
+
+function events(state) {
+  const shown = state.events.slice(-MOST_EVENTS).reverse();
+  const key = JSON.stringify(shown);
+  if (key === now.events) return;
+  now.events = key;
+  find("event-list").replaceChildren(
+    ...shown.map((event) => {
+      const [row, time, kind] = ["li", "time", "b"].map((name) => document.createElement(name));
+      time.textContent = `${event.time_s.toFixed(1)} s`;
+      kind.textContent = event.kind;
+      row.append(time, kind, event.text);
+      return row;
+    }),
+  );
+}
+
+function number(value, digits) {
+  return value === null || value === undefined ? "–" : value.toFixed(digits);
+}
+
+addEventListener("hashchange", () => location.reload());
+setInterval(show, LOOK_MS);
+setInterval(slow, SLOW_MS);
+show();

@@ -1,0 +1,144 @@
+// The picture on its canvas, near (the body fills it) or whole, with a closer look at the target in a corner.
+
+import { closer, overlay } from "./overlay.js";
+import { projections } from "./projections.js";
+import { LIGHT, TARGET, cross, trace, word } from "./strokes.js";
+
+const AROUND = 0.3; // of the body's size, on each side of it
+const CLOSER = 0.34; // of the canvas' height, the side of the closer look
+const GROUND = "#1a232d";
+
+export class Picture {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.near = true;
+    this.forget();
+    new ResizeObserver(() => this.fit()).observe(canvas);
+    this.fit();
+  }
+
+  // Of a scene: what is shown is another
+  forget() {
+    this.box = null;
+    this.cursor = null;
+    this.reach = null;
+    this.views = [];
+  }
+
+  fit() {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    [this.width, this.height] = [this.canvas.clientWidth, this.canvas.clientHeight];
+    this.canvas.width = Math.round(ratio * this.width);
+    this.canvas.height = Math.round(ratio * this.height);
+    this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.redraw();
+  }
+
+  draw(scene, state, image, old) {
+    this.last = [scene, state, image, old];
+    this.redraw();
+  }
+
+  redraw() {
+    if (!this.last || this.width === 0) return;
+    const [scene, state, image, old] = this.last;
+    const { context } = this;
+    context.fillStyle = GROUND;
+    context.fillRect(0, 0, this.width, this.height);
+    this.views = [];
+    if (state.picture === null) {
+      this.told = projections(context, scene, state, { width: this.width, height: this.height, old });
+      return;
+    }
+    this.told = null;
+    const view = this.view(scene, state.picture);
+    this.views.push(view);
+    this.inside(view, image, scene, () => overlay(context, scene, state.picture, { ...view, old }));
+    if (this.near && state.picture.target_px) this.look(scene, state, image, old);
+    if (this.cursor) cross(context, view.at(this.cursor), 16, "#56b4e9", 2, false);
+  }
+
+  // A part of the canvas with the picture in it, and what is drawn over that
+  inside(view, image, scene, draw) {
+    const { context } = this;
+    context.save();
+    context.beginPath();
+    context.rect(view.left, view.top, view.width, view.height);
+    context.clip();
+    if (image) {
+      const [x, y] = view.at([-0.5, -0.5]);
+      const [width, height] = scene.picture_px;
+      context.drawImage(image, x, y, view.scale * width, view.scale * height);
+    }
+    draw();
+    context.restore();
+  }
+
+  // box: of the picture [px], to be seen within a part of the canvas
+  through(box, left, top, width, height) {
+    const scale = Math.min(width / (box[2] - box[0]), height / (box[3] - box[1]));
+    const [u, v] = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
+    const [x, y] = [left + width / 2, top + height / 2];
+    const at = (place) => [x + scale * (place[0] - u), y + scale * (place[1] - v)];
+    const from = (place) => [u + (place[0] - x) / scale, v + (place[1] - y) / scale];
+    return { at, from, scale, left, top, width, height };
+  }
+
+  view(scene, seen) {
+    const [width, height] = scene.picture_px;
+    const whole = [-0.5, -0.5, width - 0.5, height - 0.5];
+    if (!this.near) return this.through(whole, 0, 0, this.width, this.height);
+    const body = extent(seen.nodes_px.filter(Boolean));
+    if (body === null) return this.through(whole, 0, 0, this.width, this.height);
+    // Held still until the body leaves it: what stands beside a needle must not sway
+    if (this.box === null || body[0] < this.box[0] || body[1] < this.box[1] || body[2] > this.box[2] || body[3] > this.box[3]) {
+      const more = AROUND * Math.max(body[2] - body[0], body[3] - body[1], 20);
+      this.box = [body[0] - more, body[1] - more, body[2] + more, body[3] + more];
+    }
+    return this.through(this.box, 0, 0, this.width, this.height);
+  }
+
+  look(scene, state, image, old) {
+    const seen = state.picture;
+    const side = Math.round(CLOSER * this.height);
+    const [left, top] = [this.width - side - 12, this.height - side - 12];
+    const pxPerMm = Math.hypot(seen.target_shape_px[0][0], seen.target_shape_px[1][0]) / scene.target.radius_mm;
+    const spread = Math.max(...(seen.target_ellipse_px ?? [[0, 0]]).map(([x, y]) => Math.hypot(x, y)));
+    const needed = Math.max(2 * scene.target.radius_mm * pxPerMm, 1.15 * spread);
+    // In steps, so that it is not another size in each frame
+    if (this.reach === null || needed > this.reach || needed < 0.4 * this.reach) this.reach = 1.5 * needed;
+    const [u, v] = seen.target_px;
+    const view = this.through([u - this.reach, v - this.reach, u + this.reach, v + this.reach], left, top, side, side);
+    this.views.push(view);
+    const { context } = this;
+    context.fillStyle = GROUND;
+    context.fillRect(left, top, side, side);
+    this.inside(view, image, scene, () => closer(context, seen, { ...view, old }));
+    const outline = [[left, top], [left + side, top], [left + side, top + side], [left, top + side], [left, top]];
+    trace(context, outline, old ? LIGHT : TARGET, 1.5);
+    const mm = this.reach / pxPerMm > 12 ? 10 : this.reach / pxPerMm > 4 ? 2 : 1;
+    const length = mm * pxPerMm * view.scale;
+    trace(context, [[left + 10, top + side - 10], [left + 10 + length, top + side - 10]], LIGHT, 2);
+    word(context, `${mm} mm`, left + 10, top + side - 16, LIGHT, 12);
+    word(context, "target", left + 10, top + 18, TARGET, 12);
+  }
+
+  // The place of the picture [px] at a place of the canvas; null where none is shown
+  placeAt(x, y) {
+    const view = this.views.findLast((one) => x >= one.left && x < one.left + one.width && y >= one.top && y < one.top + one.height);
+    return view && this.last[0].picture_px ? this.clamped(view.from([x, y])) : null;
+  }
+
+  clamped([u, v]) {
+    const [width, height] = this.last[0].picture_px;
+    return [Math.min(Math.max(u, 0), width - 1), Math.min(Math.max(v, 0), height - 1)];
+  }
+}
+
+function extent(places) {
+  if (places.length === 0) return null;
+  const us = places.map(([u]) => u);
+  const vs = places.map(([, v]) => v);
+  return [Math.min(...us), Math.min(...vs), Math.max(...us), Math.max(...vs)];
+}

@@ -1,0 +1,58 @@
+// What may be said at this moment: health and advice, each a word, a kind (its colour and shape) and a reason.
+// GO is said on a fresh state alone that is healthy, has no fault, and while nothing is paused.
+
+const HEALTH = { TRACKING: "good", COASTING: "care", INITIALISING: "info", LOST: "bad", DIVERGED: "bad" };
+const ADVICE = { GO: "good", WAIT: "care", REALIGN: "info", ABORT: "bad" };
+const HEALTHY = new Set(["TRACKING", "COASTING"]);
+
+function same(word, kind, why) {
+  return { health: { word, kind, why }, advice: { word, kind, why, probability: null }, live: false };
+}
+
+// state: the newest, or null; ageMs: since it was known, here and on the way; lostMs: since the connection ended, or null
+export function judged({ state, ageMs, lostMs, staleMs, refused }) {
+  if (refused) return same("NO ACCESS", "bad", refused);
+  if (lostMs !== null) return same("NO CONNECTION", "bad", `for ${seconds(lostMs)}; trying again`);
+  if (state === null) return same("WAITING", "none", "no state yet");
+  if (ageMs > staleMs) return same("STALE", "bad", `nothing new for ${seconds(ageMs)}`);
+
+  const health = { word: state.status, kind: HEALTH[state.status] ?? "bad", why: known(state) };
+  const said = advised(state.advice);
+  const found = (health, advice) => ({ health, advice, live: true });
+  const none = (why, kind = "none") => ({ word: "NO GUIDANCE", kind, why, probability: null });
+  if (state.fault !== null) {
+    const aborts = said.word === "ABORT";
+    return found({ word: "FAULT", kind: "bad", why: state.fault }, aborts ? said : none(state.fault, "bad"));
+  }
+  if (state.paused) return found({ word: "PAUSED", kind: "info", why: "frames come, and change nothing" }, none("paused"));
+  if (said.word === "GO" && !HEALTHY.has(state.status)) return found(health, none(`the estimate is ${state.status}`));
+  return found(health, said);
+}
+
+function advised(advice) {
+  if (advice === null) return { word: "NO NEEDLE", kind: "none", why: "without a needle there is no advice", probability: null };
+  const word = advice.advice.replaceAll("_", " ");
+  return { word, kind: ADVICE[advice.advice] ?? "none", why: advice.reason, probability: advice.probability };
+}
+
+function known(state) {
+  const marks = `${state.marks_used} ${state.marks_used === 1 ? "mark" : "marks"} used`;
+  return state.from_frame ? marks : `${marks}, no frame`;
+}
+
+function seconds(ms) {
+  return `${(ms / 1000).toFixed(1)} s`;
+}
+
+// How the needle is to be turned, as text; empty where there is nothing to tell
+export function turning(state) {
+  const advice = state.advice;
+  if (advice === null || advice.probability === null) return "";
+  const told = [
+    [advice.turn_deg, (x) => `turn ${x.toFixed(1)}°`],
+    [advice.lateral_mm, (x) => `off ${x.toFixed(1)} mm`],
+    [advice.depth_mm, (x) => `depth ${x.toFixed(1)} mm`],
+    [advice.arrival_s, (x) => `arrives in ${Math.max(0, x - state.time_s).toFixed(1)} s`],
+  ];
+  return told.filter(([x]) => x !== null).map(([x, text]) => text(x)).join(" · ");
+}

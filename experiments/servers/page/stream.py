@@ -1,0 +1,139 @@
+"""The JSON stream to a viewer: the scene, then the newest state whenever it can take one; and its commands back.
+
+Nobody is waited for: a state that came while a viewer was still taking an older one is never sent to it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from experiments.servers.commands import read_command
+from experiments.servers.feed import Feed
+from experiments.servers.page.access import PROTOCOL, Access
+
+MOST_CLIENTS = 16
+"""Viewers and programs at a time; asked for."""
+STUCK_S = 10.0
+"""A client that takes nothing for so long is let go [s]; chosen: a tablet that was away comes back anew."""
+NEXT = "next"
+"""What a client that sets its own pace sends when it is ready for a state."""
+WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
+"""Codes by which a connection is closed."""
+LONGEST_ERROR = 200
+"""Letters of an error that an answer repeats: it may quote what the client sent."""
+
+
+class Stream:
+    """WebSocket endpoint of all clients of a feed. State: how many; `Feed.n_watching` counts those with pictures."""
+
+    def __init__(self, feed: Feed, access: Access) -> None:
+        self._feed, self._access = feed, access
+        self._n_clients = 0
+
+    async def serve(self, socket: WebSocket) -> None:
+        """Serve one client until it goes, takes nothing, or breaks the protocol."""
+        offered = socket.scope["subprotocols"]
+        await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
+        grant = self._access.grant(offered)
+        if not grant.read:
+            await socket.close(WRONG_TOKEN, "a token is needed, and none or a wrong one came")
+            return
+        if self._n_clients >= MOST_CLIENTS:
+            await socket.close(TOO_MANY, f"{MOST_CLIENTS} clients are connected already")
+            return
+        viewer = Viewer(socket, self._feed, may_write=grant.write)
+        with self._counted(pictures=viewer.pictures):
+            await viewer.serve()
+
+    @contextmanager
+    def _counted(self, *, pictures: bool) -> Iterator[None]:
+        self._n_clients += 1
+        self._feed.n_watching += pictures
+        try:
+            yield
+        finally:
+            self._n_clients -= 1
+            self._feed.n_watching -= pictures
+
+
+class Viewer:
+    """One client.
+
+    pictures: whether it asked for them (`?pictures=1`)
+    State: whether it is ready for a state, which it says itself if it asked for that (`?pace=1`).
+    """
+
+    def __init__(self, socket: WebSocket, feed: Feed, *, may_write: bool) -> None:
+        self._socket, self._feed, self._may_write = socket, feed, may_write
+        self.pictures = socket.query_params.get("pictures") == "1"
+        self._paced = socket.query_params.get("pace") == "1"
+        self._ready = asyncio.Event()
+        self._ready.set()
+        self._sending = asyncio.Lock()
+
+    async def serve(self) -> None:
+        """Send and receive until either ends."""
+        await self._send(json.dumps({**self._feed.scene, "may_write": self._may_write}))
+        ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
+        try:
+            done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for end in ends:
+                end.cancel()
+            await asyncio.gather(*ends, return_exceptions=True)
+        for end in done:
+            if not isinstance(end.exception(), WebSocketDisconnect | TimeoutError):
+                end.result()
+
+    async def _send_states(self) -> None:
+        number = 0
+        while True:
+            await self._ready.wait()
+            moment = await self._feed.after(number)
+            if moment is None:
+                continue
+            number = moment.number
+            if self._paced:
+                self._ready.clear()
+            await self._send(moment.text.decode(), moment.picture if self.pictures else None)
+
+    async def _receive(self) -> None:
+        while True:
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text")
+            if text is None:
+                await self._socket.close(NOT_TEXT, "commands are text")
+                return
+            if text == NEXT:
+                self._ready.set()
+            else:
+                await self._send(json.dumps(self._answer(text)))
+            await asyncio.sleep(0)  # a client that sends without pause takes its turn with the others
+
+    def _answer(self, text: str) -> Mapping[str, Any]:
+        """Hand a command over; what became of that."""
+        name = None
+        try:
+            command = read_command(text)
+            name = command.command
+            if not self._may_write:
+                raise ValueError("a token is needed to write")
+            self._feed.command(command.model_dump())
+        except ValueError as error:
+            return {"type": "answer", "command": name, "error": str(error)[:LONGEST_ERROR]}
+        return {"type": "answer", "command": name, "error": None}
+
+    async def _send(self, text: str, picture: bytes | None = None) -> None:
+        """A message, and its picture right after it. TimeoutError where the client takes nothing."""
+        async with asyncio.timeout(STUCK_S), self._sending:
+            await self._socket.send_text(text)
+            if picture is not None:
+                await self._socket.send_bytes(picture)

@@ -1,0 +1,102 @@
+"""A page that is served from this process, on a port of its own, and what is fed to it.
+
+`python -m tests.experiments.servers.page.served FOLDER` replays scene.json, states.jsonl and pictures 0000.jpg … at 30 a
+second, to look at the page by hand.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from experiments.servers.feed import Feed, Message
+from experiments.servers.page.access import loopback_hosts
+from experiments.servers.page.serving import serve
+
+TOKEN = "a-token-of-tests"
+
+
+class Served:
+    """A feed served by a thread. State: the commands that came, and what the feed refuses them with."""
+
+    def __init__(self, scene: Message) -> None:
+        self.commands: list[Message] = []
+        self.refusal: str | None = None
+        self.sock = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self.sock.getsockname()[1]
+        self.loop = asyncio.new_event_loop()
+        self.feed = Feed(scene, self._take)
+
+    def _take(self, command: Message) -> None:
+        if self.refusal is not None:
+            raise ValueError(self.refusal)
+        self.commands.append(command)
+
+    def publish(self, state: Mapping[str, Any], picture: bytes | None = None) -> None:
+        """Publish a state from any thread."""
+        self.loop.call_soon_threadsafe(self.feed.publish, json.dumps(state, allow_nan=False).encode(), picture)
+
+    def until(self, holds: Any, timeout_s: float = 5.0) -> None:
+        """Wait for a condition, as short as it takes."""
+        ends = time.monotonic() + timeout_s
+        while not holds():
+            assert time.monotonic() < ends, "the condition did not come to hold"
+            time.sleep(0.005)
+
+    @property
+    def address(self) -> str:
+        """Of the page, with the token."""
+        return f"http://127.0.0.1:{self.port}/#token={TOKEN}"
+
+
+@contextmanager
+def served(scene: Message, *, read_open: bool = True) -> Iterator[Served]:
+    """Serve a scene; afterwards the server has ended, by being cancelled."""
+    one = Served(scene)
+    hosts = loopback_hosts(one.port)
+    task = one.loop.create_task(serve(one.sock, one.feed, hosts=hosts, token=TOKEN, read_open=read_open))
+
+    def run() -> None:
+        try:
+            one.loop.run_until_complete(task)
+        except asyncio.CancelledError:
+            one.loop.run_until_complete(one.loop.shutdown_asyncgens())
+
+    thread = threading.Thread(target=run, name="served")
+    thread.start()
+    try:
+        yield one
+    finally:
+        one.loop.call_soon_threadsafe(task.cancel)
+        thread.join(timeout=10.0)
+        assert not thread.is_alive(), "the server did not end"
+        one.loop.close()
+
+
+def replay(folder: Path, one: Served) -> None:
+    """Publish what a folder holds, for ever, 30 a second."""
+    states = [json.loads(line) for line in (folder / "states.jsonl").read_text().splitlines()]
+    pictures = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
+    for k in count():
+        state = states[k % len(states)]
+        one.publish(
+            {**state, "time_s": k / 30, "utc_s": time.time(), "counters": {**state["counters"], "frames": k}},
+            pictures[k % len(states)],
+        )
+        time.sleep(1 / 30)
+
+
+if __name__ == "__main__":
+    given = Path(sys.argv[1])
+    with served(json.loads((given / "scene.json").read_text())) as shown:
+        print(shown.address, flush=True)
+        replay(given, shown)
