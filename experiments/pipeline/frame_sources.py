@@ -8,8 +8,10 @@ import vision
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import Scene, read_scene
-from experiments.simulation.phantom_camera import PhantomCamera
+from experiments.formats.scene.scene import Scene, read_scene, with_step
+from experiments.simulation.phantom_process import PhantomProcess
+from experiments.simulation.simulate import scene_of
+from experiments.version import version
 
 PHANTOM = "phantom"
 
@@ -26,14 +28,15 @@ def open_source(
     """
     scene = None if scene_path is None else filmed_scene(scene_path)
     if spec == PHANTOM:
-        phantom = PhantomCamera(read_scenario("webcam"))
+        scenario = read_scenario("webcam")
+        seen = with_step(scene_of(scenario), "simulate", version())
         frames = vision.LiveFrames(
-            lambda: phantom,
+            lambda: PhantomProcess(scenario, seen.cameras[0].size_px),
             ends=lambda _capture: True,
             keep=1 if live else vision.SourceSettings().backlog,
             exposures=lambda: vision.stated_exposure_time,
         )
-        return (phantom.scene if scene is None else scene), frames
+        return (seen if scene is None else scene), frames
     folder = Path(spec)
     if folder.is_dir() and ((folder / "frames.csv").exists() or (folder / "scene.toml").exists()):
         recording = read_recording(folder, scene_path)

@@ -55,6 +55,21 @@ def is_loopback(listener: socket.socket) -> bool:
     return ipaddress.ip_address(listener.getsockname()[0]).is_loopback
 
 
+def names_of(listener: socket.socket) -> list[str]:
+    """What a browser may call this listener, HOST:PORT each: its address, or where that is any, those of the machine."""
+    host, port = listener.getsockname()[:2]
+    if is_loopback(listener):
+        return [f"{host}:{port}", f"localhost:{port}"]
+    if not ipaddress.ip_address(host).is_unspecified:
+        return [f"{host}:{port}"]
+    name = socket.gethostname()
+    try:
+        addresses = {str(one[4][0]) for one in socket.getaddrinfo(name, None, socket.AF_INET)}
+    except OSError:
+        addresses = set()
+    return [f"{one}:{port}" for one in sorted({LOOPBACK, "localhost", name, *addresses})]
+
+
 def _parts(option: str, address: str, port: int | None) -> tuple[str, int]:
     host, _, number = address.rpartition(":") if ":" in address else ("", "", address)
     if not number.isdigit():

@@ -38,7 +38,7 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
         return
     token = secrets.token_urlsafe(16)
     told = []
-    for one, what in ((listener, "page: http://{}:{}/#{}"), (igtl, "OpenIGTLink: {}:{}")):
+    for one, what in ((listener, "page: http://{}:{}/#token={}"), (igtl, "OpenIGTLink: {}:{}")):
         if one is not None:
             told.append(what.format(*one.getsockname()[:2], token))
     link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), told)

@@ -10,7 +10,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from multiprocessing.connection import Connection
 from typing import Any
 
-from experiments.servers.faces import Faces
+from experiments.servers.faces import Faces, names_of
 from experiments.servers.feed import Feed
 
 LONGEST = 64 * 1024 * 1024
@@ -55,6 +55,11 @@ class _Served:
 
             version = faces.igtl_version
             servers.append(("OpenIGTLink", lambda feed: openigtlink(listener, feed, version=version)))
+        if (page := faces.page) is not None:
+            from experiments.servers.page.serving import serve as serve_page
+
+            hosts, token, read_open = names_of(page), faces.token, faces.read_open
+            servers.append(("page", lambda feed: serve_page(page, feed, hosts=hosts, token=token, read_open=read_open)))
         return servers
 
     async def _watched(self, name: str, server: Awaitable[None]) -> None:

@@ -208,7 +208,7 @@ class LiveFrames(Closing):
                     self._read(reader, capture)
                 else:
                     self._fail(reader, "does not open")
-            except (OSError, cv2.error) as error:
+            except (OSError, EOFError, cv2.error) as error:
                 self._fail(reader, f"does not open: {_line(error)}")
             finally:
                 if capture is not None:

@@ -33,6 +33,8 @@ const stream = new Stream({
   state(message) {
     const at = performance.now();
     if (now.state && message.counters.frames < now.state.counters.frames) anew();
+    // Not every state tells where all is in the picture: then it is where it was told last
+    if (message.picture === null) message.picture = now.state?.picture ?? null;
     now.state = message;
     age.take(message.utc_s, at);
     traces.take(message, now.scene.dim, at, now.scene.stale_ms);
@@ -195,10 +197,9 @@ function events(state) {
   now.events = key;
   find("event-list").replaceChildren(
     ...shown.map((event) => {
-      const [row, time, kind] = ["li", "time", "b"].map((name) => document.createElement(name));
-      time.textContent = `${event.time_s.toFixed(1)} s`;
-      kind.textContent = event.kind;
-      row.append(time, kind, event.text);
+      const [row, time] = ["li", "time"].map((name) => document.createElement(name));
+      time.textContent = new Date(1000 * event.utc_s).toLocaleTimeString();
+      row.append(time, event.text);
       return row;
     }),
   );
