@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dynamics import HIDDEN, OUTER, NeedleMotion, sliding_friction
-from estimators import Breathing, TissueFilter, compliance
+from estimators import Breathing, TissueFilter, compliance, normalised_error_squared
 from experiments.commands.app import app
 from experiments.errors import InputError
 from experiments.formats.needle_file import NeedleForces
@@ -16,7 +16,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.simulation.cases import case_of, settings_for
 from experiments.simulation.closed_loop import Tried
 from experiments.simulation.insert import figures, insert, one_run
-from experiments.simulation.policies import force_error_cov, predicted_parts, predicted_push
+from experiments.simulation.policies import Ahead, force_error_cov, predicted_parts, predicted_push, warmed
 from experiments.simulation.world import needle_with, world_of
 
 STATED, FORCE_ERROR = NeedleForces().constants(), NeedleForces().error
@@ -91,6 +91,27 @@ def test_a_breathing_target_is_foretold_half_a_second_ahead():
         ahead += [np.linalg.norm(place - truth[k]) for k, place in said.items() if k < len(truth)]
     assert np.mean(ahead) < 1.5 * np.mean(now)
     assert np.mean(now) < 3e-3
+
+
+def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath():
+    """0.3 s ahead, 4 s of frames, one seed: the breath's part has most of the weight, and a mean NEES of 0.5 to 6 of 2.
+
+    Errors last for a breath: a run is hardly more than one sample of them.
+    """
+    world = world_of(replace(case("breathing"), seed=5002))
+    state, _, warm = warmed(world)
+    policy, away = Ahead(world, warm), NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+    nothing, truth, said = np.zeros((2, len(world.network.free), 2)), [], []
+    first = round(world.case.warm_s * 30)
+    for k in range(first, first + 120):
+        policy.see(world.frame_s(k), world.marks(k, state), None)
+        truth.append(world.target(state))
+        said.append(policy.density_at(world.frame_s(k + 9), nothing))
+        state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
+    assert np.mean([one.weights[0] for one in said]) > 0.9
+    errors = np.array(truth[9:]) - np.array([one.means[0] for one in said[:-9]])
+    nees = normalised_error_squared(errors, np.array([one.covs[0] for one in said[:-9]])).mean()
+    assert 0.5 < nees < 6.0
 
 
 def test_the_command_writes_summary_runs_and_pictures(tmp_path):
