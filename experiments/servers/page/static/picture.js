@@ -4,8 +4,8 @@ import { closer, overlay } from "./overlay.js";
 import { projections } from "./projections.js";
 import { LIGHT, TARGET, cross, trace, word } from "./strokes.js";
 
-const AROUND = 0.3; // of the body's size, on each side of it
-const CLOSER = 0.34; // of the canvas' height, the side of the closer look
+const AROUND = 0.36; // of the body's size, on each side of it
+const CLOSER = 0.3; // of the canvas' height, the side of the closer look
 const GROUND = "#1a232d";
 
 export class Picture {

@@ -87,7 +87,7 @@ function plot(id, which, range, series, fill) {
   const options = {
     width: Math.max(root.clientWidth, 50),
     height: Math.max(root.clientHeight, 40),
-    padding: [6, 6, 0, 0],
+    padding: [6, 16, 0, 0],
     legend: { show: false },
     cursor: { show: false },
     scales: { x: { time: false, range: [-SPAN_S, 0] }, y: scale },

@@ -1,0 +1,89 @@
+"""Real messages of a small scene, by the code that makes them."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from time import time
+from typing import Any
+
+import cv2
+import numpy as np
+
+from estimators import Advice, Guidance, Status, TargetEstimate
+from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
+from experiments.formats.needle_file import read_needle
+from experiments.formats.scene.scene import read_scene
+from experiments.servers.message import Counters, scene_message, state_message
+
+GIVEN = Path(__file__).parents[2]
+SIZE_PX = (640, 480)
+
+
+@cache
+def scene() -> dict[str, Any]:
+    """The scene's message."""
+    read = read_scene(GIVEN / "good_scene.toml")
+    plan = read_needle(GIVEN / "needle.toml", read.target.radius_m, read.network.dim)
+    return scene_message(read, "phantom", SIZE_PX, plan)
+
+
+def state(
+    frames: int = 1, *, status: Status = Status.TRACKING, advice: Advice = Advice.GO, **changed: Any
+) -> dict[str, Any]:
+    """A state's message, known now; changed: keys that are to be other than they were made."""
+    estimate = TargetEstimate(
+        time_s=frames / 30,
+        mean=np.array([0.0, 0.2]),
+        cov=np.diag([1e-6, 4e-6]),
+        status=status,
+        marks_used=1,
+        nis=2.0,
+        poked=0.1,
+    )
+    guidance = Guidance(
+        advice, "a hit is 92 % probable", arrival_s=frames / 30 + 0.5, probability=0.925, aim=np.array([0.0, 0.2])
+    )
+    counters = Counters(frames=frames, latency_ms=5.0, latency_p99_ms=9.0, rate_hz=30.0, memory_mb=300.0)
+    made = state_message(
+        estimate,
+        utc_s=time(),
+        from_frame=True,
+        counters=counters,
+        overlay=overlay(),
+        nodes_m=np.array([[-0.2, 0.2], [0.0, 0.2], [0.0, 0.0]]),
+        nis_band=(0.05, 7.4),
+        guidance=guidance,
+        events=[{"time_s": 0.5, "kind": "DROPPED", "text": "2 frames"}],
+    )
+    return {**made, **changed}
+
+
+def overlay() -> Overlay:
+    """One mark found, one lost; a needle above the target; a node that is out of sight."""
+    place = np.array([319.5, 231.5])
+    shape = 12.0 * np.diag([1.0, -1.0])
+    return Overlay(
+        status="TRACKING",
+        status_colour=(115, 158, 0),
+        facts="",
+        nodes_px=np.array([[159.5, 231.5], place, [np.nan, np.nan]]),
+        names=("M1", "M2", "In1"),
+        fixed=np.array([False, False, True]),
+        springs=np.array([[0, 1], [1, 2]]),
+        marks=(
+            MarkDrawn("M1", 120.0, Fate.FOUND, shape, center_px=np.array([160.0, 231.0]), cov_px2=np.eye(2)),
+            MarkDrawn("M2", 0.0, Fate.LOST, shape, expected_px=place, expected_cov_px2=np.eye(2), why="covered"),
+        ),
+        target_px=place,
+        target_cov_px2=np.diag([0.64, 2.56]),
+        target_shape_px=4.0 * np.diag([1.0, -1.0]),
+        trusted=True,
+        needle=NeedleDrawn(np.array([[320.0, 100.0], [320.0, 150.0]]), np.array([[320.0, 150.0], [320.0, 240.0]])),
+    )
+
+
+@cache
+def picture(level: int = 120) -> bytes:
+    """A plain picture as JPEG."""
+    return cv2.imencode(".jpg", np.full((SIZE_PX[1], SIZE_PX[0], 3), level, np.uint8))[1].tobytes()

@@ -1,0 +1,244 @@
+"""The page in a browser, by clicking and by keys: what it shows, what it sends, and that it never shows GO when it must not."""
+
+import asyncio
+import json
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from estimators import Advice, Status
+from tests.experiments.servers.page import messages
+from tests.experiments.servers.page.served import Served, served
+
+BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="chromium and chromedriver are not installed")
+
+
+class Fed:
+    """A state, 30 a second, until it is silent. State: what is changed in it, how many went."""
+
+    def __init__(self, one: Served) -> None:
+        self.one, self.made, self.silent, self.frames = one, {}, threading.Event(), 0
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._ends.wait(1 / 30):
+            if not self.silent.is_set():
+                self.frames += 1
+                self.one.publish(messages.state(self.frames, **self.made), messages.picture())
+
+    def end(self) -> None:
+        self._ends.set()
+        self._thread.join()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = str(BROWSER)
+    profile: Path = tmp_path_factory.mktemp("profile")
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        f"--user-data-dir={profile}",
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
+    driver.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False}
+    )
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def shown(browser: Any) -> Iterator[Fed]:
+    """The page, open on a run that goes on."""
+    with served(messages.scene()) as one:
+        fed = Fed(one)
+        try:
+            browser.get(one.address)
+            one.until(lambda: word(browser) == "GO", 10.0)
+            yield fed
+        finally:
+            fed.end()
+
+
+@pytest.fixture(autouse=True)
+def _plain(shown: Fed) -> Iterator[None]:
+    yield
+    shown.made = {}
+    shown.silent.clear()
+    shown.one.refusal = None
+    shown.one.commands.clear()
+
+
+def word(browser: Any, of: str = "advice") -> str:
+    return str(browser.execute_script(f"return document.getElementById('{of}-word')?.textContent"))
+
+
+def colour(browser: Any, x: float, y: float) -> list[int]:
+    """Of the canvas at a share of its width and height, RGB."""
+    return list(
+        browser.execute_script(
+            "const c = document.getElementById('picture');"
+            "return [...c.getContext('2d').getImageData(arguments[0] * c.width, arguments[1] * c.height, 1, 1).data].slice(0, 3)",
+            x,
+            y,
+        )
+    )
+
+
+def click(browser: Any, name: str) -> None:
+    browser.find_element("id", name).click()
+
+
+def press(browser: Any, *keys: str) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    ActionChains(browser).send_keys(*keys).perform()
+
+
+def test_the_picture_appears_and_the_words(browser: Any, shown: Fed) -> None:
+    shown.one.until(lambda: all(abs(x - 120) < 6 for x in colour(browser, 0.02, 0.5)))
+    assert shown.one.feed.n_watching == 1
+    assert word(browser, "health") == "TRACKING"
+    assert browser.find_element("id", "percent").text == "92 %"
+    assert browser.find_element("id", "seen").text.startswith("marks 1 of 1 found")
+    assert browser.execute_script(
+        "return [document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    ) == [1280, 720]
+
+
+def test_silence_is_shown_as_stale_and_go_is_gone(browser: Any, shown: Fed) -> None:
+    shown.silent.set()
+    began = time.monotonic()
+    shown.one.until(lambda: word(browser) == "STALE", 2.0)
+    # 200 ms, 25 for the timer, and what the driver takes to look
+    assert time.monotonic() - began < 0.45
+    text = browser.find_element("tag name", "body").text
+    assert "STALE" in text
+    assert "GO" not in text.split()
+    assert browser.find_element("id", "spoken").get_attribute("textContent") == "STALE"
+    shown.silent.clear()
+    shown.one.until(lambda: word(browser) == "GO", 2.0)
+
+
+def test_advice_is_covered_though_the_script_hangs(browser: Any, shown: Fed) -> None:
+    """The animation runs out by itself: without any further call of the page's functions the cover is opaque."""
+    assert browser.execute_script("return getComputedStyle(document.getElementById('dead')).opacity") == "0"
+    shown.silent.set()
+    covered = browser.execute_async_script(
+        "const [done] = arguments; const ends = performance.now() + 400; while (performance.now() < ends);"
+        "done(getComputedStyle(document.getElementById('dead')).opacity)"
+    )
+    assert covered == "1"
+
+
+def test_a_state_that_was_long_on_its_way_is_stale_though_it_comes(browser: Any, shown: Fed) -> None:
+    shown.silent.set()
+    for k in range(20):
+        shown.one.publish({**messages.state(shown.frames + k), "utc_s": time.time() - 1.0})
+        time.sleep(1 / 30)
+    assert word(browser) == "STALE"
+
+
+@pytest.mark.parametrize(
+    ("made", "advice", "health"),
+    [
+        ({"fault": "the camera is frozen"}, "NO GUIDANCE", "FAULT"),
+        ({"paused": True}, "NO GUIDANCE", "PAUSED"),
+        ({"status": Status.LOST}, "NO GUIDANCE", "LOST"),
+        ({"status": Status.DIVERGED}, "NO GUIDANCE", "DIVERGED"),
+        ({"status": Status.INITIALISING}, "NO GUIDANCE", "INITIALISING"),
+        ({"advice": Advice.NO_GUIDANCE}, "NO GUIDANCE", "TRACKING"),
+        ({"advice": Advice.WAIT}, "WAIT", "TRACKING"),
+    ],
+    ids=str,
+)
+def test_go_is_not_shown_where_it_does_not_hold(
+    browser: Any, shown: Fed, made: dict[str, Any], advice: str, health: str
+) -> None:
+    shown.made = made
+    shown.one.until(lambda: (word(browser), word(browser, "health")) == (advice, health))
+    assert "GO" not in browser.find_element("id", "advice").text.split()
+    assert browser.find_element("id", "advice").get_attribute("data-kind") != "good"
+
+
+def test_buttons_and_keys_send_their_commands(browser: Any, shown: Fed) -> None:
+    one = shown.one
+    click(browser, "record")
+    press(browser, "p")
+    one.until(lambda: len(one.commands) == 2)
+    click(browser, "reset")
+    time.sleep(0.1)
+    assert one.commands == [{"command": "record", "on": True}, {"command": "pause", "on": True}]
+    press(browser, "x")
+    one.until(lambda: one.commands[2:] == [{"command": "reset"}])
+    shown.made = {"recording": {"folder": "rec", "frames": 7}}
+    one.until(lambda: browser.find_element("id", "record").get_attribute("aria-pressed") == "true")
+    click(browser, "record")
+    one.until(lambda: one.commands[3:] == [{"command": "record", "on": False}])
+
+
+def test_a_fix_by_click_and_a_hue_by_keys(browser: Any, shown: Fed) -> None:
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    one = shown.one
+    click(browser, "zoom")
+    click(browser, "fix")
+    canvas = browser.find_element("id", "picture")
+    scale = min(canvas.size["width"] / 640, canvas.size["height"] / 480)
+    ActionChains(browser).move_to_element_with_offset(canvas, round(50 * scale), round(-20 * scale)).click().perform()
+    one.until(lambda: len(one.commands) == 1)
+    fix = one.commands[0]
+    assert (fix["command"], fix["sd_mm"], fix["place_mm"]) == ("fix", 1.0, None)
+    assert fix["place_px"] == pytest.approx([319.5 + 50, 239.5 - 20], abs=1.5)
+    press(browser, "h", Keys.ARROW_RIGHT)
+    ActionChains(browser).key_down(Keys.SHIFT).send_keys(Keys.ARROW_DOWN).key_up(Keys.SHIFT).perform()
+    press(browser, Keys.ENTER)
+    one.until(lambda: len(one.commands) == 2)
+    assert one.commands[1] == {"command": "hue", "node": "M1", "place_px": [320.5, 241.5]}
+    press(browser, "f", Keys.ESCAPE)
+    assert not browser.find_element("id", "prompt").is_displayed()
+    click(browser, "zoom")
+
+
+def test_what_the_run_refuses_is_told(browser: Any, shown: Fed) -> None:
+    shown.one.refusal = "the disk is full"
+    click(browser, "record")
+    shown.one.until(lambda: "the disk is full" in browser.find_element("id", "message").text)
+
+
+def test_nothing_is_asked_of_another_address_and_nothing_is_wrong(browser: Any, shown: Fed) -> None:
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    requests = [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
+    sockets = [event["params"]["url"] for event in events if event["method"] == "Network.webSocketCreated"]
+    asked = [url for url in requests + sockets if not url.startswith("chrome://")]  # of the empty tab before
+    own = f"http://127.0.0.1:{shown.one.port}/"
+    assert sum(url.startswith(own) for url in asked) > 8
+    assert [url for url in asked if not url.startswith((own, own.replace("http", "ws")))] == []
+    assert browser.get_log("browser") == []
+
+
+def test_a_lost_connection_is_shown_and_found_again(browser: Any, shown: Fed) -> None:
+    one = shown.one
+    server_side = [task for task in asyncio.all_tasks(one.loop) if "BoundedWebSocket" in repr(task)]
+    assert server_side
+    one.loop.call_soon_threadsafe(server_side[0].cancel)
+    one.until(lambda: word(browser) == "NO CONNECTION")
+    one.until(lambda: word(browser) == "GO")

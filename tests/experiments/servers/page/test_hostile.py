@@ -1,0 +1,71 @@
+"""Hostile clients end their own connection and nothing else: at random, and one test of each bound."""
+
+import socket
+import time
+from contextlib import suppress
+
+import pytest
+
+from experiments.servers.page import bounded
+from tests.experiments.servers.page import messages
+from tests.experiments.servers.page.fuzz import handshake, trial
+from tests.experiments.servers.page.served import served
+
+
+def ended(raw: socket.socket, within_s: float) -> bool:
+    """Whether the other side ends a connection in that time."""
+    raw.settimeout(within_s)
+    try:
+        while raw.recv(1 << 20):
+            pass
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_thousands_of_hostile_messages_hold_up_nobody(seed: int) -> None:
+    found = trial(2000, seed)
+    assert found["sent"] >= 2000
+    assert found["longest_wait_ms"] < 2000.0
+    assert found["grown_mb"] < 50.0
+
+
+def test_an_endless_message_of_empty_frames_is_ended() -> None:
+    with served(messages.scene()) as one, handshake(one) as raw:
+        with suppress(OSError):  # ended while it was sent
+            raw.sendall(b"\x01\x80abcd" + b"\x00\x80abcd" * 10 * bounded.MOST_PIECES)
+        assert ended(raw, 5.0)
+
+
+def test_who_sends_a_request_bit_by_bit_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounded, "REQUESTS_S", 0.3)
+    with served(messages.scene()) as one, socket.create_connection(("127.0.0.1", one.port)) as raw:
+        began = time.monotonic()
+        raw.sendall(b"GET / HTTP/1.1\r\n")
+        assert ended(raw, 5.0)
+        assert 0.2 < time.monotonic() - began < 3.0
+
+
+def test_a_handshake_that_is_none_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounded, "CLOSING_S", 0.3)
+    with served(messages.scene()) as one, socket.create_connection(("127.0.0.1", one.port)) as raw:
+        fields = b"".join(b"X-%d: 1\r\n" % k for k in range(200))  # more than the WebSocket's library reads
+        host = b"Host: 127.0.0.1:%d\r\n" % one.port
+        raw.sendall(
+            b"GET /stream HTTP/1.1\r\n" + host + b"Upgrade: websocket\r\nConnection: Upgrade\r\n" + fields + b"\r\n"
+        )
+        assert ended(raw, 5.0)
+
+
+def test_connections_beyond_the_most_are_ended_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounded, "MOST_CONNECTIONS", 3)
+    with served(messages.scene()) as one:
+        held = [socket.create_connection(("127.0.0.1", one.port)) for _ in range(3)]
+        with socket.create_connection(("127.0.0.1", one.port)) as more:
+            assert ended(more, 5.0)
+        assert not ended(held[0], 0.1)
+        for raw in held:
+            raw.close()
