@@ -54,7 +54,7 @@ def state(
         nodes_m=np.array([[-0.2, 0.2], [0.0, 0.2], [0.0, 0.0]]),
         nis_band=(0.05, 7.4),
         guidance=guidance,
-        events=[{"time_s": 0.5, "kind": "DROPPED", "text": "2 frames"}],
+        events=[{"utc_s": 1.8e9, "text": "0.50 s: DROPPED: 2 frames"}],
     )
     return {**made, **changed}
 
