@@ -1,0 +1,49 @@
+"""The phantom's camera in another process: pictures at their times, and nothing left when it is released."""
+
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from experiments.formats.scenario import read_scenario
+from experiments.pipeline.frame_sources import open_source
+from experiments.simulation.phantom_process import PhantomProcess
+
+
+@pytest.mark.slow
+def test_pictures_come_at_times_that_this_process_shares():
+    opened_s = time.monotonic()
+    camera = PhantomProcess(read_scenario("webcam"), (640, 480))
+    try:
+        times, means = [], []
+        for _ in range(4):
+            assert camera.grab()
+            read, image = camera.retrieve()
+            assert read
+            assert image.shape == (480, 640, 3)
+            times.append(1e-3 * camera.get(cv2.CAP_PROP_POS_MSEC))
+            means.append(image.mean())
+    finally:
+        camera.release()
+    assert opened_s < times[0] < times[-1] < time.monotonic()
+    in_intervals = np.diff(times) * 30.0
+    np.testing.assert_allclose(in_intervals, np.rint(in_intervals), atol=1e-3)
+    assert min(in_intervals) > 0.5
+    assert min(means) > 100.0  # the light ground of the plain frames
+    assert not camera._process.is_alive()
+    assert not camera.grab()
+
+
+@pytest.mark.slow
+def test_the_phantom_is_a_source_of_live_frames():
+    scene, frames = open_source("phantom", None, live=True)
+    with frames:
+        until = time.monotonic() + 60.0
+        frame = None
+        while frame is None and time.monotonic() < until:
+            frame = frames.next(0.5)
+    assert frame is not None
+    assert scene is not None
+    assert frame.image.shape[:2] == scene.cameras[0].size_px[::-1]
+    assert scene.steps[-1].name == "simulate"
