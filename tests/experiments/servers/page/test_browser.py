@@ -1,4 +1,4 @@
-"""The page in a browser, by clicking and by keys: what it shows, what it sends, and that it never shows GO when it must not."""
+"""The page in a browser, by clicking and by keys: what it shows and sends; GO is never shown when it must not be."""
 
 import asyncio
 import json
@@ -94,8 +94,8 @@ def colour(browser: Any, x: float, y: float) -> list[int]:
     """Of the canvas at a share of its width and height, RGB."""
     return list(
         browser.execute_script(
-            "const c = document.getElementById('picture');"
-            "return [...c.getContext('2d').getImageData(arguments[0] * c.width, arguments[1] * c.height, 1, 1).data].slice(0, 3)",
+            "const c = document.getElementById('picture'), [x, y] = arguments;"
+            "return [...c.getContext('2d').getImageData(x * c.width, y * c.height, 1, 1).data].slice(0, 3)",
             x,
             y,
         )
