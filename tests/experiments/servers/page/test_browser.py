@@ -226,12 +226,12 @@ def test_what_the_run_refuses_is_told(browser: Any, shown: Fed) -> None:
 
 def test_nothing_is_asked_of_another_address_and_nothing_is_wrong(browser: Any, shown: Fed) -> None:
     events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
-    requests = [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
-    sockets = [event["params"]["url"] for event in events if event["method"] == "Network.webSocketCreated"]
-    asked = [url for url in requests + sockets if not url.startswith("chrome://")]  # of the empty tab before
-    own = f"http://127.0.0.1:{shown.one.port}/"
-    assert sum(url.startswith(own) for url in asked) > 8
-    assert [url for url in asked if not url.startswith((own, own.replace("http", "ws")))] == []
+    own = f"127.0.0.1:{shown.one.port}/"
+    sent = [event["params"] for event in events if event["method"] == "Network.requestWillBeSent"]
+    asked = [one["request"]["url"] for one in sent if own in one["documentURL"]]  # not by the empty tab before
+    asked += [event["params"]["url"] for event in events if event["method"] == "Network.webSocketCreated"]
+    assert len(asked) > 8
+    assert [url for url in asked if not url.startswith(("http://" + own, "ws://" + own))] == []
     assert browser.get_log("browser") == []
 
 
