@@ -33,7 +33,7 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request is to one of the hosts, and from no page but ours: one exact Host, such an Origin or none."""
+        """Whether a request is to one of the hosts and from no page but ours: one exact Host, that Origin or none."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False

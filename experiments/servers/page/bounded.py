@@ -9,6 +9,7 @@ import asyncio
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 MOST_CONNECTIONS = 64
@@ -79,6 +80,19 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             return
         super().handle_cont(event)
 
+    def send_receive_event_to_app(self) -> None:
+        """Hand a message on, unless it is called text and is none: that is nothing to be logged."""
+        if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
+            self.transport.abort()
+            return
+        super().send_receive_event_to_app()
+
+    async def send(self, message: Any) -> None:
+        """Send, unless the connection was closed by what the client sent while this was on its way."""
+        if self.close_sent and message["type"] == "websocket.send":
+            raise ClientDisconnected
+        await super().send(message)
+
     def keepalive_timeout(self) -> None:
         """End a connection whose client answers no ping."""
         super().keepalive_timeout()
@@ -98,3 +112,11 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
     def _end_soon(self) -> None:
         self._end.cancel()
         self._end = self.loop.call_later(CLOSING_S, self.transport.abort)
+
+
+def _is_text(content: bytes) -> bool:
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return False
+    return True

@@ -1,7 +1,7 @@
 """A page that is served from this process, on a port of its own, and what is fed to it.
 
-`python -m tests.experiments.servers.page.served FOLDER` replays scene.json, states.jsonl and pictures 0000.jpg … at 30 a
-second, to look at the page by hand.
+`python -m tests.experiments.servers.page.served FOLDER` replays scene.json, states.jsonl and pictures 0000.jpg …,
+30 a second, to look at the page by hand.
 """
 
 from __future__ import annotations

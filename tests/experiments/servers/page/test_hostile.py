@@ -26,11 +26,14 @@ def ended(raw: socket.socket, within_s: float) -> bool:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_thousands_of_hostile_messages_hold_up_nobody(seed: int) -> None:
+def test_thousands_of_hostile_messages_hold_up_nobody_and_fill_no_log(
+    seed: int, caplog: pytest.LogCaptureFixture
+) -> None:
     found = trial(2000, seed)
     assert found["sent"] >= 2000
     assert found["longest_wait_ms"] < 2000.0
     assert found["grown_mb"] < 50.0
+    assert [record.getMessage() for record in caplog.records if record.name != "softaim"] == []
 
 
 def test_an_endless_message_of_empty_frames_is_ended() -> None:

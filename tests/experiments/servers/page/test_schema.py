@@ -14,40 +14,49 @@ from tests.experiments.servers.page import messages
 
 SCHEMA = json.loads((STATIC / "schema.json").read_text(encoding="utf-8"))
 KINDS = {
-    "object": dict, "array": list, "string": str, "number": (int, float), "integer": int, "boolean": bool, "null": type(None)
-}  # fmt: skip
+    "object": dict,
+    "array": list,
+    "string": str,
+    "number": (int, float),
+    "integer": int,
+    "boolean": bool,
+    "null": type(None),
+}
 
 
 def faults(found: Any, schema: dict[str, Any], at: str = "$") -> Iterator[str]:
     """A line for each part of a document that is not as a schema says, by the words of JSON Schema that ours uses."""
     if "$ref" in schema:
         yield from faults(found, SCHEMA["$defs"][schema["$ref"].removeprefix("#/$defs/")], at)
-    for word in ("anyOf", "oneOf"):
-        if word in schema and all(any(True for _ in faults(found, one, at)) for one in schema[word]):
+    for word in {"anyOf", "oneOf"} & schema.keys():
+        if all(any(True for _ in faults(found, one, at)) for one in schema[word]):
             yield f"{at}: none of {word}"
-    if "const" in schema and found != schema["const"]:
-        yield f"{at}: expected {schema['const']}"
-    if "enum" in schema and found not in schema["enum"]:
-        yield f"{at}: expected one of {schema['enum']}"
+    allowed = schema.get("enum", [schema["const"]] if "const" in schema else [found])
+    if found not in allowed:
+        yield f"{at}: expected one of {allowed}"
     kind = schema.get("type")
     if kind and (not isinstance(found, KINDS[kind]) or (kind != "boolean" and isinstance(found, bool))):
         yield f"{at}: expected {kind}"
-        return
-    if kind == "array":
+    elif kind == "array":
         if not schema.get("minItems", 0) <= len(found) <= schema.get("maxItems", len(found)):
             yield f"{at}: {len(found)} items"
         for k, one in enumerate(found):
             yield from faults(one, schema["items"], f"{at}[{k}]")
-    if kind == "object":
-        known, other = schema.get("properties", {}), schema.get("additionalProperties", True)
-        yield from (f"{at}.{name}: missing" for name in schema.get("required", ()) if name not in found)
-        for name, one in found.items():
-            if name in known:
-                yield from faults(one, known[name], f"{at}.{name}")
-            elif other is False:
-                yield f"{at}.{name}: unknown"
-            elif other is not True:
-                yield from faults(one, other, f"{at}.{name}")
+    elif kind == "object":
+        yield from faults_of_object(found, schema, at)
+
+
+def faults_of_object(found: dict[str, Any], schema: dict[str, Any], at: str) -> Iterator[str]:
+    """Keys that are missing or not known, and the faults of the others."""
+    known, other = schema.get("properties", {}), schema.get("additionalProperties", True)
+    yield from (f"{at}.{name}: missing" for name in schema.get("required", ()) if name not in found)
+    for name, one in found.items():
+        if name in known:
+            yield from faults(one, known[name], f"{at}.{name}")
+        elif other is False:
+            yield f"{at}.{name}: unknown"
+        elif other is not True:
+            yield from faults(one, other, f"{at}.{name}")
 
 
 def as_sent(message: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The stream: scene, states, pictures and commands; the newest only; as many clients as agreed, and none that harms others."""
+"""The stream: scene, states, pictures, commands; the newest only; as many clients as agreed, none that harms others."""
 
 import json
 import time
