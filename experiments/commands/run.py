@@ -112,8 +112,8 @@ class Run:
             try:
                 yield folder
             except BaseException:
-                if growing and any(folder.iterdir()):
-                    with suppress(InputError):
+                with suppress(InputError, OSError):  # such as that somebody took the folder away
+                    if growing and any(folder.iterdir()):
                         self.finish(folder, path, inputs)
                 raise
             self.finish(folder, path, inputs)

@@ -56,7 +56,7 @@ def is_loopback(listener: socket.socket) -> bool:
 
 
 def names_of(listener: socket.socket) -> list[str]:
-    """What a browser may call this listener, HOST:PORT each: its address, or where that is any, those of the machine."""
+    """What a browser may call this listener, HOST:PORT each: its address, or all of the machine where that is any."""
     host, port = listener.getsockname()[:2]
     if is_loopback(listener):
         return [f"{host}:{port}", f"localhost:{port}"]
