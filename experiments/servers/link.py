@@ -38,7 +38,7 @@ ENDS_S = 2.0
 class Link:
     """A process that serves a live run, from its start to `close()`.
 
-    told: lines that say where, for standard error
+    told: lines that say where, for standard error: see `tell`
     State, shared with the threads: the state that waits; whether the process is ready for it, and how many of its
     clients want pictures; requests not yet taken.
     """
@@ -68,12 +68,16 @@ class Link:
         return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
 
     def begin(self, scene: Mapping[str, Any]) -> None:
-        """What does not change from state to state; clients are served from now on, and it is said where."""
-        for line in self._told:
-            print(line, file=sys.stderr, flush=True)
+        """What does not change from state to state; clients are served from now on."""
         with self._changed:
             self._scene = scene
             self._changed.notify_all()
+
+    def tell(self) -> None:
+        """Say where clients are served, once."""
+        for line in self._told:
+            print(line, file=sys.stderr, flush=True)
+        self._told = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: Image | None) -> None:
         """Take the newest state in place of one that still waits; message: makes it, in the sending thread."""

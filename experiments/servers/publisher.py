@@ -32,6 +32,9 @@ from vision import SourceError
 LAST_EVENTS = 8
 """Events that a state carries; chosen."""
 
+TELLS_S = 2.0
+"""How long a source may take to fail before it is said where the run is served [s]; chosen."""
+
 BAND = (0.025, 0.975)
 """Between these quantiles lie 95 % of NIS."""
 
@@ -62,6 +65,7 @@ class Shows:
         self._memory_mb = memory_mb()
         self._recording: Mapping[str, Any] | None = None
         self._paused = False
+        self._began_s = time.monotonic()
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def publish(self, shown: Shown, line: Line) -> None:
@@ -115,7 +119,12 @@ class Shows:
         )
 
     def attend(self, control: Control) -> None:
-        """Do what was asked since the last turn of the loop; what cannot be done is reported."""
+        """Do what was asked since the last turn of the loop; what cannot be done is reported.
+
+        Where it is served is said with the first frame, or when none came for a while: bad input is one line alone.
+        """
+        if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
+            self.link.tell()
         for request in self.link.requests():
             try:
                 command = read_command(request)

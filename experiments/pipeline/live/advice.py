@@ -92,6 +92,7 @@ class LiveAdvice:
         if fault is not None:
             return Guidance(Advice.NO_GUIDANCE, fault)
         path = self._path(tissue, self._tables)
+        now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 
     def _path(self, tissue: TissueFilter, tables: FastPredictionTables) -> TargetPath:

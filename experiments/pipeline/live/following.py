@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -25,6 +26,8 @@ from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.outputs import StatusLine
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher
+
+SCENE = "scene.toml"
 
 
 class Attendant(Publisher, Protocol):
@@ -97,15 +100,16 @@ def live(
 
             watch = None if film is None else film(scene, plan)
             viewer = None if attendant is None else attendant(scene, plan)
-            session = Session(
-                written(scene, folder), folder / ESTIMATES, shown, needle=plan, watch=watch, publisher=viewer
-            )
+            used = as_written(scene)
+            session = Session(used, folder / ESTIMATES, shown, needle=plan, watch=watch, publisher=viewer)
             control = Control(
                 session, folder, source=shown_source, needle=None if needle_path is None else needle_path.read_bytes()
             )
             memory = Memory()
 
             def attend() -> None:
+                if session.counters.frames and not (folder / SCENE).exists():
+                    write_scene(used, folder / SCENE)
                 memory.begin(session)
                 if viewer is not None:
                     viewer.attend(control)
@@ -179,11 +183,12 @@ def _followed(
     )
 
 
-def written(scene: Scene, folder: Path) -> Scene:
-    """The scene as the folder's scene.toml has it, to the last bit: so that a replay begins with the same."""
-    path = folder / "scene.toml"
-    write_scene(scene, path)
-    return read_scene(path)
+def as_written(scene: Scene) -> Scene:
+    """The scene as a file has it, to the last bit: so that a replay begins with the same."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / SCENE
+        write_scene(scene, path)
+        return read_scene(path)
 
 
 def _open(source: str, scene_path: Path | None, fps: float | None) -> tuple[Scene | None, vision.Source | MarkSource]:

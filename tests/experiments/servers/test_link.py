@@ -51,6 +51,8 @@ def test_a_client_is_sent_what_the_loop_publishes_and_the_loop_gets_what_it_asks
     """A moment is published until it came; then a sighting of the target goes the other way."""
     with linked() as (link, port):
         link.begin(SCENE)
+        link.tell()
+        link.tell()
         with socket.create_connection((LOOPBACK, port), STARTS_S) as client:
             client.settimeout(0.05)
 

@@ -26,6 +26,7 @@ class Link:
     wants_picture = True
 
     def __init__(self) -> None:
+        self.told = False
         self.scene: dict = {}
         self.states: list[dict] = []
         self.pictures: list[object] = []
@@ -37,6 +38,9 @@ class Link:
     def publish(self, message, image) -> None:
         self.states.append(message())
         self.pictures.append(image)
+
+    def tell(self) -> None:
+        self.told = True
 
     def requests(self) -> list[dict]:
         asked, self.asked = self.asked, []
@@ -86,6 +90,15 @@ def test_a_state_tells_the_estimate_and_where_all_is_in_the_picture(shown):
     assert link.pictures[-1].shape == (480, 640, 3)
     assert link.scene["picture_px"] == (640, 480)
     assert [node["name"] for node in link.scene["nodes"]] == list(scene.network.names)
+
+
+def test_where_it_is_served_is_said_with_the_first_frame(shown):
+    link, control, go_on = shown
+    go_on(1)
+    assert not link.told
+    go_on(1)
+    assert link.told
+    assert control.session.counters.frames == 2
 
 
 def test_where_nobody_watches_no_picture_is_made(shown):

@@ -13,9 +13,9 @@ from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import read_scene, scene_text
+from experiments.formats.scene.scene import read_scene, scene_text, write_scene
 from experiments.pipeline.live.control import Control
-from experiments.pipeline.live.following import follow, written
+from experiments.pipeline.live.following import as_written, follow
 from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, read_journal
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.recording import WAITING, LiveRecording
@@ -58,7 +58,7 @@ class Swinging(vision.EveryFrame):
 
 def recorded(folder: Path, source: Swinging, asked: dict[int, object] | None = None, record_at: int = 0) -> Path:
     """The folder of a recording of a run with advice, in which things were asked for at turns of the loop."""
-    scene = written(source.scene, folder)
+    scene = as_written(source.scene)
     plan = read_needle(NEEDLE, scene.target.radius_m, scene.network.dim)
     session = Session(scene, folder / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: source.now)
     control = Control(session, folder, source="a test", needle=NEEDLE.read_bytes())
@@ -152,7 +152,7 @@ def test_a_recording_that_begins_in_the_middle_says_so(tmp_path):
 
 
 def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
-    scene = written(scene_of(read_scenario("webcam")), tmp_path)
+    scene = as_written(scene_of(read_scenario("webcam")))
     now = [100.0]
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: now[0])
     control = Control(session, tmp_path, source="a test")
@@ -177,7 +177,8 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
 
 def test_the_written_scene_is_read_to_the_last_bit(tmp_path):
     """What a run uses is what its folder says: read and written again, not a digit changes."""
-    scene = written(scene_of(read_scenario("webcam")), tmp_path)
+    scene = as_written(scene_of(read_scenario("webcam")))
+    write_scene(scene, tmp_path / "scene.toml")
     again = read_scene(tmp_path / "scene.toml")
     assert scene_text(again) == scene_text(scene)
     np.testing.assert_array_equal(again.network.positions, scene.network.positions)
