@@ -90,7 +90,7 @@ class TargetPath:
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
     """The path that is one of two, both at the same times: in their parts, with mean and covariance of all.
 
-    probability: of the first at each time, (k,)
+    probability: of the first at each time [1], (k,)
     """
     share = np.stack([probability, 1.0 - probability], axis=1)
     both = [path.parts for path in (one, other)]

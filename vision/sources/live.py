@@ -105,8 +105,7 @@ class LiveFrames(Closing):
         self._recent: deque[Image] = deque(maxlen=IN_TURN)
         self._n_frames = 0
         self._events: list[SourceEvent] = []
-        self._finished = False
-        self._ended = False
+        self._opened = self._finished = self._ended = False
         self._error: Exception | None = None
         self.frames_dropped = 0
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
@@ -123,6 +122,11 @@ class LiveFrames(Closing):
     def ended(self) -> bool:
         """Whether no frame will come any more."""
         return self._ended or self._stop.is_set()
+
+    @property
+    def opening(self) -> bool:
+        """Whether the source is being opened for the first time, which takes some cameras ten seconds."""
+        return not (self._opened or self._finished or self.ended or self._error is not None)
 
     @property
     def interval_s(self) -> float:
@@ -205,6 +209,7 @@ class LiveFrames(Closing):
                 with quiet_opencv():
                     capture = self._open()
                 if capture.isOpened():
+                    self._opened = True
                     self._read(reader, capture)
                 else:
                     self._fail(reader, "does not open")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Out, Processes, Scheduler
+from experiments.commands.options import Force, Out, Processes, Scheduler
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -25,6 +25,7 @@ def faults(
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="The first run's seed.")] = 8000,
     processes: Processes = None,
     scheduler: Scheduler = None,
+    force: Force = False,
     page: Annotated[bool, typer.Option("--page", help="Rewrite the table of docs/faults.md in this folder.")] = False,
 ) -> Answer:
     """Make faults of camera, marks, tissue and scene, and judge what a live run shows; run again, it goes on."""
@@ -34,7 +35,7 @@ def faults(
     from experiments.studies.faults.study import cells, faults_study, markdown
 
     every = range(first_seed, first_seed + seeds)
-    rows = faults_study(only or [], every, out, Workers(processes, scheduler), run.stage("faults"))
+    rows = faults_study(only or [], every, out, Workers(processes, scheduler), run.stage("faults"), force=force)
     if page:
         rewrite_page(PAGE, {"faults": markdown(rows)})
     run.finish(out, out)

@@ -205,12 +205,14 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they come, and coast where none does, until they end or for duration_s [s].
+    """Process frames as they come, and coast where none does, until they end or for duration_s [s] once it is open.
 
     attend: called at each turn, between two frames
     """
     began = clock()
     while not frames.ended and clock() - began < duration_s:
+        if isinstance(frames, vision.LiveFrames) and frames.opening:
+            began = clock()
         attend()
         asked = time.perf_counter()
         frame = frames.next(session.wait_s)

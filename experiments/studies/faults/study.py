@@ -11,6 +11,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.engine.parts import KEPT
 from experiments.engine.study import run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError
@@ -50,8 +51,15 @@ def faults_study(
     folder: Path,
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
+    *,
+    force: bool = False,
 ) -> pd.DataFrame:
-    """A row for each fault, over the seeds; the runs stay in the folder, where the study goes on. Raises InputError."""
+    """A row for each fault, over the seeds; the runs stay in the folder, where the study goes on. Raises InputError.
+
+    force: also into a folder that has other files
+    """
+    if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
+        raise InputError.at(folder, "an empty or a new folder, or one of this study", "files in it")
     cases = [{"fault": name, "seed": seed} for name in names_of(only) for seed in seeds]
     found = run_study(run, cases, folder, workers, advance).checked()
     rows = summary(found)

@@ -9,13 +9,13 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 
 import vision
 from dynamics import MassSpringNetwork, all_positions, integrate_adaptive, pack, unpack
 from experiments.arrays import Floats
 from experiments.formats.scenario import Scenario, read_scenario
-from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.simulate import draw, scene_of, start_and_forces
 from vision.arrays import Image
@@ -28,6 +28,7 @@ BEGAN_S = 100.0
 INTERVAL_S = 1.0 / 30.0
 FINE = 4
 """Times of the truth in a frame's interval."""
+GREY = (150, 150, 150)
 HUES_DEG = (0.0, 120.0, 240.0, 60.0)
 """Of the marks: such as a user takes who wants them told apart."""
 
@@ -119,6 +120,7 @@ class ScriptedFrames(LiveFrames):
         from vision.sources.live import _Reader
 
         self._readers.append(_Reader(now, np.inf))
+        self._opened = True
 
     def next(self, timeout_s: float) -> Frame | None:
         """The newest frame that came until now, or the first within timeout_s [s]."""
@@ -165,6 +167,12 @@ class _Read:
 
 
 def drawn(scene: Scene, places: Floats, rng: np.random.Generator, *, hidden: tuple[str, ...] = ()) -> Image:
-    """A picture of all nodes at these places [m], (n_nodes, dim), some marks covered."""
-    marks: tuple[Mark, ...] = tuple(mark for mark in scene.marks if mark.node not in hidden)
-    return draw(replace(scene, marks=marks), places, vision.Lighting(), rng, strays=[])
+    """A picture of all nodes at these places [m], (n_nodes, dim), some marks covered by something grey."""
+    image = draw(scene, places, vision.Lighting(), rng, strays=[])
+    camera = scene.cameras[0]
+    for mark in scene.marks:
+        if mark.node in hidden:
+            place = places[scene.network.index(mark.node)]
+            (center,), across = camera.project(place[None]), 1e3 * mark.diameter_m / camera.mm_per_px(place)[0]
+            cv2.circle(image, (round(center[0]), round(center[1])), round(across), GREY, -1)
+    return image

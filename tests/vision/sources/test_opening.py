@@ -63,7 +63,7 @@ def test_a_film_is_live_at_its_own_pace_though_it_stands_still(film: str) -> Non
         assert len(frames) + source.frames_dropped == 6
         assert [event.kind for event in source.take_events()] == [EventKind.ENDED]
         assert [frame.exposure_s - source.origin_s for frame in frames] == pytest.approx(
-            [0.01 * f.index for f in frames]
+            [0.01 * f.index for f in frames], abs=1e-9
         )
     assert frames[-1].exposure_s - began >= 0.05
     np.testing.assert_allclose(np.diff([f.exposure_s for f in frames]), 0.01 * np.diff([f.index for f in frames]))

@@ -341,10 +341,8 @@ def test_cancelled_it_closes_every_connection():
         async with contextlib.AsyncExitStack() as clients:
             async with serving(feed) as port:
                 found = [await clients.enter_async_context(connected(port)) for _ in range(3)]
-                for client in found:
-                    await client.next()
-            for client in found:
-                assert await client.is_dropped()
+                _ = [await client.next() for client in found]
+            assert all([await client.is_dropped() for client in found])
             with pytest.raises(ConnectionRefusedError):
                 await asyncio.open_connection("127.0.0.1", port)
         assert len(asyncio.all_tasks()) == 2
