@@ -55,6 +55,12 @@ def is_loopback(listener: socket.socket) -> bool:
     return ipaddress.ip_address(listener.getsockname()[0]).is_loopback
 
 
+def address_of(listener: socket.socket) -> str:
+    """HOST:PORT by which to call this listener: its address, or where that is any, the machine's name."""
+    host, port = listener.getsockname()[:2]
+    return f"{socket.gethostname() if ipaddress.ip_address(host).is_unspecified else host}:{port}"
+
+
 def names_of(listener: socket.socket) -> list[str]:
     """What a browser may call this listener, HOST:PORT each: its address, or all of the machine where that is any."""
     host, port = listener.getsockname()[:2]

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 from experiments.errors import InputError
 from experiments.log import LOG
-from experiments.servers.faces import IGTL_PORT, PAGE_PORT, Faces, is_loopback, listening, usual
+from experiments.servers.faces import IGTL_PORT, PAGE_PORT, Faces, address_of, is_loopback, listening, usual
 from experiments.servers.link import Link
 
 NEEDED = ("starlette", "uvicorn", "websockets")
@@ -38,9 +38,10 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
         return
     token = secrets.token_urlsafe(16)
     told = []
-    for one, what in ((listener, "page: http://{}:{}/#token={}"), (igtl, "OpenIGTLink: {}:{}")):
-        if one is not None:
-            told.append(what.format(*one.getsockname()[:2], token))
+    if listener is not None:
+        told.append(f"page: http://{address_of(listener)}/#token={token}")
+    if igtl is not None:
+        told.append(f"OpenIGTLink: {address_of(igtl)}")
     link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), told)
     for one in (listener, igtl):
         if one is not None:

@@ -16,6 +16,7 @@ import vision
 from experiments.errors import InputError
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from experiments.log import LOG
 from experiments.pipeline.events import report_source_events
 from experiments.pipeline.frame_sources import open_source
 from experiments.pipeline.line import Film
@@ -96,6 +97,8 @@ def live(
             def shown(text: str) -> None:
                 if session.counters.frames:
                     begun()
+                if session.counters.frames == 1:
+                    _write(used, folder / SCENE)
                 status.show(text)
 
             watch = None if film is None else film(scene, plan)
@@ -108,8 +111,6 @@ def live(
             memory = Memory()
 
             def attend() -> None:
-                if session.counters.frames and not (folder / SCENE).exists():
-                    write_scene(used, folder / SCENE)
                 memory.begin(session)
                 if viewer is not None:
                     viewer.attend(control)
@@ -181,6 +182,14 @@ def _followed(
         tuple(recordings),
         None if fault is None else f"{name}: {fault}" if fault is not unwritten else str(fault),
     )
+
+
+def _write(scene: Scene, path: Path) -> None:
+    """Write the scene of a run that goes on, whether that succeeds or not."""
+    try:
+        write_scene(scene, path)
+    except InputError as error:
+        LOG.warning("%s; the run goes on without it", error)
 
 
 def as_written(scene: Scene) -> Scene:

@@ -69,13 +69,15 @@ class LiveRecording:
 
     def frame(self, frame: vision.Frame | MarksFrame, exposure_s: float, now_s: float, *, fits: bool) -> None:
         """Write down a frame that came, exposed at this time [s], and keep it; fits: whether it can be used."""
+        if not self.going:
+            return
         if not fits:
             self.note(Done(Act.UNFIT, exposure_s, now_s))
         elif isinstance(frame, MarksFrame):
             self._keep_marks(frame, exposure_s)
-            self.note(Done(Act.FRAME, exposure_s, now_s, mark_values(frame.marks)))
+            self.note(Done(Act.MARKS, exposure_s, now_s, mark_values(frame.marks)))
             self.n_frames += 1
-        elif self.going:
+        else:
             with self._changed:
                 full = len(self._waiting) >= WAITING
                 if not full:

@@ -62,7 +62,7 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
         for k, done in enumerate(journal):
             advance(k / len(journal))
             clock.now_s = done.now_s
-            if done.act is Act.FRAME:
+            if done.act in (Act.FRAME, Act.MARKS):
                 frame = _frame(done, pictures, n_frames)
                 if frame is None:
                     lacking = sum(one.act is Act.FRAME for one in journal) - n_frames
@@ -86,13 +86,13 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
 
 def _pictures(folder: Path, journal: list[Done]) -> Iterator[vision.Frame]:
     """The pictures of a recording, none where another tracker found its marks."""
-    if any(done.act is Act.FRAME and not done.values for done in journal):
+    if any(done.act is Act.FRAME for done in journal):
         with read_recording(folder).open_frames() as frames:
             yield from frames
 
 
 def _frame(done: Done, pictures: Iterator[vision.Frame], index: int) -> vision.Frame | MarksFrame | None:
-    if done.values:
+    if done.act is Act.MARKS:
         return MarksFrame(index, done.time_s, marks_of(done.values))
     frame = next(pictures, None)
     return None if frame is None else vision.Frame(index, done.time_s, frame.image)

@@ -14,7 +14,7 @@ import pytest
 from pyigtl.messages import PointMessage
 
 from experiments.errors import InputError
-from experiments.servers.faces import LOOPBACK, Faces, is_loopback, listening, usual
+from experiments.servers.faces import LOOPBACK, Faces, address_of, is_loopback, listening, names_of, usual
 from experiments.servers.link import Link, finite, jpeg, text_of
 from experiments.servers.opening import served
 from tests.experiments.servers.openigtlink.states import SCENE, state
@@ -144,6 +144,8 @@ def test_a_port_alone_is_on_loopback_and_a_host_alone_at_the_usual_port():
         assert one.getsockname() == (LOOPBACK, port)
     with listening("--page", "0.0.0.0:0", None) as one:
         assert not is_loopback(one)
+        assert address_of(one) in names_of(one)
+        assert not address_of(one).startswith("0.0.0.0")
 
 
 def test_nothing_is_served_where_nothing_is_wanted():

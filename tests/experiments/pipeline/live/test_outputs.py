@@ -88,18 +88,25 @@ def test_a_status_line_that_nobody_reads_stops_nothing():
 @pytest.mark.parametrize("fault", [BrokenPipeError(), ValueError("I/O operation on closed file")])
 def test_a_status_line_without_a_reader_ends_and_the_run_does_not(fault):
     class Closed(io.StringIO):
+        n_tried = 0
+
         def write(self, _text):
+            self.n_tried += 1
             raise fault
 
-    with StatusLine(Closed()) as line:
+    closed = Closed()
+    with StatusLine(closed) as line:
         for _ in range(3):
             line.show("text")
+    assert closed.n_tried == 1
+    assert not line._thread.is_alive()
 
 
 def test_a_program_that_was_called_without_standard_output_has_no_status_line(monkeypatch):
     monkeypatch.setattr("sys.stdout", None)
     with StatusLine() as line:
         line.show("text")
+    assert not line._thread.is_alive()
 
 
 def test_latencies_are_counted_to_their_share():

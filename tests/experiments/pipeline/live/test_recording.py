@@ -158,7 +158,7 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
     control = Control(session, tmp_path, source="a test")
     control.record(True)
     rng = np.random.default_rng(3)
-    for k in range(15):
+    for k in range(15):  # and none in the seventh frame
         now[0] = 100.0 + k / 30.0 + 0.01
         marks = tuple(
             MarkMeasurement(
@@ -166,13 +166,24 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
             )
             for node in scene.measured_nodes
         )
-        session.take(MarksFrame(k, 100.0 + k / 30.0, marks))
+        session.take(MarksFrame(k, 100.0 + k / 30.0, marks if k != 7 else ()))
     (folder,) = control.finish()
     session.close()
     (tmp_path / "again").mkdir()
     assert not replay(folder, tmp_path / "again").different
     assert (tmp_path / "again" / "estimates.csv").read_bytes() == (tmp_path / "estimates.csv").read_bytes()
     assert len(read_recording(folder).exposures_s) == 15
+
+
+def test_a_recording_that_ended_takes_nothing_more(tmp_path):
+    one = LiveRecording(tmp_path / "r", scene_of(read_scenario("webcam")), needle=None, source="a test", begun=True)
+    one.frame(MarksFrame(0, 1.0, ()), 1.0, 1.0, fits=True)
+    one.fail(InputError("the disk is full"))
+    one.frame(MarksFrame(1, 2.0, ()), 2.0, 2.0, fits=True)
+    one.finish()
+    assert one.n_frames == 1
+    assert [done.act for done in read_journal(one.folder / JOURNAL)] == [Act.BEGIN, Act.MARKS]
+    assert (one.folder / "frames.csv").read_text(encoding="utf-8").split() == ["frame,exposure_s", "0,1.000000000"]
 
 
 def test_the_written_scene_is_read_to_the_last_bit(tmp_path):

@@ -81,3 +81,22 @@ async def connected(port: int) -> AsyncIterator[Client]:
         writer.close()
         with contextlib.suppress(OSError):
             await writer.wait_closed()
+
+
+def with_little_room(port: int) -> socket.socket:
+    """A client whose system holds little that it has not read."""
+    found = socket.socket()
+    found.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    found.connect(("127.0.0.1", port))
+    found.setblocking(False)
+    return found
+
+
+async def drained(client: socket.socket) -> int:
+    """How many bytes come until its connection ends, which is soon."""
+    n_bytes = 0
+    async with asyncio.timeout(SOON_S):
+        with contextlib.suppress(ConnectionResetError):
+            while piece := await asyncio.get_running_loop().sock_recv(client, 65536):
+                n_bytes += len(piece)
+    return n_bytes

@@ -221,7 +221,8 @@ def test_a_fix_by_click_and_a_hue_by_keys(browser: Any, shown: Fed) -> None:
 def test_what_the_run_refuses_is_told(browser: Any, shown: Fed) -> None:
     shown.one.refusal = "the disk is full"
     click(browser, "record")
-    shown.one.until(lambda: "the disk is full" in browser.find_element("id", "message").text)
+    shown.one.until(lambda: "refused" in browser.find_element("id", "message").text)
+    assert browser.find_element("id", "message").text == "record refused: the disk is full"
 
 
 def test_nothing_is_asked_of_another_address_and_nothing_is_wrong(browser: Any, shown: Fed) -> None:
