@@ -6,8 +6,6 @@ grows on the disk as a recording does; pictures are compressed by a thread that 
 
 from __future__ import annotations
 
-import threading
-from collections import deque
 from pathlib import Path
 
 import vision
@@ -20,7 +18,7 @@ from experiments.log import LOG
 from experiments.pipeline.live.journal import JOURNAL, Act, Done, JournalTable, mark_values
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
-from experiments.pipeline.recorder import PIECE_S, Recorder
+from experiments.pipeline.recorder_thread import RecorderThread
 
 WAITING = 64
 """Pictures that wait for the thread, at most: one second at 60 frames/s, 60 MB at 640x480; chosen."""
@@ -31,7 +29,7 @@ class LiveRecording:
 
     begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
     Where the thread falls behind, or the disk is full, the recording ends there and says so; the run goes on.
-    State: the tables; pictures that wait; how many frames were taken; the fault that ended it.
+    State: the tables; the thread; how many frames were taken; the fault that ended it.
     """
 
     def __init__(self, folder: Path, scene: Scene, *, needle: bytes | None, source: str, begun: bool) -> None:
@@ -48,18 +46,20 @@ class LiveRecording:
         self.journal = JournalTable(folder / JOURNAL)
         self._marks: LiveTable | None = None
         self._frames: LiveTable | None = None
-        self._recorder: Recorder | None = None
-        self._waiting: deque[vision.Frame] = deque()
-        self._changed = threading.Condition()
-        self._ended = False
-        self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
-        self._thread.start()
+        self._pictures = RecorderThread[vision.Frame](
+            folder,
+            "FFV1",
+            lambda frame: frame,
+            n_waiting=WAITING,
+            faults=(InputError, vision.SourceError, OSError),
+            failed=self.fail,
+        )
         self.note(Done(Act.BEGIN, 0.0, 0.0, (source, begun)))
 
     @property
     def going(self) -> bool:
         """Whether it still grows."""
-        return self.fault is None and not self._ended
+        return self.fault is None and not self._pictures.ends
 
     def note(self, done: Done) -> None:
         """Write down what is not a frame."""
@@ -78,12 +78,7 @@ class LiveRecording:
             self.note(Done(Act.MARKS, exposure_s, now_s, mark_values(frame.marks)))
             self.n_frames += 1
         else:
-            with self._changed:
-                full = len(self._waiting) >= WAITING
-                if not full:
-                    self._waiting.append(vision.Frame(self.n_frames, exposure_s, frame.image))
-                    self._changed.notify()
-            if full:
+            if not self._pictures.put(vision.Frame(self.n_frames, exposure_s, frame.image)):
                 self.fail(
                     InputError.at(self.folder, "a disk and a processor that keep up", f"{WAITING} frames waiting")
                 )
@@ -109,32 +104,7 @@ class LiveRecording:
 
     def finish(self) -> None:
         """Write what waits, and end the tables: nothing comes any more."""
-        with self._changed:
-            self._ended = True
-            self._changed.notify()
-        self._thread.join()
+        self._pictures.finish()
         for table in (self.journal.table, self._marks, self._frames):
             if table is not None:
                 table.close()
-
-    def _work(self) -> None:
-        try:
-            while not self._ended or self._waiting:  # in this order: none comes after the end
-                with self._changed:
-                    if not self._waiting and not self._ended:
-                        self._changed.wait(0.1 * PIECE_S)
-                    one = self._waiting.popleft() if self._waiting else None
-                if one is not None:
-                    self._write(one)
-                elif self._recorder is not None:
-                    self._recorder.check()
-            if self._recorder is not None:
-                self._recorder.finish_piece()
-        except (InputError, vision.SourceError, OSError) as error:
-            self.fail(error)
-
-    def _write(self, frame: vision.Frame) -> None:
-        if self._recorder is None:
-            height, width = frame.image.shape[:2]
-            self._recorder = Recorder(self.folder, (width, height))
-        self._recorder.take(frame)

@@ -13,7 +13,7 @@ from experiments.film.live_film import WAITING, LiveFilm
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
-from experiments.pipeline.recorder import PIECE_S, join
+from experiments.pipeline.recorder import PIECE_S, Recorder, join
 from experiments.simulation.simulate import film, scene_of, true_motion
 from tests.experiments.command import softaim
 from vision import Frame
@@ -87,7 +87,7 @@ def test_the_loop_never_waits_and_the_oldest_frames_go(frames, tmp_path, monkeyp
     one, own = LiveFilm(line().scene, tmp_path / "out-film"), line()
     steps = [(frame, own.see(frame.exposure_s, frame.image)) for frame in frames[:30]]
     one.take(steps[0][0], own, steps[0][1])
-    while one._waiting:  # until the thread holds the first
+    while one._thread._waiting:  # until the thread holds the first
         threading.Event().wait(1e-3)
     for frame, step in steps[1:]:
         one.take(frame, own, step)  # comes back although the thread stands still
@@ -103,38 +103,16 @@ def test_what_fails_in_the_thread_ends_the_film_and_not_the_run(frames, tmp_path
     def full(*_given: object) -> None:
         raise error
 
-    monkeypatch.setattr(experiments.film.live_film.Recorder, "take", full)
+    monkeypatch.setattr(Recorder, "take", full)
     one = LiveFilm(line().scene, tmp_path / "out-film")
     session = Session(line().scene, tmp_path / "estimates.csv", lambda _text: None, watch=one)
     for frame in frames[:10]:
         assert session.take(frame)
-    one._thread.join(30.0)
+    one._thread._thread.join(30.0)
     session.take(frames[10])
     assert session.counters.frames == 11
     assert "No space left" in str(one.fault)
     session.close()
-
-
-def test_a_frame_that_comes_just_before_the_end_is_written(frames, tmp_path, monkeypatch) -> None:
-    """Handed over, and the film ended, after the thread found nothing and before it asks whether that was all."""
-    idle, find = threading.Event(), LiveFilm._next
-
-    def found(film: LiveFilm) -> object:
-        one = find(film)
-        while one is None and not film._ended:
-            idle.set()
-            threading.Event().wait(1e-3)
-        return one
-
-    monkeypatch.setattr(LiveFilm, "_next", found)
-    out = tmp_path / "out"
-    out.mkdir()
-    one, own = LiveFilm(line().scene, tmp_path / "out-film"), line()
-    step = own.see(frames[0].exposure_s, frames[0].image)
-    assert idle.wait(30.0)
-    one.take(frames[0], own, step)
-    one.finish(out)
-    assert (one.n_written, one.fault) == (1, None)
 
 
 def test_a_frame_at_the_time_of_the_one_before_is_dropped(frames, tmp_path) -> None:

@@ -21,6 +21,7 @@ from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.recording import WAITING, LiveRecording
 from experiments.pipeline.live.replaying import replay
 from experiments.pipeline.live.session import Session
+from experiments.pipeline.recorder_thread import RecorderThread
 from experiments.simulation.simulate import draw, scene_of
 from vision import Frame
 
@@ -197,7 +198,7 @@ def test_the_written_scene_is_read_to_the_last_bit(tmp_path):
 
 def test_a_recording_that_cannot_keep_up_ends_and_the_run_goes_on(tmp_path, monkeypatch, capfd):
     """A thread that never comes to write: after as many pictures as may wait it is said, once."""
-    monkeypatch.setattr(LiveRecording, "_work", lambda self: None)
+    monkeypatch.setattr(RecorderThread, "_work", lambda self: None)
     one = LiveRecording(tmp_path / "r", scene_of(read_scenario("webcam")), needle=None, source="a test", begun=True)
     frame = Frame(0, 0.0, np.zeros((4, 4, 3), np.uint8))
     for k in range(WAITING + 5):

@@ -1,0 +1,96 @@
+"""Record in a thread that a loop never waits for: what it hands over is drawn and compressed there."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import vision
+from experiments.pipeline.recorder import PIECE_S, Recorder
+
+Item = TypeVar("Item")
+
+Faults = type[Exception] | tuple[type[Exception], ...]
+
+
+class RecorderThread(Generic[Item]):
+    """Records what is put, in order, until `finish`.
+
+    folder, codec: of the `Recorder`; frame: made of what was put, in the thread
+    n_waiting: as much waits for the thread, at most
+    faults, failed: which errors end it, and who is told, in the thread
+    State: what waits; the recorder, None before the first frame; how many frames were recorded; whether it ends.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        codec: vision.Codec,
+        frame: Callable[[Item], vision.Frame],
+        *,
+        n_waiting: int,
+        faults: Faults,
+        failed: Callable[[Exception], None],
+    ) -> None:
+        self._folder, self._codec, self._frame = folder, codec, frame
+        self._n_waiting, self._faults, self._failed = n_waiting, faults, failed
+        self._waiting: deque[Item] = deque()
+        self._changed = threading.Condition()
+        self._recorder: Recorder | None = None
+        self.n_recorded = 0
+        self.ends = False
+        self._thread = threading.Thread(target=self._work, name=folder.name, daemon=True)
+        self._thread.start()
+
+    def put(self, item: Item) -> bool:
+        """Hand this to the thread, unless as much waits as may; whether it was."""
+        with self._changed:
+            if len(self._waiting) >= self._n_waiting:
+                return False
+            self._waiting.append(item)
+            self._changed.notify()
+        return True
+
+    def make_room(self) -> bool:
+        """Drop the oldest where as much waits as may; whether that was so."""
+        with self._changed:
+            full = len(self._waiting) >= self._n_waiting
+            if full:
+                self._waiting.popleft()
+        return full
+
+    def finish(self) -> None:
+        """Record what waits: nothing comes any more."""
+        with self._changed:
+            self.ends = True
+            self._changed.notify()
+        self._thread.join()
+
+    def _work(self) -> None:
+        try:
+            while not self.ends or self._waiting:  # in this order: none comes after the end
+                item = self._next()
+                if item is not None:
+                    self._record(self._frame(item))
+                elif self._recorder is not None:
+                    self._recorder.check()
+            if self._recorder is not None:
+                self._recorder.finish_piece()
+        except self._faults as fault:
+            self._failed(fault)
+
+    def _next(self) -> Item | None:
+        with self._changed:
+            if not self._waiting and not self.ends:
+                self._changed.wait(0.1 * PIECE_S)
+            return self._waiting.popleft() if self._waiting else None
+
+    def _record(self, frame: vision.Frame) -> None:
+        if self._recorder is None:
+            height, width = frame.image.shape[:2]
+            self._recorder = Recorder(self._folder, (width, height), self._codec)
+        self._recorder.take(frame)
+        self.n_recorded += 1

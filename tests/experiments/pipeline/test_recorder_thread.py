@@ -1,0 +1,100 @@
+"""Frames that a thread records: in order, no more waiting than may, and none lost at the end."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.pipeline.recorder import join
+from experiments.pipeline.recorder_thread import RecorderThread
+from vision import Frame, VideoFileFrames
+
+
+def shade(k: int) -> Frame:
+    """A picture that is as bright as its number."""
+    return Frame(k, 1.0 + k / 30.0, np.full((16, 16, 3), k, np.uint8))
+
+
+def begun(folder: Path, frame: Callable[[int], Frame] = shade) -> tuple[RecorderThread[int], list[Exception]]:
+    """A thread for which four may wait, and what it says of faults."""
+    faults: list[Exception] = []
+    one = RecorderThread(folder, "FFV1", frame, n_waiting=4, faults=InputError, failed=faults.append)
+    return one, faults
+
+
+def recorded(folder: Path) -> list[int]:
+    """How bright the frames of the film are."""
+    join(folder)
+    with VideoFileFrames(folder / "video.mkv") as frames:
+        return [int(frame.image[0, 0, 0]) for frame in frames]
+
+
+class Slow:
+    """Makes frames only when it may. State: whether it is at one, and whether it may go on."""
+
+    def __init__(self) -> None:
+        self.at, self.may = threading.Event(), threading.Event()
+
+    def __call__(self, k: int) -> Frame:
+        self.at.set()
+        assert self.may.wait(30.0)
+        return shade(k)
+
+
+def test_no_more_waits_than_may(tmp_path) -> None:
+    slow = Slow()
+    one, faults = begun(tmp_path / "r", slow)
+    assert one.put(0)
+    assert slow.at.wait(30.0)
+    assert [one.put(k) for k in range(1, 7)] == [True] * 4 + [False] * 2
+    slow.may.set()
+    one.finish()
+    assert (one.n_recorded, faults) == (5, [])
+    assert recorded(tmp_path / "r") == [0, 1, 2, 3, 4]
+
+
+def test_room_is_made_where_there_is_none(tmp_path) -> None:
+    slow = Slow()
+    one, faults = begun(tmp_path / "r", slow)
+    assert one.put(0)
+    assert slow.at.wait(30.0)
+    made = []
+    for k in range(1, 7):
+        made.append(one.make_room())
+        assert one.put(k)
+    assert made == [False] * 4 + [True] * 2
+    slow.may.set()
+    one.finish()
+    assert faults == []
+    assert recorded(tmp_path / "r") == [0, 3, 4, 5, 6]
+
+
+def test_what_comes_just_before_the_end_is_recorded(tmp_path, monkeypatch) -> None:
+    """Put, and the end asked for, after the thread found nothing and before it asks whether that was all."""
+    idle, find = threading.Event(), RecorderThread._next
+
+    def found(thread: RecorderThread[int]) -> int | None:
+        item = find(thread)
+        while item is None and not thread.ends:
+            idle.set()
+            threading.Event().wait(1e-3)
+        return item
+
+    monkeypatch.setattr(RecorderThread, "_next", found)
+    one, faults = begun(tmp_path / "r")
+    assert idle.wait(30.0)
+    assert one.put(7)
+    one.finish()
+    assert (one.n_recorded, faults) == (1, [])
+
+
+def test_a_fault_ends_it_and_is_told_once(tmp_path) -> None:
+    """A frame of another size cannot follow; what came before is kept."""
+    one, faults = begun(tmp_path / "r", lambda k: shade(k) if k < 3 else Frame(k, 9.0, np.zeros((8, 8, 3), np.uint8)))
+    for k in range(4):
+        assert one.put(k)
+    one.finish()
+    assert one.n_recorded == 3
+    assert [str(fault) for fault in faults] == [f"{tmp_path / 'r'}: expected frames of 16 x 16 px, found 8 x 8"]
