@@ -18,7 +18,7 @@ class _Command(BaseModel):
 
 
 class Pause(_Command):
-    """Frames come and are recorded, but no longer change what is shown; again: go on."""
+    """Use no frames from now on, nor record them: the target is predicted, without advice; or use them again."""
 
     command: Literal["pause"]
     on: bool
