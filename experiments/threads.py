@@ -1,8 +1,12 @@
-"""One thread for each library that would start more: at some twenty states, on parts of a picture, they only wait."""
+"""One thread for each library that would start more: at some twenty states, on parts of a picture, they only wait.
+
+And how a process begins that helps another.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -22,3 +26,9 @@ def one_thread_each() -> None:
     """Set these variables where the user has not; of use before NumPy and OpenCV are loaded."""
     for name, n_threads in ONE_THREAD.items():
         os.environ.setdefault(name, str(n_threads))
+
+
+def begin_helper() -> None:
+    """Begin a process that helps another: one thread each; Ctrl-C is for the other, which ends this one."""
+    one_thread_each()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

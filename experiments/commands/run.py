@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from experiments.commands.options import AsJson, Verbose
 from experiments.commands.terminal import progress
+from experiments.plain import plain
 
 if TYPE_CHECKING:
     from experiments.formats.scene.scene import Scene
@@ -238,16 +239,3 @@ def _logged(name: str, verbose: bool) -> Iterator[Run]:
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
     """Arguments without the passwords that addresses of streams may hold."""
     return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)
-
-
-def plain(value: Any) -> Any:
-    """A value as JSON can hold it: paths as text, None for numbers that are not finite."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(one) for key, one in value.items()}
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
-    if isinstance(value, float) and not -float("inf") < value < float("inf"):
-        return None
-    return value

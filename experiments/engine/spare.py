@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-from experiments.threads import one_thread_each
+from experiments.threads import begin_helper
 
 Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """A map, such as that of a pool of processes."""
@@ -24,12 +23,6 @@ WORTH_S = 4.0
 
 NEEDED = "estimators"
 """What a process that begins ahead imports: most of what takes it two seconds."""
-
-
-def _begin() -> None:
-    """One thread each; Ctrl-C is for the process that asked, which ends this one."""
-    one_thread_each()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
@@ -67,7 +60,7 @@ def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[
     longest_s = 0.0
 
     def begun() -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(n - 1, multiprocessing.get_context("spawn"), _begin)
+        return ProcessPoolExecutor(n - 1, multiprocessing.get_context("spawn"), begin_helper)
 
     def shared(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
         nonlocal pool, longest_s

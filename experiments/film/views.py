@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynamics import unpack
+from dynamics import all_positions, unpack
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -70,9 +70,6 @@ def overlay_of(
     """
     scene, estimate = line.scene, step.estimates[FILTER]
     network = scene.network
-    positions = network.positions.copy()
-    x = line.filter.mixture.x[: network.n_state]
-    positions[network.free] = unpack(x, network.dim)[0]
     named = network.n_nodes <= MOST_NAMED
     names = tuple(name if named or name == scene.target.node else "" for name in network.names)
     target_px, target_cov_px2 = _seen(camera, estimate.mean, estimate.cov)
@@ -80,7 +77,7 @@ def overlay_of(
         status=str(estimate.status),
         status_colour=STATUSES[estimate.status],
         facts=facts(estimate, len(scene.measured_nodes)),
-        nodes_px=_places(camera, positions),
+        nodes_px=_places(camera, node_places(line)),
         names=names,
         fixed=network.fixed,
         springs=network.springs,
@@ -94,6 +91,12 @@ def overlay_of(
         advice_colour=GREY if guidance is None else ADVICE[guidance.advice],
         notes=_notes(target_cov_px2, camera),
     )
+
+
+def node_places(line: Line) -> Floats:
+    """Where the filter expects all nodes now [m], (n_nodes, dim)."""
+    network = line.scene.network
+    return all_positions(network, unpack(line.filter.mixture.x[: network.n_state], network.dim)[0])
 
 
 def facts(estimate: TargetEstimate, n_measured: int) -> str:

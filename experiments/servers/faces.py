@@ -10,7 +10,7 @@ from experiments.errors import InputError, shown
 
 LOOPBACK = "127.0.0.1"
 PAGE_PORT, IGTL_PORT = 8765, 18944
-"""The page's usual port, and that of OpenIGTLink."""
+"""The page's usual port, and that registered for OpenIGTLink."""
 BACKLOG = 32
 
 
@@ -62,18 +62,26 @@ def address_of(listener: socket.socket) -> str:
 
 
 def names_of(listener: socket.socket) -> list[str]:
-    """What a browser may call this listener, HOST:PORT each: its address, or all of the machine where that is any."""
+    """What a browser may call this listener, as its Host: HOST:PORT each, and at port 80 HOST alone.
+
+    HOST is its address, or any of the machine's where that is any.
+    """
     host, port = listener.getsockname()[:2]
-    if is_loopback(listener):
-        return [f"{host}:{port}", f"localhost:{port}"]
-    if not ipaddress.ip_address(host).is_unspecified:
-        return [f"{host}:{port}"]
+    names = _names(ipaddress.ip_address(host))
+    return [f"{one}:{port}" for one in names] + (names if port == 80 else [])
+
+
+def _names(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> list[str]:
+    if address.is_loopback:
+        return [str(address), "localhost"]
+    if not address.is_unspecified:
+        return [str(address)]
     name = socket.gethostname()
     try:
         addresses = {str(one[4][0]) for one in socket.getaddrinfo(name, None, socket.AF_INET)}
     except OSError:
         addresses = set()
-    return [f"{one}:{port}" for one in sorted({LOOPBACK, "localhost", name, *addresses})]
+    return sorted({LOOPBACK, "localhost", name, *addresses})
 
 
 def _parts(option: str, address: str, port: int | None) -> tuple[str, int]:

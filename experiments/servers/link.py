@@ -18,6 +18,7 @@ from typing import Any
 import cv2
 
 from experiments.log import LOG
+from experiments.plain import plain
 from experiments.servers.faces import Faces
 from experiments.servers.process import serve
 from vision.arrays import Image
@@ -156,16 +157,7 @@ def text_of(message: Mapping[str, Any]) -> bytes:
     try:
         return json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
     except ValueError:
-        return json.dumps(finite(message), allow_nan=False, separators=(",", ":")).encode()
-
-
-def finite(value: Any) -> Any:
-    """A value without numbers that JSON cannot hold."""
-    if isinstance(value, Mapping):
-        return {key: finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(one) for one in value]
-    return None if isinstance(value, float) and not -float("inf") < value < float("inf") else value
+        return json.dumps(plain(message), allow_nan=False, separators=(",", ":")).encode()
 
 
 def jpeg(image: Image) -> bytes:

@@ -25,7 +25,7 @@ STALE_MS = 200
 
 
 @dataclass(slots=True)
-class Counters:
+class LoopFigures:
     """How the loop does: counted since the run began.
 
     frames, without_frame, dropped, not_used: as `softaim live` counts them
@@ -82,7 +82,7 @@ def state_message(
     *,
     utc_s: float,
     from_frame: bool,
-    counters: Counters,
+    counters: LoopFigures,
     overlay: Overlay | None = None,
     nodes_m: Floats | None = None,
     nis_band: tuple[float, float] | None = None,
@@ -121,7 +121,7 @@ def state_message(
         "advice": None if guidance is None else _advice(guidance),
         "needle": None if needle is None else {"tip_mm": _mm(needle[0]), "direction": needle[1].tolist()},
         "picture": None if overlay is None else _picture(overlay),
-        "counters": {name: getattr(counters, name) for name in Counters.__dataclass_fields__},
+        "counters": {name: getattr(counters, name) for name in LoopFigures.__dataclass_fields__},
         "events": [dict(one) for one in events],
         "recording": recording,
         "paused": paused,

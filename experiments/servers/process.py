@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import signal
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from multiprocessing.connection import Connection
@@ -12,14 +11,15 @@ from typing import Any
 
 from experiments.servers.faces import Faces, names_of
 from experiments.servers.feed import Feed
+from experiments.threads import begin_helper
 
 LONGEST = 64 * 1024 * 1024
 """Bytes of what the loop sends at once, at most: a picture of 8K is 20 MB; chosen."""
 
 
 def serve(connection: Connection, faces: Faces) -> None:
-    """Serve until the loop says that it ends, or is gone. Ctrl-C is for the process that asked."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Serve until the loop says that it ends, or is gone."""
+    begin_helper()
     asyncio.run(_Served(connection, faces).run())
 
 

@@ -13,10 +13,8 @@ from typing import Any, Self
 import numpy as np
 from scipy.stats import chi2
 
-from dynamics import unpack
-from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.film.views import ground_camera, overlay_of
+from experiments.film.views import ground_camera, node_places, overlay_of
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.log import LOG
@@ -26,7 +24,7 @@ from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.shown import Shown
 from experiments.servers.commands import Command, Fix, Hue, NeedleAt, Pause, Record, Reset, read_command
 from experiments.servers.link import Link
-from experiments.servers.message import Counters, scene_message, state_message
+from experiments.servers.message import LoopFigures, scene_message, state_message
 from vision import SourceError
 
 LAST_EVENTS = 8
@@ -76,7 +74,7 @@ class Shows:
             overlay = overlay_of(line, shown.step, camera, shown.guidance, shown.plan)
             image = None if shown.frame is None else shown.frame.image
         if camera is None:
-            nodes_m = places(line)
+            nodes_m = node_places(line)
         counters = self._counters(shown)
         utc_s = shown.at_s + time.time() - time.monotonic()
         insertion = None if shown.plan is None else shown.plan.insertion
@@ -101,11 +99,11 @@ class Shows:
             image,
         )
 
-    def _counters(self, shown: Shown) -> Counters:
+    def _counters(self, shown: Shown) -> LoopFigures:
         known = shown.counters
         if not known.frames % 64:
             self._memory_mb = memory_mb()
-        return Counters(
+        return LoopFigures(
             known.frames,
             known.without_frame,
             known.dropped,
@@ -151,29 +149,21 @@ def do(command: Command, control: Control) -> None:
     """Do what a client asks. Raises ValueError or InputError where it cannot be done."""
     match command:
         case Pause():
-            control.pause(command.on)
+            control.session.pause(command.on)
         case Record():
             control.record(command.on)
         case Reset():
-            control.reset()
+            control.session.reset()
         case Fix() if command.place_px is not None:
             control.fix_at(np.array(command.place_px), 1e-3 * command.sd_mm)
         case Fix() if command.place_mm is not None:
-            control.fix(1e-3 * np.array(command.place_mm), 1e-3 * command.sd_mm)
+            control.session.fix(1e-3 * np.array(command.place_mm), 1e-3 * command.sd_mm)
         case Hue():
             control.colour_at(command.node, np.array(command.place_px))
         case NeedleAt():
-            control.needle_at(1e-3 * np.array(command.tip_mm), np.array(command.direction))
+            control.session.needle_at(1e-3 * np.array(command.tip_mm), np.array(command.direction))
         case _:
             raise ValueError("fix: expected place_mm or place_px, found neither")
-
-
-def places(line: Line) -> Floats:
-    """Where the filter expects all nodes now [m], (n_nodes, dim)."""
-    network = line.scene.network
-    positions = network.positions.copy()
-    positions[network.free] = unpack(line.filter.mixture.x[: network.n_state], network.dim)[0]
-    return positions
 
 
 @lru_cache(maxsize=256)

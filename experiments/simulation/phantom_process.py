@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import signal
 import struct
 from multiprocessing.connection import Connection
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from experiments.formats.scenario import Scenario
 from experiments.simulation.phantom_camera import PhantomCamera
-from experiments.threads import one_thread_each
+from experiments.threads import begin_helper
 from vision.arrays import Image
 
 TIME = struct.Struct("<d")
@@ -23,9 +22,8 @@ ENDS_S = 2.0
 
 
 def film(connection: Connection, scenario: Scenario) -> None:
-    """Send the phantom's pictures as they are due, until nobody takes them. Ctrl-C is for the process that asked."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    one_thread_each()
+    """Send the phantom's pictures as they are due, until nobody takes them."""
+    begin_helper()
     camera = PhantomCamera(scenario)
     try:
         while camera.grab():

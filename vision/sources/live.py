@@ -50,7 +50,7 @@ class Capture(Protocol):
 
 
 @dataclass(slots=True, eq=False)
-class _Reader:
+class Reader:
     """A reading thread: when it was last seen to move [s], how long it may hang [s], whether another replaced it."""
 
     alive_s: float
@@ -109,7 +109,7 @@ class LiveFrames(Closing):
         self._error: Exception | None = None
         self.frames_dropped = 0
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
-        self._readers: list[_Reader] = []
+        self._readers: list[Reader] = []
         self._origin = origin
         self._start_reader(clock())
 
@@ -181,12 +181,12 @@ class LiveFrames(Closing):
         return events
 
     def _start_reader(self, now: float) -> None:
-        reader = _Reader(now, self._settings.opening_s)
+        reader = Reader(now, self._settings.opening_s)
         self._readers.append(reader)
         # A daemon: a device may block in grab() for ever (OpenCV #4468), and the program must end all the same.
         threading.Thread(target=self._run, args=(reader,), name="softaim frames", daemon=True).start()
 
-    def _run(self, reader: _Reader) -> None:
+    def _run(self, reader: Reader) -> None:
         try:
             self._open_and_read(reader)
         except Exception as error:
@@ -196,10 +196,10 @@ class LiveFrames(Closing):
             self._readers.remove(reader)
             self._changed.notify_all()
 
-    def _wanted(self, reader: _Reader) -> bool:
+    def _wanted(self, reader: Reader) -> bool:
         return not (reader.retired or self._stop.is_set() or self._finished)
 
-    def _open_and_read(self, reader: _Reader) -> None:
+    def _open_and_read(self, reader: Reader) -> None:
         pause_s = POLL_S
         while self._wanted(reader):
             reader.alive_s, reader.may_hang_s = self._clock(), self._settings.opening_s
@@ -226,7 +226,7 @@ class LiveFrames(Closing):
             pause_s = POLL_S if self._n_frames > before else min(2.0 * pause_s, self._settings.hung_s)
             self._nap(pause_s)
 
-    def _read(self, reader: _Reader, capture: Capture) -> None:
+    def _read(self, reader: Reader, capture: Capture) -> None:
         """Hand on what the capture gives, until it ends, fails for settings.blocked_s, or the reader is retired."""
         times, ends = RisingTimes(self._exposures(), self._settings), self._ends(capture)
         failing_s: float | None = None
@@ -265,7 +265,7 @@ class LiveFrames(Closing):
         except ValueError as error:
             return None, grabbed_s, f"a read gave a {error}"
 
-    def _take(self, reader: _Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
+    def _take(self, reader: Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
         """Hand on a picture, unless it is the one before, or its time is."""
         with self._changed:
             if not self._wanted(reader):
@@ -291,7 +291,7 @@ class LiveFrames(Closing):
             self._waiting.append(frame)
             self._changed.notify_all()
 
-    def _fail(self, reader: _Reader, why: str) -> None:
+    def _fail(self, reader: Reader, why: str) -> None:
         with self._changed:
             if self._wanted(reader) and self._n_frames:
                 self._events += self._watch.saw_failure(self._clock(), why)

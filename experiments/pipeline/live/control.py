@@ -17,8 +17,9 @@ RECORDING = "recording"
 
 
 class Control:
-    """A live run as those who watch may change it. What cannot be done is a ValueError or an InputError, in one line.
+    """A live run as those who watch may change it, beside what its session does when asked.
 
+    What cannot be done is a ValueError or an InputError, in one line.
     out: the folder of the run, in which recordings get folders of their own; needle: the text of the needle's file
     State: the recordings, the last of which may be growing.
     """
@@ -56,18 +57,6 @@ class Control:
         if self.recordings:
             self.recordings[-1].finish()
 
-    def pause(self, on: bool) -> None:
-        """Use no frames from now on, or use them again."""
-        self.session.pause(on)
-
-    def reset(self) -> None:
-        """Forget the state."""
-        self.session.reset()
-
-    def fix(self, place_m: Floats, sd_m: float) -> None:
-        """The target is here [m], (dim,), to one standard deviation an axis [m]."""
-        self.session.fix(place_m, sd_m)
-
     def fix_at(self, place_px: Floats, sd_m: float) -> None:
         """The target is seen at this place of the picture [px], (2,)."""
         cameras = self.session.line.scene.cameras
@@ -80,10 +69,6 @@ class Control:
         if self.session.picture is None:
             raise ValueError("hue: expected a picture, found none")
         self.session.colour(node, vision.learn_hue(self.session.picture.image, place_px))
-
-    def needle_at(self, tip_m: Floats, direction: Floats) -> None:
-        """A tracked needle's tip is here [m], (dim,), and points so, (dim,)."""
-        self.session.needle_at(tip_m, direction)
 
     def finish(self) -> list[Path]:
         """End the run's recordings, and make one film of the pieces of each; their folders."""

@@ -253,10 +253,7 @@ class Session:
     def reset(self) -> None:
         """Forget the state: the next frame starts anew."""
         self._note(Act.RESET, self.line.filter.time_s or 0.0, self._clock())
-        self._renew(self.line.scene)
-
-    def _renew(self, scene: Scene) -> None:
-        self.line = Line(scene, baseline=False, explain=self._explain)
+        self.line = Line(self.line.scene, baseline=False, explain=self._explain)
         self.doubt.forget()
         if self.advice is not None:
             self.advice.forget()

@@ -30,9 +30,6 @@ from experiments.servers.openigtlink.outgoing import (
     status_message,
 )
 
-PORT = 18944
-"""Registered for OpenIGTLink."""
-
 
 @dataclass(frozen=True, slots=True)
 class LinkSettings:

@@ -16,8 +16,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
 """A client offers PROTOCOL and, with this prefix, its token as subprotocols: a browser can send no other header."""
-TOKEN_BYTES = 24
-"""Of randomness in a token; 16 are what nobody guesses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,17 +54,6 @@ class Grant:
 
     read: bool
     write: bool
-
-
-def new_token() -> str:
-    """A random token, of letters that an address may hold."""
-    return secrets.token_urlsafe(TOKEN_BYTES)
-
-
-def loopback_hosts(port: int) -> frozenset[str]:
-    """Values of Host by which a server on the loopback is called."""
-    names = ("127.0.0.1", "localhost", "[::1]")
-    return frozenset(f"{name}:{port}" for name in names) | (frozenset(names) if port == 80 else frozenset())
 
 
 class Guard:

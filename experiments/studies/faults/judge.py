@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from dataclasses import dataclass
 from functools import partial
@@ -32,7 +31,6 @@ from experiments.studies.faults.world import (
     scene_in_view,
 )
 
-CHECK = bool(int(os.environ.get("CHK", "1")))
 DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """From exposure to arrival [s]: half a frame, and reading it out."""
@@ -94,8 +92,8 @@ class Judged:
 class Watching:
     """A `Publisher` that keeps what was shown. State: the moments."""
 
-    def __init__(self, frames: ScriptedFrames, motion: Motion, target: int, offset_m: Floats) -> None:
-        self._frames, self._motion, self._target, self._offset = frames, motion, target, offset_m
+    def __init__(self, frames: ScriptedFrames, motion: Motion, target: int) -> None:
+        self._frames, self._motion, self._target = frames, motion, target
         self.moments: list[Moment] = []
         self._used_s = -np.inf
 
@@ -105,7 +103,7 @@ class Watching:
             self._used_s = shown.at_s
         now_s = self._frames.now_s
         guidance, estimate = shown.guidance, shown.estimate
-        truth = self._motion.at(estimate.time_s - BEGAN_S)[self._target] + self._offset
+        truth = self._motion.at(estimate.time_s - BEGAN_S)[self._target]
         measured = len(line.scene.measured_nodes)
         lacking = shown.step is not None and (estimate.marks_used < measured or bool(shown.step.refused))
         why = shown.fault or ("marks lost or refused" if lacking else "")
@@ -153,8 +151,7 @@ def judged(fault: Fault, seed: int, folder: Path) -> Judged:
     motion = moved(scenario, scene.network, fault.becomes, ONSET_S)
     frames = ScriptedFrames(_arrivals(fault, scene, motion, seed))
     believed = fault.believed(scene)
-    target = scene.network.index(scene.target.node)
-    watching = Watching(frames, motion, target, np.zeros(scene.network.dim))
+    watching = Watching(frames, motion, scene.network.index(scene.target.node))
     clock = partial(getattr, frames, "now_s")
     session = Session(
         believed,

@@ -21,7 +21,7 @@ from experiments.simulation.simulate import draw, scene_of, start_and_forces
 from vision.arrays import Image
 from vision.sources.exposure_times import DeviceTimes, RisingTimes
 from vision.sources.frames import Frame
-from vision.sources.live import LiveFrames
+from vision.sources.live import LiveFrames, Reader
 
 BEGAN_S = 100.0
 """The clock at the first exposure [s]."""
@@ -117,9 +117,7 @@ class ScriptedFrames(LiveFrames):
 
     def _start_reader(self, now: float) -> None:
         """No thread reads: `next` does."""
-        from vision.sources.live import _Reader
-
-        self._readers.append(_Reader(now, np.inf))
+        self._readers.append(Reader(now, np.inf))
         self._opened = True
 
     def next(self, timeout_s: float) -> Frame | None:

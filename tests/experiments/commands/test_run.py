@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from experiments.commands.app import COMMANDS
-from experiments.commands.run import Answer, plain, public, subcommand
+from experiments.commands.run import Answer, public, subcommand
 from experiments.formats.scene.scene import read_scene
 from tests.experiments.command import softaim
 from tests.experiments.commands.good_files import write_good_files
@@ -218,14 +218,6 @@ def test_a_live_film_grows_beside_the_folder_that_it_is_called_in(
     assert softaim("live", "--source", tmp_path / "film", "--out", ".", "--film") == 0
     assert Path("film.avi").is_file()
     assert not (tmp_path / "empty-film").exists()
-
-
-def test_what_json_cannot_hold_is_null() -> None:
-    assert plain({"a": [float("nan"), float("-inf"), 1.5, True], "b": {"c": Path("x/y")}, "d": (1, None)}) == {
-        "a": [None, None, 1.5, True],
-        "b": {"c": "x/y"},
-        "d": [1, None],
-    }
 
 
 def test_a_print_of_a_command_does_not_mix_with_its_json(capfd: pytest.CaptureFixture[str]) -> None:

@@ -15,7 +15,7 @@ from pyigtl.messages import PointMessage
 
 from experiments.errors import InputError
 from experiments.servers.faces import LOOPBACK, Faces, address_of, is_loopback, listening, names_of, usual
-from experiments.servers.link import Link, finite, jpeg, text_of
+from experiments.servers.link import Link, jpeg, text_of
 from experiments.servers.opening import served
 from tests.experiments.servers.openigtlink.states import SCENE, state
 
@@ -102,7 +102,6 @@ def test_the_process_ends_with_the_link():
 def test_numbers_that_json_cannot_hold_are_null():
     found = json.loads(text_of({"a": [float("nan"), {"b": float("inf")}], "c": 1.5}))
     assert found == {"a": [None, {"b": None}], "c": 1.5}
-    assert finite((1, "x", None)) == [1, "x", None]
 
 
 def test_a_picture_is_sent_as_jpeg():
@@ -146,6 +145,15 @@ def test_a_port_alone_is_on_loopback_and_a_host_alone_at_the_usual_port():
         assert not is_loopback(one)
         assert address_of(one) in names_of(one)
         assert not address_of(one).startswith("0.0.0.0")
+
+
+def test_at_port_80_a_browser_names_no_port():
+    try:
+        one = listening("--page", f"{LOOPBACK}:80", None)
+    except InputError as fault:
+        pytest.skip(str(fault))
+    with one:
+        assert set(names_of(one)) == {"127.0.0.1:80", "localhost:80", "127.0.0.1", "localhost"}
 
 
 def test_nothing_is_served_where_nothing_is_wanted():

@@ -111,7 +111,7 @@ def test_where_nobody_watches_no_picture_is_made(shown):
 def test_paused_there_is_no_advice_and_the_state_says_why(shown):
     link, control, go_on = shown
     go_on(12)
-    control.pause(True)
+    control.session.pause(True)
     control.session.coast(START_S + 12 / 30 + 0.05)
     state = link.states[-1]
     assert state["fault"] == PAUSED

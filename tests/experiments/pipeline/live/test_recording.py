@@ -90,12 +90,12 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
     mark = source.scene.marks[0]
     at_px = source.scene.cameras[0].project(source.scene.network.positions[[source.scene.network.index(mark.node)]])[0]
     asked = {
-        10: lambda control: control.fix(np.array([0.0, 0.19]), 0.002),
+        10: lambda control: control.session.fix(np.array([0.0, 0.19]), 0.002),
         14: lambda control: control.colour_at(mark.node, at_px),
-        16: lambda control: control.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
-        30: lambda control: control.pause(True),
-        34: lambda control: control.pause(False),
-        40: lambda control: control.reset(),
+        16: lambda control: control.session.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
+        30: lambda control: control.session.pause(True),
+        34: lambda control: control.session.pause(False),
+        40: lambda control: control.session.reset(),
     }
     folder = recorded(tmp_path, source, asked)
     acts = {done.act for done in read_journal(folder / JOURNAL)}

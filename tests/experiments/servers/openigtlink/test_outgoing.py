@@ -8,7 +8,7 @@ from pyigtl.messages import MessageBase
 from scipy.stats import chi2
 
 from estimators import Advice, Guidance, Status, TargetEstimate
-from experiments.servers.message import Counters, state_message
+from experiments.servers.message import LoopFigures, state_message
 from experiments.servers.openigtlink.bodies import read_status, read_string, read_transform
 from experiments.servers.openigtlink.codec import HEADER, Message, decode, decode_header
 from experiments.servers.openigtlink.outgoing import (
@@ -77,11 +77,11 @@ def test_a_state_as_the_loop_publishes_it(known: bool):
         estimate = TargetEstimate(2.0, mean, cov, Status.TRACKING, 3, 5.0, 0.1)
         needle = np.array([0.01, 0.0, 0.2]), np.array([0.0, 0.0, 1.0])
         given = state_message(
-            estimate, utc_s=UTC_S, from_frame=True, counters=Counters(), guidance=guidance, needle=needle
+            estimate, utc_s=UTC_S, from_frame=True, counters=LoopFigures(), guidance=guidance, needle=needle
         )
     else:
         estimate = TargetEstimate(2.0, np.full(3, np.nan), None, Status.INITIALISING, 0)
-        given = state_message(estimate, utc_s=UTC_S, from_frame=False, counters=Counters())
+        given = state_message(estimate, utc_s=UTC_S, from_frame=False, counters=LoopFigures())
     found = messages(packet_of(json.loads(json.dumps(given)), 2))
     said = json.loads(read_string(found["SoftaimState"].content))
     assert TRANSFORMS & set(found) == (TRANSFORMS if known else set())

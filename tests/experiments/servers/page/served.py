@@ -18,8 +18,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from experiments.servers.faces import names_of
 from experiments.servers.feed import Feed, Message
-from experiments.servers.page.access import loopback_hosts
 from experiments.servers.page.serving import serve
 
 TOKEN = "a-token-of-tests"
@@ -62,7 +62,7 @@ class Served:
 def served(scene: Message, *, read_open: bool = True) -> Iterator[Served]:
     """Serve a scene; afterwards the server has ended, by being cancelled."""
     one = Served(scene)
-    hosts = loopback_hosts(one.port)
+    hosts = names_of(one.sock)
     task = one.loop.create_task(serve(one.sock, one.feed, hosts=hosts, token=TOKEN, read_open=read_open))
 
     def run() -> None:
