@@ -93,8 +93,10 @@ class ImplicitStepper:
         """Stiffness and damping about each state, (k, n_half, n_half); definite ones where a motion would grow."""
         own = self.network.positions, self.network.free, self._packed
         K, C = tangents_each(states, False, *own)
+        if _are_semidefinite(K):
+            return K, C
         for k in range(len(states)):
-            if not _is_semidefinite(K[k]):
+            if not _are_semidefinite(K[k]):
                 clipped, C_clipped = tangents_each(states[k : k + 1], True, *own)
                 K[k], C[k] = clipped[0], C_clipped[0]
         return K, C
@@ -107,10 +109,11 @@ def _times(lower: Floats, step: float, right: Floats) -> Floats:
     return np.concatenate([right[:, :n] + step * below, below], axis=1)
 
 
-def _is_semidefinite(K: Floats) -> bool:
-    """Whether a stiffness (n, n) is positive up to rounding, as that of a body that moves freely is."""
+def _are_semidefinite(K: Floats) -> bool:
+    """Whether stiffnesses (..., n, n) are all positive up to rounding, as that of a body that moves freely is."""
+    largest = np.abs(K).max(axis=(-2, -1), keepdims=True)
     try:
-        np.linalg.cholesky(K + ROUNDING * np.abs(K).max() * np.eye(len(K)))
+        np.linalg.cholesky(K + ROUNDING * largest * np.eye(K.shape[-1]))
     except np.linalg.LinAlgError:
         return False
     return True

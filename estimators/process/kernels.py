@@ -43,3 +43,50 @@ def with_faded_pokes(states, points, fade):  # type: ignore[no-untyped-def]
             for i in range(n + n_pokes, dim_x):
                 moved[k, q, i] = points[k, q, i]
     return moved
+
+
+@njit(cache=True, nogil=True)
+def with_pokes(F, by_force, half, same, pokes, sd, bias):  # type: ignore[no-untyped-def]
+    """Transition matrices and noise of a step, each (k, dim_x, dim_x), of states of the network, pokes and a bias.
+
+    F, by_force, half: as `dynamics.Linearised` has them, of each mode or one of all
+    same: the first mode with the forces of each, (k,)
+    pokes: the coordinate of each, (n_pokes,), its share in the force of the step, and what is left of it, (k, n_pokes)
+    sd: of the noise of each speed at the start, (k, n / 2), and of each poke at the end, (k, n_pokes)
+    bias: how many states it has, what is left of them, and the variance of what comes anew
+    """
+    rows, shares, fade = pokes
+    white, faded = sd
+    n_bias, slow, renewed = bias
+    k, n, n_pokes = len(same), F.shape[1], len(rows)
+    dim_x = n + n_pokes + n_bias
+    own, noise = np.zeros((k, dim_x, dim_x)), np.zeros((k, dim_x, dim_x))
+    # what a standard deviation of the noise of each speed and each poke makes of the network's state
+    made = np.empty((n, n // 2 + n_pokes))
+    for j in range(k):
+        one = j if len(F) > 1 else 0
+        for r in range(n):
+            for c in range(n):
+                own[j, r, c] = F[one, r, c]
+            for c in range(n_pokes):
+                own[j, r, n + c] = by_force[one, r, rows[c]] * shares[j, c]
+        for c in range(n_pokes):
+            own[j, n + c, n + c] = fade[j, c]
+        for c in range(n + n_pokes, dim_x):
+            own[j, c, c] = slow
+        if same[j] < j:
+            noise[j] = noise[same[j]]
+            continue
+        for r in range(n):
+            for c in range(n // 2):
+                made[r, c] = half[one, r, n // 2 + c] * white[j, c]
+            for c in range(n_pokes):
+                # a poke that began within the step acts for half of it
+                made[r, n // 2 + c] = 0.5 * faded[j, c] * own[j, r, n + c]
+                noise[j, r, n + c] = noise[j, n + c, r] = made[r, n // 2 + c] * faded[j, c]
+        noise[j, :n, :n] = np.dot(made, made.T)
+        for c in range(n_pokes):
+            noise[j, n + c, n + c] = faded[j, c] ** 2
+        for c in range(n + n_pokes, dim_x):
+            noise[j, c, c] = renewed
+    return own, noise

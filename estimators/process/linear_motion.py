@@ -13,6 +13,7 @@ import numpy as np
 from dynamics import SAME_STEP, ImplicitStepper
 from estimators.arrays import Floats
 from estimators.filters.motion import LinearMotion
+from estimators.process.kernels import with_pokes
 from estimators.process.known_force import KnownForce
 from estimators.process.process_model import LONGEST_STEP, ForceMode, TissueModel
 
@@ -76,7 +77,7 @@ class LinearisedTissue:
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """Transition matrices, noise, what the columns' constants do, and the means at the end of one step."""
         model, k, n = self.model, len(now), self.model.network.n_state
-        rows, lasting = model.poked_rows, model.lasting(modes)[:, 0]
+        rows, (white, sd, lasting) = model.poked_rows, model.noise_of(modes)
         fade = np.exp(-h / lasting)
         shares = (1.0 - fade) * lasting / h
         pokes = shares * now[:, model.pokes]
@@ -93,33 +94,24 @@ class LinearisedTissue:
         else:
             ends[:, :n] = self.stepper.advance(about, h, outside)
         tangent = self.stepper.linearised(about, h)
-        own = np.zeros((k, model.dim_x, model.dim_x))
-        own[:, :n, :n] = tangent.F
-        own[:, :n, model.pokes] = tangent.by_force[:, :, rows] * shares[:, None, :]
-        poke = range(model.pokes.start, model.pokes.stop)
-        own[:, poke, poke] = fade
         ends[:, model.pokes] = fade * now[:, model.pokes]
-        # what a standard deviation of the noise of each speed and each poke makes of the network's state
-        made, Q = np.empty((n, n // 2 + len(rows))), np.zeros_like(own)
-        for j, mode in enumerate(modes):
-            if self._once and (same := modes.index(mode)) < j:
-                Q[j] = Q[same]
-                continue
-            faded = model.force_noise(mode)[0] * model.mass[rows] * np.sqrt(1.0 - fade[j] ** 2)
-            made[:, : n // 2] = model.white_noise(mode) * np.sqrt(h) * tangent.half[0 if self._once else j][:, n // 2 :]
-            # a poke that began within the step acts for half of it
-            made[:, n // 2 :] = 0.5 * faded * own[j, :n, model.pokes]
-            Q[j, :n, :n] = made @ made.T
-            Q[j, :n, model.pokes] = made[:, n // 2 :] * faded
-            Q[j, model.pokes, :n] = Q[j, :n, model.pokes].T
-            Q[j, poke, poke] = faded**2
+        left, renewed = 1.0, 0.0
         if model.bias is not None:
-            slow, bias = np.exp(-h / model.bias.lasting_s), range(model.bias_rows.start, model.bias_rows.stop)
-            ends[:, model.bias_rows] = slow * now[:, model.bias_rows]
-            own[:, bias, bias] = slow
-            Q[:, bias, bias] = (1.0 - slow**2) * model.bias.sd_m**2
+            left = np.exp(-h / model.bias.lasting_s)
+            renewed = (1.0 - left**2) * model.bias.sd_m**2
+            ends[:, model.bias_rows] = left * now[:, model.bias_rows]
+        same = np.array([modes.index(mode) if self._once else j for j, mode in enumerate(modes)])
+        own, Q = with_pokes(
+            tangent.F,
+            tangent.by_force,
+            tangent.half,
+            same,
+            (rows, shares, fade),
+            (np.sqrt(h) * white, sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
+            (model.dim_x - model.pokes.stop, left, renewed),
+        )
         shift = np.zeros((k, model.dim_x, model.n_columns))
-        for j in range(k if model.n_constants else 0):
-            forces = 0.5 * (model.constant_forces(now[j]) + model.constant_forces(ends[j]))
-            shift[j, :n, : model.n_constants] = tangent.by_force[0 if self._once else j] @ forces.T
+        if model.n_constants:
+            forces = 0.5 * (model.constant_forces(now) + model.constant_forces(ends))
+            shift[:, :n, : model.n_constants] = tangent.by_force @ forces.swapaxes(1, 2)
         return own, Q, shift, ends

@@ -115,7 +115,7 @@ class TissueModel:
         self._share = np.repeat([1.0] * len(marked) + [hidden_share] * len(hidden), network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownForce | None = None
-        self._asked: tuple[Sequence[ForceMode], Floats] | None = None
+        self._asked: tuple[Sequence[ForceMode], tuple[Floats, Floats, Floats]] | None = None
         self._noises: tuple[float, Sequence[ForceMode], list[Floats]] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
@@ -134,7 +134,7 @@ class TissueModel:
 
     def _moved(self, points: Floats, dt: float, modes: Sequence[ForceMode], outside: Floats | None = None) -> Floats:
         n, half = self.network.n_state, self.network.n_state // 2
-        lasting = self.lasting(modes)
+        lasting = self.noise_of(modes)[2][:, None]
         fade = np.exp(-dt / lasting)
         # of the poke at the start, the mean share over the step
         states, forces = network_states(points, (1.0 - fade) * lasting / dt, self.poked_rows, n)
@@ -177,10 +177,15 @@ class TissueModel:
             return np.zeros((*means.shape[:-1], 0, n // 2))
         return np.asarray(self.uncertainty.directions @ self._forces(means[..., :n]))
 
-    def lasting(self, modes: Sequence[ForceMode]) -> Floats:
-        """Correlation times of the pokes [s], (n_modes, 1, n_pokes); those of the modes asked for last are kept."""
+    def noise_of(self, modes: Sequence[ForceMode]) -> tuple[Floats, Floats, Floats]:
+        """`white_noise` of several modes, (n_modes, n_free dim), and `force_noise`, (n_modes, n_pokes) each.
+
+        Those of the modes asked for last are kept.
+        """
         if self._asked is None or self._asked[0] is not modes:
-            self._asked = modes, np.array([self.force_noise(mode)[1] for mode in modes])[:, None, :]
+            white = np.array([self.white_noise(mode) for mode in modes])
+            sd, lasting = (np.array(each) for each in zip(*map(self.force_noise, modes), strict=True))
+            self._asked = modes, (white, sd, lasting)
         return self._asked[1]
 
     def force_noise(self, mode: ForceMode) -> tuple[Floats, Floats]:

@@ -25,6 +25,7 @@ from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import measurement
+from experiments.threads import ahead
 
 Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
@@ -53,8 +54,8 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
         ]
     line = Line(recording.scene, baseline=False)
     frames = []
-    with recording.open_frames() as film:
-        for k, frame in enumerate(film):
+    with recording.open_frames() as film, ahead(film) as pictures:
+        for k, frame in enumerate(pictures):
             frames.append((frame.exposure_s, line.see(frame.exposure_s, frame.image).marks))
             advance((k + 1) / len(times))
     return frames

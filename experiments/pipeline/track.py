@@ -23,6 +23,7 @@ from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
 from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
 from experiments.pipeline.scores.marks import MarkShares, MarkTally, marks_verdict
 from experiments.pipeline.scores.withheld import Withheld, withheld_of
+from experiments.threads import ahead
 
 Advance = Callable[[float], None]
 
@@ -113,7 +114,7 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame 
         for exposure_s, marks in zip(recording.exposures_s, recording.marks, strict=True):
             yield None, line.take(float(exposure_s), [measurement(mark) for mark in marks])
         return
-    with recording.open_frames() as frames:
+    with recording.open_frames() as film, ahead(film) as frames:
         for frame in frames:
             yield frame, line.see(frame.exposure_s, frame.image)
 

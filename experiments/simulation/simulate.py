@@ -39,6 +39,7 @@ from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
 from experiments.simulation.seen_marks import seen_marks
 from experiments.simulation.truth import Truth
+from experiments.threads import ahead
 from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
@@ -326,7 +327,10 @@ def _write_film(
     rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container takes no lower rate; frames.csv has the times
     stored = scenario.video
     size_px = scene.cameras[0].size_px
-    with vision.VideoWriter(path, size_px, rate, codec=stored.codec, quality=stored.quality) as video:
-        for k, image in enumerate(film(scenario, scene, truth, rng)):
+    with (
+        vision.VideoWriter(path, size_px, rate, codec=stored.codec, quality=stored.quality) as video,
+        ahead(film(scenario, scene, truth, rng)) as images,
+    ):
+        for k, image in enumerate(images):
             video.write(image)
             advance((k + 1) / len(truth.times_s))

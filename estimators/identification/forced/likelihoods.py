@@ -102,7 +102,7 @@ class _Batch:
         n_steps = max(one.model.stepper.n_steps(dt) for one in self._filters)
         step = dt / n_steps
         n_parts = max(one.model.stepper.n_steps(step) for one in self._filters)
-        lasting = model.lasting(modes[0])
+        lasting = model.noise_of(modes[0])[2][:, None]
         fade = np.exp(-step / lasting)
         self._xs, self._Ps, definite = moved_each(
             self._xs,

@@ -138,14 +138,14 @@ def test_noise_of_modes_is_that_of_each_for_the_step_and_the_modes_asked_for(mod
     assert model.noise_of_modes(0.125 + 2e-9, modes) is not found
 
 
-def test_correlation_times_are_those_of_the_modes_asked_for_last(model):
-    """Of each mode in order, for each of six pokes; asked for again they are the same array."""
+def test_noise_is_that_of_the_modes_asked_for_last(model):
+    """Of each mode in order, for each of six pokes; asked for again it is the same."""
     modes, others = (MODE, ONLY_M3), (ONLY_M3, MODE)
     apart = [0.01, 0.01, 0.2, 0.2, 0.01, 0.01]
-    found = model.lasting(modes)
-    np.testing.assert_array_equal(found, [[[0.2] * 6], [apart]])
-    assert model.lasting(modes) is found
-    np.testing.assert_array_equal(model.lasting(others), [[apart], [[0.2] * 6]])
+    found = model.noise_of(modes)
+    np.testing.assert_array_equal(found[2], [[0.2] * 6, apart])
+    assert model.noise_of(modes) is found
+    np.testing.assert_array_equal(model.noise_of(others)[2], [apart, [0.2] * 6])
 
 
 def test_steps_are_of_at_most_a_120th_of_a_second(phantom):
