@@ -63,8 +63,8 @@ class PhantomProcess:
         return True
 
     def retrieve(self) -> tuple[bool, Image]:
-        """The picture that came last."""
-        return True, np.frombuffer(self._sent, dtype=np.uint8, offset=TIME.size).reshape(self._shape)
+        """The picture that came last, a copy: what is compiled for pictures is for such as can be written."""
+        return True, np.frombuffer(self._sent, dtype=np.uint8, offset=TIME.size).reshape(self._shape).copy()
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the picture that came last was taken, on the clock [ms]; 0 for all else."""

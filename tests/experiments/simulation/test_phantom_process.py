@@ -22,6 +22,7 @@ def test_pictures_come_at_times_that_this_process_shares():
             read, image = camera.retrieve()
             assert read
             assert image.shape == (480, 640, 3)
+            assert image.flags.writeable
             times.append(1e-3 * camera.get(cv2.CAP_PROP_POS_MSEC))
             means.append(image.mean())
     finally:
