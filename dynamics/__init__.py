@@ -84,7 +84,15 @@ from dynamics.needle import (
     sliding_friction,
     straight_insertion,
 )
-from dynamics.network import MassSpringNetwork, NetworkError, all_positions, pack, spring_lengths, unpack
+from dynamics.network import (
+    MassSpringNetwork,
+    NetworkError,
+    all_positions,
+    material_coordinates,
+    pack,
+    spring_lengths,
+    unpack,
+)
 from dynamics.phantoms import (
     HIDDEN,
     OUTER,
@@ -144,6 +152,7 @@ __all__ = [
     "integrate_adaptive",
     "inverted_springs",
     "kinetic_energy",
+    "material_coordinates",
     "mirror_through",
     "mirrored_shapes",
     "motion",

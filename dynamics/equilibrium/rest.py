@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import minimize
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from dynamics.arrays import Floats
 from dynamics.forces.energy import node_forces, potential_energy
 from dynamics.forces.parameters import parameter_forces, parameter_label, parameters
 from dynamics.forces.tangent import STRETCHES, stiffness_matrix
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions
+from dynamics.network.material import path_lengths
 
 RESIDUAL = 1e-9
 """Largest force left on a node at rest, relative to weights and spring tensions."""
@@ -120,10 +119,7 @@ def reaches(network: MassSpringNetwork) -> Floats:
 
     Without anchors: how far each can be from any other node.
     """
-    n, by_length = network.n_nodes, np.argsort(network.rest_lengths)
-    pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
-    lengths = network.rest_lengths[by_length][first]
-    paths = dijkstra(csr_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(n, n)), directed=False)
+    paths = path_lengths(network, network.rest_lengths)
     if network.fixed.any():
         return np.asarray(paths[network.fixed].min(axis=0))
     return np.asarray(paths.max(axis=1))

@@ -4,11 +4,13 @@ What may enter: what a tissue is made of. It computes no force; `dynamics.forces
 """
 
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions, pack, spring_lengths, unpack
+from dynamics.network.material import material_coordinates
 
 __all__ = [
     "MassSpringNetwork",
     "NetworkError",
     "all_positions",
+    "material_coordinates",
     "pack",
     "spring_lengths",
     "unpack",

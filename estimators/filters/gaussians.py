@@ -28,3 +28,20 @@ def moment_matched(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats
     away = means - mean
     cov = np.einsum("k,kij->ij", weights, covs) + (weights[:, None] * away).T @ away
     return mean, 0.5 * (cov + cov.T)
+
+
+def corrected_each(
+    beliefs: tuple[Floats, Floats, Floats], z: Floats, H: Floats, R: Floats, factor: float
+) -> tuple[Floats, Floats, Floats]:
+    """Several beliefs after z = H x + noise, z (m,), H (m, n), R (m, m), covariances then inflated by a factor [1].
+
+    beliefs, given and returned: means (k, n), covariances (k, n, n), and columns (k, n, r) of considered errors of unit
+    variance, which enter the gain and are no part of the covariances
+    """
+    xs, Ps, columns = beliefs
+    HP, C = H @ Ps, H @ columns
+    S = HP @ H.T + R
+    K = np.linalg.solve(S + C @ C.swapaxes(1, 2), HP + C @ columns.swapaxes(1, 2)).swapaxes(1, 2)
+    beside = K @ (0.5 * S @ K.swapaxes(1, 2) - HP)  # Joseph's form: (1 - K H) P (1 - K H)' + K R K', less P
+    ahead = xs + np.einsum("kni,ki->kn", K, z - xs @ H.T)
+    return ahead, factor * (Ps + (beside + beside.swapaxes(1, 2))), np.sqrt(factor) * (columns - K @ C)

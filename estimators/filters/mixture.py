@@ -17,7 +17,7 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.chain import ModeChain
-from estimators.filters.gaussians import nearest_definite
+from estimators.filters.gaussians import corrected_each, nearest_definite
 from estimators.filters.kernels import (
     is_finite,
     joseph_update,
@@ -317,6 +317,17 @@ class InteractingMixture(filterpy.IMMEstimator):
         logs = np.array([f.log_likelihood for f in self.filters])
         self.likelihood = np.exp(logs - logs.max())
         self.log_likelihood = float(logs.max() + np.log(self.chain.weigh(self.likelihood)))
+        self._compute_state_estimate()
+
+    def correct(self, z: Floats, H: Floats, R: Floats, *, factor: float) -> None:
+        """Take in z = H x + noise as `update_linear` does, but for odds and likelihoods, which stay as they are.
+
+        z (m,), H (m, dim_x), R (m, m); factor: on the covariances thereafter [1]
+        """
+        now = self.beliefs()
+        xs, Ps, self.columns = corrected_each((now.means, now.covs, self.columns), z, H, R, factor)
+        for f, x, P in zip(self.filters, xs, Ps, strict=True):
+            f.x, f.P = x, P
         self._compute_state_estimate()
 
     @property

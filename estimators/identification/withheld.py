@@ -66,8 +66,9 @@ def _by_tissue_filter(
     n = len(uncertainty.directions)  # the first columns; a strain that the filter considers beside them follows
     for time_s, marks in frames:
         tissue.predict(time_s)
-        mean = tissue.update(marks).mean
-        yield mean, tissue.target.linear(tissue.mixture.mean_columns[:, :n])
+        tissue.update(marks)
+        # by the springs alone: a field through the marks would predict it, too, whatever the constants
+        yield tissue.target.position(tissue.mixture.x), tissue.target.linear(tissue.mixture.mean_columns[:, :n])
 
 
 def _by_linear_filter(

@@ -26,6 +26,7 @@ from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.process.target import TargetMap
 from estimators.tissue.filter import TissueFilter
+from estimators.tissue.prediction import reported
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made, each twice the last; choice, its cost in docs/settings.md."""
@@ -151,6 +152,11 @@ def moments_now(tables: FastPredictionTables, tissue: TissueFilter) -> MomentsNo
     """The belief of a filter as its tables need it; raises ValueError before the filter's first frame."""
     if tissue.time_s is None:
         raise ValueError("predict_fast: expected a filter after its first frame, found no time")
+    with reported(tissue.mixture, tissue.target, tissue.model_error):
+        return _moments_of(tables, tissue, tissue.time_s)
+
+
+def _moments_of(tables: FastPredictionTables, tissue: TissueFilter, time_s: float) -> MomentsNow:
     mixture, modes = tissue.mixture, tissue.mixture.beliefs()
     n, half = len(tables.rest), len(tables.rest) // 2
     away = modes.means.copy()
@@ -172,7 +178,7 @@ def moments_now(tables: FastPredictionTables, tissue: TissueFilter) -> MomentsNo
         return np.asarray(np.einsum("bs,bs...->s...", odds, own_modes))
 
     forced = _forced(tables, own, tissue, mixture.x[:n] - tables.rest)
-    return MomentsNow(tissue.time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced)
+    return MomentsNow(time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced)
 
 
 def moments_ahead(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, Floats]:

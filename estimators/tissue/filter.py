@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,26 +14,33 @@ from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
 from estimators.process.open_loop_cov import OpenLoopCovariance
-from estimators.process.target import TargetPoint, target_map
+from estimators.process.target import TargetMap, TargetPoint, target_map
 from estimators.tissue.elbows import branch_at_elbows, find_elbows
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
 from estimators.tissue.health import Health, after_frame
 from estimators.tissue.model import model_of
+from estimators.tissue.model_error import ModelError
 from estimators.tissue.prediction import (
     advance,
     expected_place,
     known_force,
     later_times,
     mixture_of_modes,
+    reported,
+    reported_place,
     target_by_modes,
     target_path,
+    until,
 )
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
-from estimators.tissue.start import forget, inflate, mark_speeds, restart_from_marks, restart_from_shape
+from estimators.tissue.start import after_divergence, forget, mark_speeds, restart_from_marks, restart_from_shape
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, outliers_of, stack_marks
+
+Shares: TypeAlias = dict[str, float] | None
+Place: TypeAlias = tuple[Floats, Floats] | None
 
 
 class TissueFilter:
@@ -73,17 +80,14 @@ class TissueFilter:
         self.health, self.log_likelihood = Health(), 0.0
         self.rejected: Counter[str] = Counter()
         self._updated_s: float | None = None
-        self._refuted_s: float | None = None
-        self._before_s = -np.inf
+        self._before_s = self._refuted_s = -np.inf
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
         self._seen: dict[str, tuple[float, Floats]] = {}
         self._marked, self.target = tuple(marked), target_map(network, target)
-        self._elbows = find_elbows(network, marked)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
-        self._rest = rest_shape(network)
-        self._modes = self.settings.modes
-        self._forget_s = max(self.settings.forget_s, self.settings.lost_s)
+        self._elbows, self._rest = find_elbows(network, marked), rest_shape(network)
+        self._modes, self._forget_s = self.settings.modes, max(self.settings.forget_s, self.settings.lost_s)
         self.mixture = mixture_of_modes(self.model, self.settings, self._modes)
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
         self._start_cov, self._start_columns = self.mixture.filters[0].P.copy(), self.mixture.columns[0].copy()
@@ -94,6 +98,7 @@ class TissueFilter:
         )
         self._outliers = outliers_of(network, self._rest, self.settings)
         self.marks_scale = VarianceScale(self.settings.marks_bounds)
+        self.model_error = ModelError(self.model, self.settings)
 
     @property
     def repairs(self) -> Counter[str]:
@@ -121,6 +126,7 @@ class TissueFilter:
             self.open_loop.cov,
             (self.marks_scale.scale, self.marks_scale.information),
             self.log_likelihood,
+            self.model_error.shown,
         )
 
     def restore(self, then: Snapshot) -> None:
@@ -131,7 +137,7 @@ class TissueFilter:
         self.rejected, self._before_s = then.rejected.copy(), then.before_s
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop_cov
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
-        self.log_likelihood = then.log_likelihood
+        self.log_likelihood, self.model_error.shown = then.log_likelihood, then.shown
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
@@ -147,6 +153,7 @@ class TissueFilter:
                 raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
             if dt > 0:
                 self._advance(dt, push)
+                self.model_error.passed()
             if dt > self._forget_s and self.health.since_s is not None:
                 self.health = replace(self.health, status=Status.LOST)
         self.time_s = time_s
@@ -163,11 +170,12 @@ class TissueFilter:
 
         push: as for `predict`. Raises ValueError before the first frame, and for a time that is past or not finite.
         """
-        dt = self._until(time_s)
-        with unchanged(self.mixture):
+        dt = until(time_s, self.time_s)
+        with unchanged(self.mixture), reported(self.mixture, self.target, self.model_error):
             if dt > 0.0:
                 self._advance(dt, push)
-            return self._estimate(time_s, 0, None)
+            place = self.target.position(self.mixture.x), self.target.cov(self.mixture.P)
+            return self._estimate(time_s, 0, None, place=place)
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
         """As `predict_at`, of each mode of now and each of then by itself, n_modes² Gaussians.
@@ -175,8 +183,9 @@ class TissueFilter:
         Nearer to the truth where a poke may have begun or ended and may not have: to merge those that go on in one mode
         would give the certain one the spread of the uncertain one. Costs n_modes times `predict_at`.
         """
-        dt = self._until(time_s)
-        return target_by_modes(self.mixture, self.target, lambda: self._advance(dt, push) if dt > 0.0 else None)
+        dt = until(time_s, self.time_s)
+        with reported(self.mixture, self.target, self.model_error):
+            return target_by_modes(self.mixture, self.target, lambda: self._advance(dt, push) if dt > 0.0 else None)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """The target at later times [s], (k,), as `predict_at`: means [m] (k, dim), covs [m²] (k, dim, dim).
@@ -185,12 +194,8 @@ class TissueFilter:
         are mixed at each of these times, too. Raises ValueError as that does, and for times that go back.
         """
         _, steps = later_times(times_s, self.time_s)
-        return target_path(self.mixture, self.target, steps, self._advance)
-
-    def _until(self, time_s: float) -> float:
-        if self.time_s is None or not self.time_s <= time_s < np.inf:
-            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
-        return time_s - self.time_s
+        with reported(self.mixture, self.target, self.model_error):
+            return target_path(self.mixture, self.target, steps, self._advance)
 
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """Where to search for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
@@ -255,6 +260,7 @@ class TissueFilter:
         found = innovation(self.mixture, stacked, self.target)
         if starting:
             self._start(self.time_s, accepted, stacked)
+            self.model_error.learn(accepted, self.mixture, 0.0, None)
             return self._estimate(self.time_s, len(accepted), found.nis)
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
@@ -268,6 +274,7 @@ class TissueFilter:
             self._refuted(self.time_s, accepted, stacked)
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
+        self.model_error.learn(accepted, self.mixture, dt, found.nis)
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
         return self._estimate(self.time_s, len(accepted), found.nis, shares)
 
@@ -294,8 +301,7 @@ class TissueFilter:
     def _gated(self, time_s: float, marks: Sequence[MarkMeasurement], *, starting: bool) -> Gated:
         frame = Frame(time_s, self._before_s, self.settings, self.n_calibration > 0)
         if starting:
-            n = len(self._marked)
-            gated = gate_start(marks, self._expected_at_start, self._outlying, frame=frame, n_marked=n)
+            gated = gate_start(marks, self._expected_at_start, self._outlying, frame=frame, n_marked=len(self._marked))
         else:
             gated = gate_marks(marks, self.expected, self.expected_after_impulse, self._outlying, frame=frame)
         self._outlying = gated.outlying
@@ -312,33 +318,27 @@ class TissueFilter:
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
     def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
-        """Inflate the state after a divergence; restart from the marks after another within lost_s.
-
-        The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is
-        kept but that the tissue rests as the marks hold it; of a stiff or large body always, for straight lines to far
-        marks would stretch links, and it then moves as the marks did since they were seen before.
-        """
-        again = self._refuted_s is not None and time_s - self._refuted_s <= self.settings.lost_s
-        linear = self.mixture.move.linear is not None
-        self._refuted_s = time_s
+        """Give up the belief that marks refuted; see `after_divergence`."""
+        again = time_s - self._refuted_s <= self.settings.lost_s
+        linear, self._refuted_s = self.mixture.move.linear is not None, time_s
+        speeds = mark_speeds(marks, time_s, self._seen, self.settings.leading.poke) if linear else None
         self.repairs["restarted" if again or linear else "inflated"] += 1
-        restart = partial(restart_from_marks, self.mixture, self.model, self.settings, marks, stacked=stacked)
-        if linear:
-            restart(speeds=mark_speeds(marks, time_s, self._seen, self.settings.leading.poke))
-        elif again:
-            restart(inflation=self.settings.inflation**2)
-        else:
-            inflate(self.mixture, self.settings.inflation * self._start_cov, stacked)
+        own = self.mixture, self.model, self.settings
+        after_divergence(own, marks, stacked, speeds=speeds, again=again, start_cov=self._start_cov)
+
+    def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
+        """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""
+        return reported_place(self.mixture, point, self.model_error)
 
     def _estimate(
-        self, time_s: float, marks_used: int, nis: float | None, shares: dict[str, float] | None = None
+        self, time_s: float, marks_used: int, nis: float | None, shares: Shares = None, place: Place = None
     ) -> TargetEstimate:
-        cov = self.target.cov(self.mixture.P)
+        mean, cov = self.place_of(self.target) if place is None else place
         open_loop_m2 = float(np.trace(self.open_loop.target_cov))
         unseen_s = np.inf if self.seen_s is None else time_s - self.seen_s
         return TargetEstimate(
             time_s=time_s,
-            mean=self.target.position(self.mixture.x),
+            mean=mean,
             cov=cov,
             status=self.health.status,
             marks_used=marks_used,

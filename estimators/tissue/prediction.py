@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from functools import cache
@@ -10,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.gaussians import moment_matched
+from estimators.filters.gaussians import corrected_each, moment_matched
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
@@ -19,6 +20,7 @@ from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import GaussianMixture
+from estimators.tissue.model_error import ModelError
 from estimators.tissue.settings import FilterSettings, stationary
 from estimators.tissue.snapshot import unchanged
 
@@ -130,6 +132,44 @@ def advance(
 def known_force(push: ForceHistory | None, model: TissueModel, time_s: float | None) -> KnownForce | None:
     """A push as it begins at this time [s]; None where there is none, or no time yet."""
     return None if push is None or time_s is None else KnownForce(push, model.network, time_s)
+
+
+def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> tuple[Floats, Floats]:
+    """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
+    if not model_error.is_looked_for:
+        return target.position(mixture.x), target.cov(mixture.P)
+    modes = mixture.beliefs()
+    own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
+    place, cov, factor = model_error.of_target(target)
+    means, covs, columns = corrected_each(own, place, np.eye(len(target.constant))[: len(place)], cov, factor)
+    mean, spread = moment_matched(modes.mu, means, covs)
+    considered = np.einsum("k,kij->ij", modes.mu, columns)
+    return mean, spread + considered @ considered.T
+
+
+@contextmanager
+def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> Iterator[None]:
+    """The mixture as it is predicted from for a target, as `reported_place`, until the end, when it is as it was.
+
+    For a report alone: the errors of the field are much the same from frame to frame, and taken into the state with
+    each they would count as new.
+    """
+    if not model_error.is_looked_for:
+        yield
+        return
+    with unchanged(mixture):
+        place, cov, factor = model_error.of_target(target)
+        H = np.zeros((len(place), len(mixture.x)))
+        H[:, : target.matrix.shape[1]] = target.matrix[: len(place)]
+        mixture.correct(place - target.constant[: len(place)], H, cov, factor=factor)
+        yield
+
+
+def until(time_s: float, now_s: float | None) -> float:
+    """From now to a time [s]; raises ValueError where there is no now, and for a time that is past or not finite."""
+    if now_s is None or not now_s <= time_s < np.inf:
+        raise ValueError(f"time_s: expected {now_s} or later, found {time_s}")
+    return time_s - now_s
 
 
 def later_times(times_s: Sequence[float] | Floats, now_s: float | None) -> tuple[Floats, Floats]:

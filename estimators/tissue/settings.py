@@ -9,7 +9,7 @@ import numpy as np
 from estimators.arrays import Floats
 from estimators.process.process_model import FixBias, ForceMode
 
-LED = ForceMode(white=5.0, poke=50.0, lasting_s=0.1)
+LED = ForceMode(white=1.0, poke=50.0, lasting_s=0.25)
 """Forces on bodies that a hand leads, ten times a poke; measured: docs/decisions.md, "Stiff or large bodies"."""
 
 
@@ -57,6 +57,10 @@ class FilterSettings:
         of its constants [1]; choice
     least_white: acceleration noise of a stiff or large body without and with a poke, at least; nought where the noise
         was tuned [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"
+    smooth: share of a stiff or large body's extent over which displacements that its springs do not explain are smooth
+        [1]; choice
+    in_common: factor on the covariance of a field through the marks, for the filter has seen them, too [1]; choice
+    remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -87,6 +91,9 @@ class FilterSettings:
     hidden_share: float = 0.3
     strain_sd: float = 0.01
     least_white: tuple[float, float] = (0.3, 1.0)
+    smooth: float = 0.3
+    in_common: float = 2.0
+    remember_s: float = 0.5
 
     @property
     def strikes(self) -> bool:

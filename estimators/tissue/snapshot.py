@@ -14,6 +14,7 @@ from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import Cycle
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
+from estimators.tissue.model_error import Shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,12 +40,13 @@ class MixtureState:
 class Snapshot:
     """The whole state of a `TissueFilter` at one time.
 
-    time_s, updated_s, refuted_s: of the state, of the last update, of the last divergence [s], None before the first
-    before_s: of the frame before that of the last update [s], -inf where there is none
+    time_s, updated_s: of the state, of the last update [s], None before the first
+    before_s, refuted_s: of the frame before that of the last update, of the last divergence [s], -inf for none
     seen_s, seen, outlying: by node, when its mark was last taken in [s], that time and where [m], and what was seen of
         it beyond the gate
     rejected: counts by node or `fix`; open_loop_cov: state of the open loop's covariance
     marks_scale: factor on the marks' variances and the information behind it; log_likelihood: of the last marks
+    shown: of the model's error
     """
 
     time_s: float | None
@@ -56,10 +58,11 @@ class Snapshot:
     rejected: Counter[str]
     updated_s: float | None
     before_s: float
-    refuted_s: float | None
+    refuted_s: float
     open_loop_cov: Floats
     marks_scale: tuple[float, float]
     log_likelihood: float
+    shown: Shown
 
 
 def mixture_state(mixture: InteractingMixture) -> MixtureState:

@@ -172,6 +172,30 @@ def _held(
     return mean, 0.5 * (P + P.T), columns
 
 
+def after_divergence(
+    belief: tuple[InteractingMixture, TissueModel, FilterSettings],
+    marks: Sequence[MarkMeasurement],
+    stacked: StackedMarks,
+    *,
+    speeds: tuple[Floats, Floats] | None,
+    again: bool,
+    start_cov: Floats,
+) -> None:
+    """Inflate the state by start_cov (dim_x, dim_x) after a divergence; restart from the marks after another one.
+
+    The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is kept
+    but that the tissue rests as the marks hold it; of a stiff or large body, whose marks' speeds are given, always, for
+    straight lines to far marks would stretch links, and it then moves as the marks did since they were seen before.
+    """
+    mixture, model, settings = belief
+    if speeds is not None:
+        restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds)
+    elif again:
+        restart_from_marks(mixture, model, settings, marks, stacked=stacked, inflation=settings.inflation**2)
+    else:
+        inflate(mixture, settings.inflation * start_cov, stacked)
+
+
 def inflate(mixture: InteractingMixture, added_cov: Floats, stacked: StackedMarks) -> None:
     """Add this covariance (dim_x, dim_x) to the state of all modes, then update by the marks that refuted it."""
     mixture.restart(mixture.x, mixture.P + added_cov, mixture.mean_columns)

@@ -76,8 +76,9 @@ def filtered(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) ->
     for time_s, places in zip(lung.times_s, lung.positions, strict=True):
         tissue.predict(float(time_s))
         tissue.update([MarkMeasurement(name, places[i], cov) for name, i in zip(names, marked, strict=True)])
-        means.append([one.position(tissue.mixture.x) for one in maps])
-        covs.append([one.cov(tissue.mixture.P) for one in maps])
+        found = [tissue.place_of(one) for one in maps]
+        means.append([mean for mean, _ in found])
+        covs.append([spread for _, spread in found])
     return np.array(means), np.array(covs)
 
 

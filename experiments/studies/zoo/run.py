@@ -103,8 +103,9 @@ def filtered(model: Assumed, body: Body, marks: Sequence[Sequence[MarkMeasuremen
                 estimate = tissue.update(seen)
                 found.repairs = Counter(tissue.repairs)
                 found.status.append(str(estimate.status))
-                means.append([one.position(tissue.mixture.x) for one in maps])
-                covs.append([one.cov(tissue.mixture.P) for one in maps])
+                places = [tissue.place_of(one) for one in maps]
+                means.append([mean for mean, _ in places])
+                covs.append([cov for _, cov in places])
                 if time.process_time() - start_s > limit_s and len(means) < len(marks):
                     found.failure = f"stopped after {limit_s:g} s"
                     break

@@ -1,0 +1,42 @@
+"""Material coordinates: where nodes are in the body itself, however it is bent."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
+
+from dynamics.arrays import Floats
+from dynamics.network.mass_spring import MassSpringNetwork
+
+THIN = 1e-2
+"""A body has no extent in a direction in which its nodes scatter by less than this share of the most [1]; choice."""
+
+
+def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
+    """Length of the shortest way along springs of these lengths [m], (n_springs,), between any two nodes, (n, n) [m].
+
+    inf where there is none. Of springs between the same two nodes the shortest counts.
+    """
+    n, by_length = network.n_nodes, np.argsort(lengths)
+    pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
+    graph = csr_array((lengths[by_length][first], (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    return np.asarray(shortest_path(graph, directed=False))
+
+
+def material_coordinates(network: MassSpringNetwork) -> Floats:
+    """Coordinates of all nodes in the body itself [m], (n_nodes, n): n is 1 of a cable, 2 of a sheet, 3 of a block.
+
+    Classical scaling: the points whose distances come nearest to the ways along the springs as drawn. A cable that is
+    drawn bent is a line. Source: [torgerson1952].
+    """
+    i, j = network.springs.T
+    ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))
+    apart: NDArray[np.bool_] = ~np.isfinite(ways)
+    ways[apart] = ways[~apart].max(initial=0.0)
+    centred = ways**2 - (ways**2).mean(axis=0)
+    scatter, axes = np.linalg.eigh(-0.5 * (centred - centred.mean(axis=1, keepdims=True)))
+    largest = np.argsort(scatter)[::-1][: network.dim]
+    kept = [k for k in largest if scatter[k] > THIN * scatter[largest[0]]]
+    return np.asarray(axes[:, kept] * np.sqrt(scatter[kept]))
