@@ -322,11 +322,11 @@ class InteractingMixture(filterpy.IMMEstimator):
     def correct(self, z: Floats, H: Floats, R: Floats, *, factor: float) -> None:
         """Take in z = H x + noise as `update_linear` does, but for odds and likelihoods, which stay as they are.
 
-        z (m,), H (m, dim_x), R (m, m); factor: on the covariances thereafter [1]
+        z (m,), H (m, dim_x), R (m, m); factor: on the covariance thereafter [1], that of the whole mixture
         """
         now = self.beliefs()
         xs, Ps, self.columns = corrected_each((now.means, now.covs, self.columns), z, H, R, factor)
-        for f, x, P in zip(self.filters, xs, Ps, strict=True):
+        for f, x, P in zip(self.filters, now.mu @ xs + np.sqrt(factor) * (xs - now.mu @ xs), Ps, strict=True):
             f.x, f.P = x, P
         self._compute_state_estimate()
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, material_coordinates
+from dynamics import MassSpringNetwork, material_coordinates, reaches
 from estimators.arrays import Floats
 from estimators.filters.gaussian_process import Field, matern
 from estimators.filters.mixture import InteractingMixture
@@ -52,8 +52,8 @@ def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
 class Shown:
     """What the marks until now have shown of the model's error.
 
-    inflation: factor on covariances, 1 or more: NIS by its degrees of freedom, which rises at once and is forgotten in
-        remember_s [1]
+    inflation: factor on covariances, 1 or more: NIS by its degrees of freedom, by the gate at most, which rises at once
+        and is forgotten in remember_s [1]. Source: [mehra1970]
     field_scale: factor on the field's covariance, by which its distance from the filter's hidden nodes is explained [1]
     means, covs: of the field at the free nodes by the last marks [m], (n_free, dim), and the covariance of each of its
         axes [m²], (n_free, n_free); None where the last marks tell of none
@@ -78,6 +78,7 @@ class ModelError:
         self._network, self._settings = network, settings
         self._field = displacement_field(network, settings.smooth) if self.is_looked_for else None
         self._anchors = np.flatnonzero(network.fixed).tolist()
+        self._reach = reaches(network)[network.free]
 
     def passed(self) -> None:
         """Time has passed: the field is of marks that were."""
@@ -95,7 +96,7 @@ class ModelError:
         share = -np.expm1(-dt / self._settings.remember_s)
         inflation = self.shown.inflation
         if nis is not None:
-            ratio = nis / (len(marks) * self._network.dim)
+            ratio = min(nis / (len(marks) * self._network.dim), self._settings.gate)
             inflation = max(1.0, ratio, inflation + share * (ratio - inflation))
         scale, found = self.shown.field_scale, self._through(self._field, marks)
         if found is not None:
@@ -143,14 +144,21 @@ class ModelError:
                 break
         return scale
 
-    def of_target(self, target: TargetMap) -> tuple[Floats, Floats, float]:
-        """Where the field has the target [m], (dim,), the covariance of that [m²], (dim, dim), and the inflation [1].
+    def of_target(self, target: TargetMap) -> tuple[Floats, Floats]:
+        """Where the field has the target [m], (dim,), and the covariance of that [m²], (dim, dim).
 
         Without a field, of no dimension.
         """
         shown, dim = self.shown, self._network.dim
         if shown.means is None or shown.covs is None:
-            return np.zeros(0), np.zeros((0, 0)), shown.inflation
+            return np.zeros(0), np.zeros((0, 0))
         nodes = target.matrix.reshape(dim, -1, dim)
         cov = self._settings.in_common * shown.field_scale * np.einsum("anb,nm,cmb->ac", nodes, shown.covs, nodes)
-        return target.position(shown.means.ravel()), cov, shown.inflation
+        return target.position(shown.means.ravel()), cov
+
+    def factor(self, target: TargetMap, cov: Floats) -> float:
+        """The inflation of a target's covariance [m²], (dim, dim), which does not take it beyond the body's reach."""
+        dim = self._network.dim
+        weights = np.abs(target.matrix[0].reshape(-1, dim)[:, 0])
+        farthest = float(weights @ self._reach) ** 2 / (dim + 2)
+        return max(1.0, min(self.shown.inflation, farthest / float(np.linalg.eigvalsh(cov)[-1])))

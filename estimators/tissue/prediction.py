@@ -12,6 +12,7 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.gaussians import corrected_each, moment_matched
+from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
@@ -138,13 +139,17 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
     """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
     if not model_error.is_looked_for:
         return target.position(mixture.x), target.cov(mixture.P)
+    mean, cov = _with_field(mixture, target, model_error)
+    return mean, model_error.factor(target, cov) * cov
+
+
+def _with_field(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> tuple[Floats, Floats]:
     modes = mixture.beliefs()
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
-    place, cov, factor = model_error.of_target(target)
-    means, covs, columns = corrected_each(own, place, np.eye(len(target.constant))[: len(place)], cov, factor)
-    mean, spread = moment_matched(modes.mu, means, covs)
-    considered = np.einsum("k,kij->ij", modes.mu, columns)
-    return mean, spread + considered @ considered.T
+    place, cov = model_error.of_target(target)
+    corrected = corrected_each(own, place, np.eye(len(target.constant))[: len(place)], cov, 1.0)
+    means, covs, columns = mixed_each(modes.mu[:, None], *corrected)
+    return means[0], with_columns(covs[0], columns[0])
 
 
 @contextmanager
@@ -158,9 +163,10 @@ def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelE
         yield
         return
     with unchanged(mixture):
-        place, cov, factor = model_error.of_target(target)
+        place, cov = model_error.of_target(target)
         H = np.zeros((len(place), len(mixture.x)))
         H[:, : target.matrix.shape[1]] = target.matrix[: len(place)]
+        factor = model_error.factor(target, _with_field(mixture, target, model_error)[1])
         mixture.correct(place - target.constant[: len(place)], H, cov, factor=factor)
         yield
 

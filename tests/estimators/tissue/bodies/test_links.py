@@ -25,8 +25,9 @@ def followed(name, seed, seconds, settings=None, network=None):
     for time_s, marks in zip(body.times_s, measured(body, body.marked, seed), strict=True):
         tissue.predict(float(time_s))
         statuses.append(tissue.update(marks).status)
-        means.append([each.position(tissue.mixture.x) for each in maps])
-        covs.append([each.cov(tissue.mixture.P) for each in maps])
+        places = [tissue.place_of(each) for each in maps]
+        means.append([mean for mean, _ in places])
+        covs.append([cov for _, cov in places])
     off = np.array(means) - truth
     nees = np.einsum("tni,tnij,tnj->tn", off, np.linalg.inv(covs), off)
     return body, np.array(means), statuses, nees <= chi2.ppf(0.95, off.shape[2])
