@@ -33,7 +33,7 @@ def cable():
 
 
 def bent(time_s):
-    """Where the nodes truly are [m], (11, 2): a smooth bend that grows and fades by no physics; links keep their length."""
+    """Where the nodes truly are [m], (11, 2): a smooth bend that comes and goes by no physics, links as they are."""
     middles = (np.arange(10) + 0.5) / 10.0
     angles = 0.9 * np.sin(1.5 * time_s) * np.cos(1.3 * np.pi * middles)
     steps = 0.1 * np.column_stack([np.sin(angles), -np.cos(angles)])
