@@ -302,6 +302,7 @@ class TissueFilter:
         frame = Frame(time_s, self._before_s, self.settings, self.n_calibration > 0)
         if starting:
             gated = gate_start(marks, self._expected_at_start, self._outlying, frame=frame, n_marked=len(self._marked))
+            self.model_error.start(gated)
         else:
             gated = gate_marks(marks, self.expected, self.expected_after_impulse, self._outlying, frame=frame)
         self._outlying = gated.outlying
@@ -313,8 +314,7 @@ class TissueFilter:
         if self.health.since_s is not None:
             self.repairs["restarted"] += 1
         restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked)
-        self._seen_s = dict.fromkeys(self._marked, time_s)
-        self._seen = {mark.node: (time_s, mark.position) for mark in marks}
+        self._seen_s, self._seen = dict.fromkeys(self._marked, time_s), {m.node: (time_s, m.position) for m in marks}
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
     def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:

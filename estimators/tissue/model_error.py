@@ -21,6 +21,7 @@ from estimators.process.linear_motion import is_linearised
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.gate import Gated
 from estimators.tissue.settings import FilterSettings
 
 FLAT = 1e-3
@@ -52,8 +53,8 @@ def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
 class Shown:
     """What the marks until now have shown of the model's error.
 
-    inflation: factor on covariances, 1 or more: NIS by its degrees of freedom, by the gate at most, which rises at once
-        and is forgotten in remember_s [1]. Source: [mehra1970]
+    inflation: factor on covariances, 1 or more: NIS by its degrees of freedom, as far as a divergence at most, which
+        rises at once and is forgotten in remember_s [1]. Source: [mehra1970]
     field_scale: factor on the field's covariance, by which its distance from the filter's hidden nodes is explained [1]
     means, covs: of the field at the free nodes by the last marks [m], (n_free, dim), and the covariance of each of its
         axes [m²], (n_free, n_free); None where the last marks tell of none
@@ -84,6 +85,11 @@ class ModelError:
         """Time has passed: the field is of marks that were."""
         self.shown = replace(self.shown, means=None, covs=None)
 
+    def start(self, gated: Gated) -> None:
+        """Take in what the gate of a start made of its marks: beyond it and not believed yet, all may be far away."""
+        if gated.rejected and not gated.accepted:
+            self.shown = replace(self.shown, inflation=self._settings.test_sigmas**2)
+
     def learn(
         self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, dt: float, nis: float | None
     ) -> None:
@@ -94,9 +100,9 @@ class ModelError:
         if self._field is None:
             return
         share = -np.expm1(-dt / self._settings.remember_s)
-        inflation = self.shown.inflation
+        inflation = 1.0 if nis is None else self.shown.inflation
         if nis is not None:
-            ratio = min(nis / (len(marks) * self._network.dim), self._settings.gate)
+            ratio = min(nis / (len(marks) * self._network.dim), self._settings.test_sigmas**2)
             inflation = max(1.0, ratio, inflation + share * (ratio - inflation))
         scale, found = self.shown.field_scale, self._through(self._field, marks)
         if found is not None:

@@ -114,6 +114,20 @@ def test_a_larger_ratio_counts_at_once_and_is_forgotten_over_its_time():
     assert error.shown.inflation == 1.0
 
 
+def test_a_lone_mark_that_is_not_believed_yet_leaves_the_target_anywhere():
+    """The only mark, 0.7 m from where a start expects it: until it is confirmed the body may be all over its reach."""
+    tissue = TissueFilter(cable(), "n5", ("n10",))
+    for k in range(3):
+        tissue.predict(k / 30.0)
+        estimate = tissue.update([MarkMeasurement("n10", np.array([0.6, -0.5]), SD_M**2 * np.eye(2))])
+        assert estimate.marks_used == 0
+        assert np.linalg.eigvalsh(estimate.cov)[-1] == pytest.approx(0.5**2 / 4.0, rel=0.05)
+    tissue.predict(0.2)
+    estimate = tissue.update([MarkMeasurement("n10", np.array([0.6, -0.5]), SD_M**2 * np.eye(2))])
+    assert estimate.marks_used == 1
+    assert tissue.model_error.shown.inflation == 1.0
+
+
 def test_no_inflation_takes_the_target_beyond_the_body():
     """Marks thrown about by 0.2 m: whatever the innovations, the target stays within reach of its anchor."""
     tissue, rng = TissueFilter(cable(), "n5", SEEN), np.random.default_rng(2)
