@@ -26,8 +26,8 @@ from dynamics import (
 )
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
+from estimators.process.linear_motion import GRAVITY
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.model import GRAVITY
 from estimators.tissue.settings import FilterSettings
 
 POKE_LEVEL = 1e-3

@@ -46,13 +46,14 @@ def with_faded_pokes(states, points, fade):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def with_pokes(F, by_force, half, same, pokes, sd, bias):  # type: ignore[no-untyped-def]
+def with_pokes(F, by_force, same, pokes, sd, bias):  # type: ignore[no-untyped-def]
     """Transition matrices and noise of a step, each (k, dim_x, dim_x), of states of the network, pokes and a bias.
 
-    F, by_force, half: as `dynamics.Linearised` has them, of each mode or one of all
+    F, by_force: as `dynamics.Linearised` has them, of each mode or one of all
     same: the first mode with the forces of each, (k,)
     pokes: the coordinate of each, (n_pokes,), its share in the force of the step, and what is left of it, (k, n_pokes)
-    sd: of the noise of each speed at the start, (k, n / 2), and of each poke at the end, (k, n_pokes)
+    sd: of the noise, a constant force in the step, on each free coordinate [N], (k, n / 2), and of each poke at the
+        end, (k, n_pokes)
     bias: how many states it has, what is left of them, and the variance of what comes anew
     """
     rows, shares, fade = pokes
@@ -61,7 +62,7 @@ def with_pokes(F, by_force, half, same, pokes, sd, bias):  # type: ignore[no-unt
     k, n, n_pokes = len(same), F.shape[1], len(rows)
     dim_x = n + n_pokes + n_bias
     own, noise = np.zeros((k, dim_x, dim_x)), np.zeros((k, dim_x, dim_x))
-    # what a standard deviation of the noise of each speed and each poke makes of the network's state
+    # what a standard deviation of the noise on each coordinate and of each poke makes of the network's state
     made = np.empty((n, n // 2 + n_pokes))
     for j in range(k):
         one = j if len(F) > 1 else 0
@@ -79,7 +80,7 @@ def with_pokes(F, by_force, half, same, pokes, sd, bias):  # type: ignore[no-unt
             continue
         for r in range(n):
             for c in range(n // 2):
-                made[r, c] = half[one, r, n // 2 + c] * white[j, c]
+                made[r, c] = by_force[one, r, c] * white[j, c]
             for c in range(n_pokes):
                 # a poke that began within the step acts for half of it
                 made[r, n // 2 + c] = 0.5 * faded[j, c] * own[j, r, n + c]

@@ -10,12 +10,22 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import SAME_STEP, ImplicitStepper
+from dynamics import SAME_STEP, ImplicitStepper, MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.filters.motion import LinearMotion
 from estimators.process.kernels import with_pokes
 from estimators.process.known_force import KnownForce
 from estimators.process.process_model import LONGEST_STEP, ForceMode, TissueModel
+
+SUBSTEPS = 2
+"""Steps between two additions of noise that stability may ask for of a body that only stretches; choice, its gain in
+docs/decisions.md."""
+
+RIGID = 100.0
+"""Stiffness of a rigid link, by its length and the weight of the body, which stretches it by 1 % then [1]; choice."""
+
+GRAVITY = 9.81
+"""By which the weight of a body is judged, in whatever direction it hangs [m/s²]."""
 
 MANY_STATES = 48
 """From so many states of the network on, matrices in place of sigma points, whose cost grows faster."""
@@ -32,8 +42,19 @@ five times 19."""
 
 
 def is_linearised(model: TissueModel) -> bool:
-    """Whether a network is moved so: stability would shorten the filter's steps, or it has many states."""
-    return model.stiff or model.stepper.max_step_s < LONGEST_STEP or model.network.n_state > MANY_STATES
+    """Whether a network is moved so: stability would much shorten the filter's steps, or it has many states."""
+    longest_s = LONGEST_STEP / (1 if has_links(model.network) else SUBSTEPS)
+    return model.stiff or model.stepper.max_step_s < longest_s or model.network.n_state > MANY_STATES
+
+
+def has_links(network: MassSpringNetwork) -> bool:
+    """Whether a network turns about joints rather than stretches: it has rigid links, or is a mechanism.
+
+    That is by Maxwell's count one of fewer springs than free coordinates, as a chain is. Source: [maxwell1864].
+    """
+    weight = GRAVITY * float(network.masses[~network.fixed].sum())
+    rigid = float((network.stiffness * network.rest_lengths).max(initial=0.0)) > RIGID * weight
+    return rigid or len(network.springs) < network.n_state // 2
 
 
 class LinearisedTissue:
@@ -104,10 +125,9 @@ class LinearisedTissue:
         own, Q = with_pokes(
             tangent.F,
             tangent.by_force,
-            tangent.half,
             same,
             (rows, shares, fade),
-            (np.sqrt(h) * white, sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
+            (model.mass * white / np.sqrt(h), sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
             (model.dim_x - model.pokes.stop, left, renewed),
         )
         shift = np.zeros((k, model.dim_x, model.n_columns))

@@ -8,17 +8,17 @@ from functools import partial
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape, strain_uncertainty
-from estimators.process.linear_motion import is_linearised
-from estimators.process.process_model import TissueModel
+from dynamics import MassSpringNetwork, ParameterUncertainty, rest_shape, stiffness_matrix, strain_uncertainty
+from estimators.process.linear_motion import GRAVITY, is_linearised
+from estimators.process.process_model import ForceMode, TissueModel
 from estimators.tissue.settings import FilterSettings
-
-GRAVITY = 9.81
-"""By which loads and speeds of a body are judged, in whatever direction it hangs [m/s²]."""
 
 STIFFEST = 3.0
 """Stiffness of a link by that which the weight of the whole body stretches by `strain_sd` [1]; choice, its cost in
 docs/settings.md."""
+
+ROUNDING = 1e-9
+"""Stiffness by the largest that is rounding's, of a body that nothing holds [1]; numerical."""
 
 SHORTEST_M = 1e-9
 """Of a link, so that none divides by nothing [m]; numerical."""
@@ -40,17 +40,35 @@ def model_of(
     """
     if settings.one_of not in (0, len(marked)):
         raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {settings.one_of}")
-    led = (settings.led_nodes, settings.leading) if settings.led_nodes else None
-    model_with = partial(TissueModel, marked=marked, bias=settings.fix_bias, n_calibration=n_calibration, led=led)
-    model = model_with(network, uncertainty=uncertainty)
+    model_with = partial(TissueModel, marked=marked, bias=settings.fix_bias, n_calibration=n_calibration)
+    model = model_with(network, uncertainty=uncertainty, led=_led(settings))
     if not is_linearised(model):
         return model, settings
     if settings.strain_sd > 0.0:
         network = as_stiff_as_known(network, settings.strain_sd)
         strain = strain_uncertainty(network, settings.strain_sd)
         uncertainty = strain if uncertainty is None else uncertainty.beside(strain)
-    stiff = model_with(network, uncertainty=uncertainty, hidden_share=settings.hidden_share, stiff=True)
-    return stiff, settings.for_stiff_or_large()
+    settings = settings.for_stiff_or_large(restoring_acceleration(network))
+    hidden_share = settings.hidden_share
+    stiff = model_with(network, uncertainty=uncertainty, led=_led(settings), hidden_share=hidden_share, stiff=True)
+    return stiff, settings
+
+
+def _led(settings: FilterSettings) -> tuple[Sequence[str], ForceMode] | None:
+    return (settings.led_nodes, settings.leading) if settings.led_nodes else None
+
+
+def restoring_acceleration(network: MassSpringNetwork) -> float:
+    """Acceleration with which a network returns to its rest when bent by its own length [m/s²]: w² L.
+
+    w: angular frequency of its slowest oscillation about the rest; L: diagonal of its extent there. About the gravity
+    that it hangs by for a chain, a cable or a cloth, however stiff its links; for an elastic block Young's modulus by
+    its density and length, about. 0 where nothing oscillates.
+    """
+    shape, root = rest_shape(network), np.sqrt(np.repeat(network.masses[network.free], network.dim))
+    squared = np.linalg.eigvalsh(stiffness_matrix(network, shape) / np.outer(root, root))
+    resisted = squared[squared > ROUNDING * squared[-1]]
+    return float(resisted[0] * np.linalg.norm(np.ptp(shape, axis=0))) if len(resisted) else 0.0
 
 
 def as_stiff_as_known(network: MassSpringNetwork, strain_sd: float) -> MassSpringNetwork:

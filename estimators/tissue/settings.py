@@ -55,6 +55,8 @@ class FilterSettings:
     hidden_share: of a poke, what may act on each node without a mark of a stiff or large body [1]; choice
     strain_sd: strain by which the springs of a stiff or large body may be off, smoothly over it, beside what is known
         of its constants [1]; choice
+    hand_strain: by this share of its length a hand may bend a stiff or large body, whatever force that takes [1];
+        measured: docs/decisions.md, "Stiff or large bodies"
     least_white: acceleration noise of a stiff or large body without and with a poke, at least; nought where the noise
         was tuned [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"
     smooth: share of a stiff or large body's extent over which displacements that its springs do not explain are smooth
@@ -90,6 +92,7 @@ class FilterSettings:
     fix_bias: FixBias | None = None
     hidden_share: float = 0.3
     strain_sd: float = 0.01
+    hand_strain: float = 0.1
     least_white: tuple[float, float] = (0.3, 1.0)
     smooth: float = 0.3
     in_common: float = 2.0
@@ -175,14 +178,18 @@ class FilterSettings:
                 rates[last, own_poked] = 1.0 / self.poked_s / n_poked
         return rates - np.diag(rates.sum(axis=1))
 
-    def for_stiff_or_large(self) -> FilterSettings:
-        """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out."""
+    def for_stiff_or_large(self, restoring_m_s2: float = 0.0) -> FilterSettings:
+        """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out.
+
+        restoring_m_s2: acceleration with which it returns when bent by its own length [m/s²]
+        """
         quiet, poked = self.least_white
+        harder = max(1.0, self.hand_strain * restoring_m_s2 / self.leading.poke)
         return replace(
             self,
             quiet=replace(self.quiet, white=max(self.quiet.white, quiet)),
             poked=replace(self.poked, white=max(self.poked.white, poked)),
-            led=self.leading,
+            led=replace(self.leading, white=harder * self.leading.white, poke=harder * self.leading.poke),
         )
 
     @property

@@ -8,7 +8,7 @@ import pytest
 from dynamics import OUTER, independent_uncertainty, parameters, rest_shape
 from estimators import FixBias, ForceMode, TissueModel, accumulated_noise
 from estimators.process.known_force import KnownForce
-from estimators.process.linear_motion import MANY_STATES, LinearisedTissue, is_linearised
+from estimators.process.linear_motion import MANY_STATES, LinearisedTissue, has_links, is_linearised
 
 QUIET = ForceMode(white=0.3, poke=0.5, lasting_s=0.05)
 POKED = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
@@ -160,3 +160,44 @@ def test_stiff_and_large_networks_are_moved_so(phantom):
     places = np.column_stack([0.1 * np.arange(n + 1), np.zeros(n + 1)])
     chain = chain_of(phantom, places, mass=0.1, stiffness=5.0, damping=0.1)
     assert is_linearised(TissueModel(chain, ("n0",)))
+
+
+def test_white_noise_moves_what_is_faster_than_a_step(phantom):
+    """A mass that an overdamped spring returns to 1/e within 2 ms, steps of 8.3 ms: half its variance, or more.
+
+    Of dx/dt = v, dv/dt = -k x - c v + white noise q in the long run: q² / (2 k c). A force that is
+    constant in a step makes 2 c / (k h) of that where the mass follows it, kicks half a step before its end 0.09.
+    """
+    k, c, q = 4e6, 8e3, 0.3
+    network = replace(
+        chain_of(phantom, np.array([[0.0, 0.0], [0.0, -0.1]]), mass=1.0, stiffness=k, damping=0.0),
+        drag=np.full(2, c),
+        gravity=np.zeros(2),
+    )
+    model = TissueModel(network, ("n0",), stiff=True)
+    state = np.r_[0.0, -0.1, np.zeros(4)]
+    motion = LinearisedTissue(model)(state[None], DT, (ForceMode(white=q, poke=0.0, lasting_s=0.1),), None)
+    exact = q**2 / (2.0 * k * c)
+    assert motion.Q[0, 1, 1] == pytest.approx(2.0 * c / (k * DT) * exact, rel=0.2, abs=0.0)
+
+
+def test_soft_networks_take_substeps_and_rigid_links_do_not(phantom):
+    """Springs of 800 N/m that stability moves twice in a step; a rigid link, and a chain of soft ones, turn."""
+    soft = replace(
+        phantom,
+        springs=phantom.springs[:8],
+        stiffness=np.full(8, 800.0),
+        rest_lengths=phantom.rest_lengths[:8],
+        damping=phantom.damping[:8],
+    )
+    model = TissueModel(soft, OUTER)
+    assert 1 / 240 < model.stepper.max_step_s < 1 / 120
+    assert not is_linearised(model)
+    link = chain_of(phantom, np.array([[0.0, 0.0], [0.0, -1.0]]), mass=1.0, stiffness=2.5e4, damping=0.5)
+    rigid = TissueModel(link, ("n0",))
+    assert 1 / 240 < rigid.stepper.max_step_s < 1 / 120
+    assert is_linearised(rigid)
+    assert has_links(
+        chain_of(phantom, np.column_stack([np.zeros(3), -0.1 * np.arange(3)]), mass=0.1, stiffness=5.0, damping=0.1)
+    )
+    assert not has_links(soft)

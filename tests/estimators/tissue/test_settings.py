@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators import FilterSettings
-from estimators.tissue.settings import stationary
+from estimators.tissue.settings import LED, stationary
 
 
 def test_odds_of_the_modes():
@@ -77,6 +77,19 @@ def test_tuned_noise_of_a_stiff_body_is_what_was_tuned():
     raised, kept = usual.for_stiff_or_large(), tuned.for_stiff_or_large()
     assert (raised.quiet.white, raised.poked.white) == (0.3, 1.0)
     assert (kept.quiet, kept.poked) == (usual.quiet, usual.poked)
+
+
+def test_a_hand_is_as_strong_as_bending_the_body_takes():
+    """50 m/s² where gravity returns a body; a tenth of what an elastic one returns with, if that is more.
+
+    Its white noise in proportion; applied again it stays.
+    """
+    usual = FilterSettings().for_stiff_or_large(9.81)
+    assert usual.led == LED
+    strong = FilterSettings().for_stiff_or_large(4000.0)
+    assert strong.led is not None
+    assert (strong.led.poke, strong.led.white) == (pytest.approx(400.0), pytest.approx(40.0))
+    assert strong.for_stiff_or_large(4000.0).led == strong.led
 
 
 def test_blows_have_modes_of_their_own_where_nothing_explains_them():
