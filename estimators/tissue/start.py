@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -104,6 +105,7 @@ def restart_from_marks(
     stacked: StackedMarks,
     inflation: float = 1.0,
     speeds: tuple[Floats, Floats] | None = None,
+    unseen_s: float | None = None,
 ) -> None:
     """Set every mode to the tissue at rest with its marked nodes fixed where they are seen.
 
@@ -114,6 +116,7 @@ def restart_from_marks(
     elbow to the left or to the right, a branch follows each, at odds by its energy: exp(-E / E0), E0 that of the nodes
     which differ at a velocity of impulse_m_s.
     inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
+    unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
     """
     network, places = model.network, {mark.node: mark.position for mark in marks}
     try:
@@ -129,8 +132,9 @@ def restart_from_marks(
         likely.append((float(np.exp(min(-energy / unseen, settings.gate))), other))
     odds = np.array([each for each, _ in likely])
     kept = odds >= settings.least_odds * odds.max()
+    own = settings if unseen_s is None else replace(settings, lost_s=unseen_s)
     beliefs = [
-        _held(model, settings, each, stacked=stacked, inflation=inflation, speeds=speeds)
+        _held(model, own, each, stacked=stacked, inflation=inflation, speeds=speeds)
         for (_, each), one in zip(likely, kept, strict=True)
         if one
     ]
@@ -189,7 +193,8 @@ def after_divergence(
     """
     mixture, model, settings = belief
     if speeds is not None:
-        restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds)
+        unseen_s = settings.confirm_s  # it was seen a frame ago
+        restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds, unseen_s=unseen_s)
     elif again:
         restart_from_marks(mixture, model, settings, marks, stacked=stacked, inflation=settings.inflation**2)
     else:
