@@ -28,8 +28,8 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 def material_coordinates(network: MassSpringNetwork) -> Floats:
     """Coordinates of all nodes in the body itself [m], (n_nodes, n), n up to the network's dimension.
 
-    Classical scaling: the points whose distances come nearest to the ways along the springs as drawn. A cable is a line,
-    n = 1, however bent it is drawn. Source: [torgerson1952].
+    Classical scaling: the points whose distances come nearest to the ways along the springs as drawn. A cable is a
+    line, n = 1, however bent it is drawn. Source: [torgerson1952].
     """
     i, j = network.springs.T
     ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))
