@@ -64,6 +64,7 @@ from estimators.filters import (
     positive_points,
 )
 from estimators.guidance import (
+    AbortWatch,
     Advice,
     AdviceSettings,
     Aim,
@@ -149,6 +150,7 @@ from estimators.tissue import (
 
 __all__ = [
     "METHODS",
+    "AbortWatch",
     "Advice",
     "AdviceSettings",
     "Aim",

@@ -3,6 +3,7 @@
 What may enter: what turns an estimate into advice on the needle; a rule of advice is a line of `RULES` in `advice.py`.
 """
 
+from estimators.guidance.abort import AbortWatch
 from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, advise, guide, path_times
 from estimators.guidance.breathing import Breath, Breathing, BreathingSettings
 from estimators.guidance.doubt import Doubt, DoubtSettings
@@ -25,6 +26,7 @@ from estimators.guidance.planning import (
 from estimators.guidance.settings import AdviceSettings, health_fault
 
 __all__ = [
+    "AbortWatch",
     "Advice",
     "AdviceSettings",
     "Aim",

@@ -1,4 +1,4 @@
-"""Advice on the needle: go, wait, turn it, or no guidance since the estimate is not healthy.
+"""Advice on the needle: go, wait, turn it, stop, or no guidance since the estimate is not healthy.
 
 All numbers come from one predicted path of the target, made once a frame (`TissueFilter.predict_path`): when the needle
 arrives, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them into
@@ -38,6 +38,8 @@ class Advice(StrEnum):
     """Turn the needle to the aim, or draw it back: then a hit is probable."""
     NO_GUIDANCE = "NO_GUIDANCE"
     """The estimate is not healthy: there is no advice on the needle."""
+    ABORT = "ABORT"
+    """The needle is inside, and what it was told no longer holds: stop it. Given by `AbortWatch`, by no rule."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

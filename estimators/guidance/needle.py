@@ -9,6 +9,9 @@ import numpy as np
 
 from estimators.arrays import Floats
 
+STEEP = 0.5
+"""Least cosine of a tracked needle with the stated direction by which its depth is told: of 60 degrees; choice."""
+
 
 class Hit(StrEnum):
     """What has to lie in the lesion."""
@@ -107,3 +110,14 @@ class Insertion:
             raise ValueError(f"insertion depth_m: expected 0 or more, found {self.depth_m}")
         object.__setattr__(self, "entry", entry)
         object.__setattr__(self, "axis", axis / size)
+
+    def tracked(self, tip: Floats, axis: Floats) -> Insertion:
+        """The needle where a tracker sees it: its tip [m], (dim,), and its direction, (dim,), of any length.
+
+        The skin is the plane through this insertion's entry, square to its axis; a tip before it is not inside. A
+        needle that points away from the skin is taken to have gone in along its own line no farther than STEEP allows.
+        """
+        along = np.array(axis, dtype=float) / np.linalg.norm(axis)
+        below_m = float((np.asarray(tip) - self.entry) @ self.axis)
+        depth_m = max(below_m, 0.0) / max(float(along @ self.axis), STEEP)
+        return Insertion(np.asarray(tip) - depth_m * along, along, self.speed_m_s, depth_m)

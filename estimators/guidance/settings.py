@@ -20,6 +20,9 @@ class AdviceSettings:
     stale_s: age from which an estimate gives no guidance [s]; choice
     coasting_s: time without any mark from which an estimate gives no guidance [s]; choice
     overshot_m: depth beyond the aim from which a tip has to be drawn back [m]; choice
+    abort: a needle that is inside and was told to go has to stop where a hit is less than this part of go probable;
+        choice
+    abort_s: such a stop stays until there has been guidance for so long [s]; choice
     """
 
     go: float = 0.9
@@ -29,14 +32,16 @@ class AdviceSettings:
     stale_s: float = 0.1
     coasting_s: float = 0.2
     overshot_m: float = 1e-3
+    abort: float = 0.5
+    abort_s: float = 0.5
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.go <= 1.0 and 0.0 <= self.worth <= 1.0):
-            raise ValueError(f"advice go, worth: expected 0 to 1, found {self.go}, {self.worth}")
+        if not (0.0 < self.go <= 1.0 and 0.0 <= self.worth <= 1.0 and 0.0 <= self.abort <= 1.0):
+            raise ValueError(f"advice go, worth, abort: expected 0 to 1, found {self.go}, {self.worth}, {self.abort}")
         for name in ("step_s", "stale_s"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected more than 0, found {getattr(self, name)}")
-        for name in ("horizon_s", "coasting_s", "overshot_m"):
+        for name in ("horizon_s", "coasting_s", "overshot_m", "abort_s"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected 0 or more, found {getattr(self, name)}")
 

@@ -35,7 +35,13 @@ STATUSES = {
     Status.LOST: VERMILLION,
     Status.DIVERGED: PURPLE,
 }
-ADVICE = {Advice.GO: GREEN, Advice.WAIT: ORANGE, Advice.REALIGN: PURPLE, Advice.NO_GUIDANCE: GREY}
+ADVICE = {
+    Advice.GO: GREEN,
+    Advice.WAIT: ORANGE,
+    Advice.REALIGN: PURPLE,
+    Advice.ABORT: VERMILLION,
+    Advice.NO_GUIDANCE: GREY,
+}
 TRUSTED = (Status.TRACKING, Status.COASTING)
 
 GROUND_PX = (640, 480)

@@ -68,6 +68,8 @@ class AdviceTable(Strict):
     stale_s: Positive = SETTINGS.stale_s
     coasting_s: NotNegative = SETTINGS.coasting_s
     overshot_mm: NotNegative = 1e3 * SETTINGS.overshot_m
+    abort: Part = SETTINGS.abort
+    abort_s: NotNegative = SETTINGS.abort_s
 
 
 class ForcesTable(Strict):
@@ -143,7 +145,15 @@ def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     )
     table = file.advice
     settings = AdviceSettings(
-        table.go, table.worth, table.horizon_s, table.step_s, table.stale_s, table.coasting_s, 1e-3 * table.overshot_mm
+        table.go,
+        table.worth,
+        table.horizon_s,
+        table.step_s,
+        table.stale_s,
+        table.coasting_s,
+        1e-3 * table.overshot_mm,
+        table.abort,
+        table.abort_s,
     )
     forces = NeedleForces(**file.forces.model_dump())
     return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings, forces)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from estimators import (
+    AbortWatch,
     Advice,
     GaussianMixture,
     Guidance,
@@ -63,7 +64,7 @@ def advise(
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
-    times, guidance, due_s = [], [], -np.inf
+    times, guidance, due_s, watched = [], [], -np.inf, AbortWatch()
     tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
     path_at = partial(path_near_rest, tables, line.filter)
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
@@ -71,7 +72,8 @@ def advise(
         estimate = step.estimates[FILTER]
         if estimate.time_s >= due_s:
             times.append(estimate.time_s)
-            guidance.append(asked(line.filter, estimate, plan.insertion, plan.lesion))
+            found = asked(line.filter, estimate, plan.insertion, plan.lesion)
+            guidance.append(watched.checked(found, plan.insertion, plan.settings, estimate.time_s))
             due_s = estimate.time_s + every_s
             if watch is not None:
                 watch.take(frame, line, step, guidance[-1])

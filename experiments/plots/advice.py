@@ -31,7 +31,13 @@ from experiments.plots.style import (
     write_picture,
 )
 
-COLOURS = {Advice.GO: GREEN, Advice.WAIT: ORANGE, Advice.REALIGN: PURPLE, Advice.NO_GUIDANCE: GREY}
+COLOURS = {
+    Advice.GO: GREEN,
+    Advice.WAIT: ORANGE,
+    Advice.REALIGN: PURPLE,
+    Advice.ABORT: VERMILLION,
+    Advice.NO_GUIDANCE: GREY,
+}
 LANE_MM = 6.5
 """Height of the lane of one reason in print [mm]: its words above its bars."""
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators import Guidance, TargetEstimate
+from estimators import Guidance, Insertion, TargetEstimate
 from experiments.arrays import Floats
 from experiments.film.overlay import WITHIN_95, MarkDrawn, Overlay
 from experiments.film.strokes import Colour
@@ -87,7 +87,7 @@ def state_message(
     nodes_m: Floats | None = None,
     nis_band: tuple[float, float] | None = None,
     guidance: Guidance | None = None,
-    needle: tuple[Floats, Floats] | None = None,
+    needle: Insertion | None = None,
     fault: str | None = None,
     events: Sequence[Mapping[str, Any]] = (),
     recording: Mapping[str, Any] | None = None,
@@ -97,7 +97,7 @@ def state_message(
 
     utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where it was predicted without one
     overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
-    needle: where its tip is [m] and the direction of its push, of any length, both (dim,)
+    needle: where it is
     fault: why the estimate may not be relied upon, None where it may
     events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
@@ -119,7 +119,7 @@ def state_message(
         "poked": estimate.poked,
         "nodes_mm": None if nodes_m is None else [_mm(one) for one in nodes_m],
         "advice": None if guidance is None else _advice(guidance),
-        "needle": None if needle is None else {"tip_mm": _mm(needle[0]), "direction": needle[1].tolist()},
+        "needle": None if needle is None else _needle(needle),
         "picture": None if overlay is None else _picture(overlay),
         "counters": {name: getattr(counters, name) for name in LoopFigures.__dataclass_fields__},
         "events": [dict(one) for one in events],
@@ -130,6 +130,11 @@ def state_message(
 
 def _mm(place_m: Floats) -> list[float] | None:
     return (1e3 * place_m).tolist() if np.isfinite(place_m).all() else None
+
+
+def _needle(insertion: Insertion) -> dict[str, Any]:
+    tip = insertion.entry + insertion.depth_m * insertion.axis
+    return {"tip_mm": _mm(tip), "direction": insertion.axis.tolist(), "depth_mm": 1e3 * insertion.depth_m}
 
 
 def _advice(guidance: Guidance) -> dict[str, Any]:

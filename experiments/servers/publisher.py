@@ -77,8 +77,7 @@ class Shows:
             nodes_m = node_places(line)
         counters = self._counters(shown)
         utc_s = shown.at_s + time.time() - time.monotonic()
-        insertion = None if shown.plan is None else shown.plan.insertion
-        needle = None if insertion is None else (insertion.entry + insertion.depth_m * insertion.axis, insertion.axis)
+        needle = None if shown.plan is None else shown.plan.insertion
         events, recording, paused = list(self._events.lines), self._recording, self._paused
         self.link.publish(
             lambda: state_message(

@@ -113,6 +113,8 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
                 way = goal - world.entry
                 robot.axis, robot.beside = way / np.linalg.norm(way), np.zeros(lesion.dim - 1)
                 robot.doing, robot.insertions = "going", robot.insertions + 1
+        if robot.doing == "going" and policy.waits and policy.fault(now) is not None:
+            robot.doing = "back"  # as ABORT has it
         if robot.doing == "going":
             path = policy.path(_way(world, robot, speed_m_s))
             arrival, goal = _reached(path, world, robot.axis, robot.depth)

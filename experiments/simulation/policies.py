@@ -45,7 +45,7 @@ study's tables."""
 
 
 class Policy(Protocol):
-    """What steers a needle; `waits`: whether it starts only on GO, and retracts where a hit becomes improbable."""
+    """What steers a needle; `waits`: whether it starts on GO, and retracts on a fault or where a hit is improbable."""
 
     name: str
     waits: bool

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from estimators import (
+    AbortWatch,
     Advice,
     Breathing,
     FastPredictionTables,
@@ -23,6 +24,7 @@ from estimators import (
     health_fault,
     path_by_tables,
 )
+from experiments.arrays import Floats
 from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.advise import header, reach_s, row
 from experiments.pipeline.live.outputs import LiveTable
@@ -37,11 +39,13 @@ class LiveAdvice:
     Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
     moment's. The path is the filter's, by tables, or the breath's, each as probable as it is.
     origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
-    State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice.
+    State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice;
+    the plan, whose needle moves where it is tracked; whether that has to stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path) -> None:
-        self.plan = plan
+        self.plan, self._stated = plan, plan.insertion
+        self._watch = AbortWatch()
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
         self._tables = fast_prediction_tables(tissue, reach_s(plan, tissue))
@@ -53,8 +57,12 @@ class LiveAdvice:
         self.table = LiveTable(rows, header(self._dim))
 
     def forget(self) -> None:
-        """Forget the breath and the last estimate: the filter begins anew."""
+        """Forget the breath and the last estimate: the filter begins anew, and the needle is where it was."""
         self._breathing, self._learn_s, self._last = Breathing(self._dim), np.inf, None
+
+    def needle_at(self, tip_m: Floats, direction: Floats) -> None:
+        """A tracked needle's tip is here [m], (dim,), and so it points, (dim,): see `Insertion.tracked`."""
+        self.plan = replace(self.plan, insertion=self._stated.tracked(tip_m, direction))
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
         """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written.
@@ -79,7 +87,8 @@ class LiveAdvice:
         self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
     ) -> Guidance:
         none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
-        guided = none or self._guided(tissue, estimate, now_s)
+        found = none or self._guided(tissue, estimate, now_s)
+        guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)
         arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
         told = replace(guided, arrival_s=arrival_s)
         self.table.write(row(own_time_s(of_s, self.origin_s), told, self._dim))
@@ -118,7 +127,7 @@ def own_time_s(time_s: float, origin_s: float) -> float:
 def words(guided: Guidance) -> str:
     """The advice in short: what, how probable a hit is, where to aim, by what to correct, and why."""
     what = str(guided.advice).replace("_", " ")
-    if guided.probability is None or guided.aim is None:
+    if guided.probability is None or guided.aim is None or guided.advice is Advice.ABORT:
         return f"{what}: {guided.reason}"
     aim = ", ".join(f"{1e3 * x:.1f}" for x in guided.aim)
     lateral, depth, turn = guided.lateral_m or 0.0, guided.depth_m or 0.0, guided.turn_rad or 0.0

@@ -291,9 +291,8 @@ class Session:
             raise ValueError(
                 f"needle: expected {len(insertion.entry)} coordinates, found {len(tip_m)}, {len(direction)}"
             )
-        moved = replace(insertion, entry=tip_m, axis=direction, depth_m=0.0)
         self._note(Act.NEEDLE, now_s, now_s, [float(x) for x in (*tip_m, *direction)])
-        self.advice.plan = replace(self.advice.plan, insertion=moved)
+        self.advice.needle_at(tip_m, direction)
 
     def close(self) -> None:
         """End the tables."""

@@ -268,10 +268,10 @@ def test_a_later_start_that_is_better_by_exactly_what_it_is_worth_is_not_waited_
 
 
 def test_every_rule_is_reached_and_every_kind_of_advice_given():
-    """NO_GUIDANCE is what `health_fault` gives, before the rules."""
+    """NO_GUIDANCE is what `health_fault` gives, before the rules, and ABORT what `AbortWatch` does, after them."""
     first = [next(k for k, rule in enumerate(RULES) if rule.holds(p, AdviceSettings())) for p, _, _ in BY_RULE.values()]
     assert sorted(set(first)) == list(range(len(RULES)))
-    assert {rule.advice for rule in RULES} == set(Advice) - {Advice.NO_GUIDANCE}
+    assert {rule.advice for rule in RULES} == set(Advice) - {Advice.NO_GUIDANCE, Advice.ABORT}
 
 
 def test_a_new_rule_takes_its_place_in_the_order():
@@ -324,7 +324,7 @@ def test_a_turned_needle_that_never_arrives_is_turned_to_where_the_straight_one_
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: AdviceSettings(go=1.2), "advice go, worth: expected 0 to 1"),
+        (lambda: AdviceSettings(go=1.2), "advice go, worth, abort: expected 0 to 1"),
         (lambda: AdviceSettings(step_s=0.0), "advice step_s: expected more than 0"),
         (lambda: AdviceSettings(stale_s=-1.0), "advice stale_s: expected more than 0"),
         (lambda: replace(DOWN, speed_m_s=0.0), "insertion speed_m_s: expected more than 0"),

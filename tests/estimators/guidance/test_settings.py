@@ -13,7 +13,7 @@ EXACT = AdviceSettings(stale_s=0.125, coasting_s=0.25)
 
 
 def test_defaults():
-    expected = (0.9, 0.05, 2.0, 0.1, 0.1, 0.2, 1e-3)
+    expected = (0.9, 0.05, 2.0, 0.1, 0.1, 0.2, 1e-3, 0.5, 0.5)
     assert AdviceSettings() == AdviceSettings(*expected)
 
 
@@ -22,6 +22,8 @@ def test_defaults():
     [
         ("go", (1e-9, 0.5, 1.0), (0.0, -0.1, 1.0 + 1e-9, np.nan)),
         ("worth", (0.0, 0.5, 1.0), (-1e-9, 1.0 + 1e-9, np.nan)),
+        ("abort", (0.0, 0.5, 1.0), (-1e-9, 1.0 + 1e-9, np.nan)),
+        ("abort_s", (0.0, 10.0), (-1e-9, np.inf, np.nan)),
         ("step_s", (1e-9, 10.0), (0.0, -0.1, np.inf, np.nan)),
         ("stale_s", (1e-9, 10.0), (0.0, -0.1, np.inf, np.nan)),
         ("horizon_s", (0.0, 10.0), (-1e-9, np.inf, np.nan)),

@@ -18,6 +18,7 @@ from experiments.pipeline.advise import advise, came_true, reliability, table
 from tests.experiments.command import softaim
 
 GOOD = (Path(__file__).parents[1] / "needle.toml").read_text(encoding="utf-8")
+OUTSIDE = GOOD.replace("depth_mm = 2.0", "depth_mm = 0.0")
 LEAST = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -2.0]\nspeed_mm_s = 200.0\n"
 COLUMNS = [
     *("time_s", "advice", "reason", "arrival_s", "p_hit", "aim_x_mm", "aim_y_mm"),
@@ -51,7 +52,7 @@ def test_everything_that_the_file_says_is_taken(path):
     plan = read_needle(path, 0.005, 2)
     assert plan.needle.hit is Hit.CORE
     assert astuple(plan.needle)[1:] == pytest.approx((6e-3, 18e-3, 4e-3, 0.4e-3, 0.03))
-    assert plan.settings == AdviceSettings(0.8, 0.1, 0.4, 0.05, 0.15, 0.12, 2e-3)
+    assert plan.settings == AdviceSettings(0.8, 0.1, 0.4, 0.05, 0.15, 0.12, 2e-3, 0.4, 0.3)
     assert (plan.insertion.speed_m_s, plan.insertion.depth_m) == (pytest.approx(0.2), pytest.approx(2e-3))
     np.testing.assert_allclose(plan.insertion.entry, [0.0, 0.215])
     np.testing.assert_allclose(plan.insertion.axis, [0.0, -1.0])
@@ -69,7 +70,7 @@ def test_what_it_does_not_say_is_the_usual_and_the_scenes_radius(path):
 @pytest.mark.slow
 def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, capsys):
     """No guidance before 0.1 s of marks and from 0.12 s after the last; else the target rests on the needle's line."""
-    path.write_text(GOOD)
+    path.write_text(OUTSIDE)
     out = tmp_path / "out"
     assert softaim("advise", recording, "--needle", path, "--out", out) == 0
     rows = pd.read_csv(out / "advice.csv")
@@ -85,7 +86,7 @@ def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, capsy
     sure = rows[~none].iloc[8]
     rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
     np.testing.assert_allclose(sure[["aim_x_mm", "aim_y_mm"]].astype(float), rest_mm, atol=12.0)
-    assert sure["depth_mm"] == pytest.approx(215.0 - sure["aim_y_mm"] + 15.0 - 2.0, abs=1e-6)
+    assert sure["depth_mm"] == pytest.approx(215.0 - sure["aim_y_mm"] + 15.0, abs=1e-6)
     assert sure["lateral_mm"] == pytest.approx(abs(sure["aim_x_mm"]), abs=1e-6)
     assert sure["arrival_s"] - sure["time_s"] == pytest.approx(sure["depth_mm"] / 200.0, abs=1e-6)
     said = f"30 frames: GO {(rows['advice'] == 'GO').sum()}, WAIT {(rows['advice'] == 'WAIT').sum()}, REALIGN 0,"
@@ -95,11 +96,21 @@ def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, capsy
     assert picture.std() > 10.0
 
 
+def test_a_needle_that_is_inside_is_to_stop_where_there_is_no_guidance(recording, path):
+    """The same with its tip 2 mm deep: ABORT from the first frame on, and for `abort_s` after each reason for it."""
+    path.write_text(GOOD)
+    rows = table(advise(read_recording(recording), read_needle(path, 0.005, 2)))
+    aborted = (rows["time_s"] < 0.09 + 0.3) | rows["time_s"].between(0.466 + 0.12, 0.9)
+    assert set(rows["advice"][aborted]) == {"ABORT"}
+    assert "NO_GUIDANCE" not in set(rows["advice"])
+    assert rows["reason"].iloc[0] == "stop: draw back, or wait for new advice; the estimate is INITIALISING"
+
+
 def test_a_needle_beside_the_target_is_told_to_turn(recording, path):
     """From 100 mm beside the resting target, straight down: by the angle between that and the way to the aim."""
     rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
     entry = rest_mm + np.array([100.0, 40.0])
-    path.write_text(GOOD.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
+    path.write_text(OUTSIDE.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
     rows = table(advise(read_recording(recording), read_needle(path, 0.005, 2)))
     last = rows.iloc[-1]
     way = last[["aim_x_mm", "aim_y_mm"]].to_numpy(dtype=float) - entry

@@ -83,7 +83,7 @@ def test_it_can_be_printed_where_no_needle_ever_arrives():
     figure = advice_figure(done)
     check_printed(figure)
     assert len(figure.axes) == 2
-    check_printed(advice_figure(advised(list(COLOURS) * 5, np.full(20, 1e-3), [str(k) for k in range(4)] * 5)))
+    check_printed(advice_figure(advised(list(COLOURS) * 4, np.full(20, 1e-3), [str(k) for k in range(5)] * 4)))
 
 
 def test_advice_that_changes_with_each_frame_is_as_few_artists():

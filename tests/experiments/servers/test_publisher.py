@@ -115,7 +115,8 @@ def test_paused_there_is_no_advice_and_the_state_says_why(shown):
     control.session.coast(START_S + 12 / 30 + 0.05)
     state = link.states[-1]
     assert state["fault"] == PAUSED
-    assert state["advice"]["advice"] == "NO_GUIDANCE"
+    assert state["needle"]["depth_mm"] == 2.0
+    assert state["advice"]["advice"] == "ABORT"  # the needle is inside
     assert not state["from_frame"]
 
 
@@ -132,7 +133,7 @@ def test_what_clients_ask_for_is_done_between_two_frames(shown, capfd):
         {"command": "record", "on": False},
     ]
     state = go_on()
-    assert state["needle"] == {"tip_mm": [1.0, 220.0], "direction": [0.0, -1.0]}
+    assert state["needle"] == {"tip_mm": [1.0, 220.0], "direction": [0.0, -1.0], "depth_mm": 0.0}
     assert state["recording"] is None
     link.asked = [{"command": "reset"}]
     assert go_on()["status"] == "INITIALISING"

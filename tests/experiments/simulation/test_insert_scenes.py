@@ -15,7 +15,7 @@ from experiments.simulation.advised import AdvisedInsertion, advice_figures, adv
 from experiments.simulation.cases import Case, case_of
 from experiments.simulation.closed_loop import attempt, hits, within
 from experiments.simulation.insert import one_run
-from experiments.simulation.policies import Ahead, Filtered, across, warmed
+from experiments.simulation.policies import Ahead, Filtered, Waiting, across, warmed
 from experiments.simulation.world import world_of
 from tests.experiments.command import softaim
 
@@ -130,6 +130,27 @@ def test_what_is_lost_is_not_seen(scenario: Path):
     assert abs(sum(n_seen) - 0.6 * 151) < 3 * np.sqrt(151 * 0.24)
     state, _, warm = warmed(world)
     assert attempt(world, Filtered(world, warm), state).miss_m < 0.01
+
+
+class Faulty(Waiting):
+    """As `Waiting`, whose estimate is of no use from a time on."""
+
+    from_s = np.inf
+
+    def fault(self, now_s: float) -> str | None:
+        return "the estimate is LOST" if now_s >= self.from_s else super().fault(now_s)
+
+
+def test_a_needle_that_waits_for_go_is_drawn_back_when_the_estimate_fails(scenario: Path):
+    """From 0.2 s before it arrives on: then it never does."""
+    world = world_of(case(scenario))
+    state, _, warm = warmed(world)
+    arrived = attempt(world, Faulty(world, warm), state)
+    faulty = Faulty(world, warm)
+    faulty.from_s = world.case.warm_s + arrived.seconds - 0.2
+    failed = attempt(world, faulty, state)
+    assert (arrived.insertions, failed.insertions) == (1, 1)
+    assert (arrived.miss_m is None, failed.miss_m) == (False, None)
 
 
 def test_a_filter_of_uncertain_constants_predicts_with_their_errors(scenario: Path, tmp_path: Path):

@@ -137,7 +137,7 @@ function say(id, { word, kind, why }) {
 
 // Spoken where it is another, and not too often: but what is old at once
 function speak(word, at) {
-  const urgent = document.body.classList.contains("old");
+  const urgent = document.body.classList.contains("old") || word === "ABORT";
   if (word === now.spoken || (!urgent && at - (now.spokenAt ?? -Infinity) < SPOKEN_MS)) return;
   [now.spoken, now.spokenAt] = [word, at];
   text("spoken", word);

@@ -1,30 +1,35 @@
 // What may be said at this moment: health and advice, each a word, a kind (its colour and shape) and a reason.
-// GO is said on a fresh state alone that is healthy, has no fault, and while nothing is paused.
+// GO is said on a fresh state alone that is healthy, has no fault, and while nothing is paused; ABORT whatever the fault.
 
 const HEALTH = { TRACKING: "good", COASTING: "care", INITIALISING: "info", LOST: "bad", DIVERGED: "bad" };
-const ADVICE = { GO: "good", WAIT: "care", REALIGN: "info", ABORT: "bad" };
+const ADVICE = { GO: "good", WAIT: "care", REALIGN: "info", ABORT: "stop" };
 const HEALTHY = new Set(["TRACKING", "COASTING"]);
 
-function same(word, kind, why) {
+// inside: whether the needle was inside when it was last known
+function same(word, kind, reason, inside = false) {
+  const why = inside ? `${reason}. The needle is inside: stop` : reason;
   return { health: { word, kind, why }, advice: { word, kind, why, probability: null }, live: false };
 }
 
 // state: the newest, or null; ageMs: since it was known, here and on the way; lostMs: since the connection ended, or null
 export function judged({ state, ageMs, lostMs, staleMs, refused }) {
   if (refused) return same("NO ACCESS", "bad", refused);
-  if (lostMs !== null) return same("NO CONNECTION", "bad", `for ${seconds(lostMs)}; trying again`);
+  const inside = (state?.needle?.depth_mm ?? 0) > 0;
+  if (lostMs !== null) return same("NO CONNECTION", "bad", `for ${seconds(lostMs)}; trying again`, inside);
   if (state === null) return same("WAITING", "none", "no state yet");
-  if (ageMs > staleMs) return same("STALE", "bad", `nothing new for ${seconds(ageMs)}`);
+  if (ageMs > staleMs) return same("STALE", "bad", `nothing new for ${seconds(ageMs)}`, inside);
 
   const health = { word: state.status, kind: HEALTH[state.status] ?? "bad", why: known(state) };
   const said = advised(state.advice);
   const found = (health, advice) => ({ health, advice, live: true });
   const none = (why, kind = "none") => ({ word: "NO GUIDANCE", kind, why, probability: null });
+  const aborts = said.word === "ABORT";
   if (state.fault !== null) {
-    const aborts = said.word === "ABORT";
     return found({ word: "FAULT", kind: "bad", why: state.fault }, aborts ? said : none(state.fault, "bad"));
   }
-  if (state.paused) return found({ word: "PAUSED", kind: "info", why: "frames come, and change nothing" }, none("paused"));
+  if (state.paused) {
+    return found({ word: "PAUSED", kind: "info", why: "frames come, and change nothing" }, aborts ? said : none("paused"));
+  }
   if (said.word === "GO" && !HEALTHY.has(state.status)) return found(health, none(`the estimate is ${state.status}`));
   return found(health, said);
 }
@@ -32,7 +37,8 @@ export function judged({ state, ageMs, lostMs, staleMs, refused }) {
 function advised(advice) {
   if (advice === null) return { word: "NO NEEDLE", kind: "none", why: "without a needle there is no advice", probability: null };
   const word = advice.advice.replaceAll("_", " ");
-  return { word, kind: ADVICE[advice.advice] ?? "none", why: advice.reason, probability: advice.probability };
+  const probability = word === "ABORT" ? null : advice.probability; // nothing but the reason stands beside a stop
+  return { word, kind: ADVICE[advice.advice] ?? "none", why: advice.reason, probability };
 }
 
 function known(state) {

@@ -246,3 +246,29 @@ def test_of_a_film_advice_has_its_own_times(tmp_path, recording, plan):
     assert first["arrival_s"].notna().any()
     for column in ("time_s", "arrival_s"):
         np.testing.assert_allclose(second[column], first[column], rtol=0, atol=1e-6)
+
+
+def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tmp_path, plan, image):
+    """It is seen 5 mm below the stated entry before half a second without frames, and out again before its end."""
+    before = np.round(100.0 + INTERVAL * np.arange(15), 9)
+    source = Clocked(frames_at(before, image), [], 101.0)
+    session = Session(
+        scene_of(read_scenario("webcam")),
+        tmp_path / "estimates.csv",
+        lambda _: None,
+        needle=plan,
+        clock=lambda: source.now,
+    )
+
+    def tracked() -> None:
+        inside = 100.4 < source.now < 100.8
+        session.needle_at(np.array([0.0, 0.21 if inside else 0.22]), np.array([0.0, -1.0]))
+
+    follow(session, source, np.inf, clock=lambda: source.now, attend=tracked)
+    session.close()
+    rows = pd.read_csv(tmp_path / "advice.csv")
+    gap = rows[rows["time_s"] > before[-1] + 0.1]
+    assert set(gap["advice"][gap["time_s"] < 100.8]) == {"ABORT"}
+    assert gap["reason"].iloc[0].endswith("; the estimate is 0.12 s old, more than 0.1 s")
+    assert set(gap["advice"][gap["time_s"] > 100.9]) == {"NO_GUIDANCE"}
+    assert "ABORT" not in set(rows["advice"][rows["time_s"] <= before[-1]])

@@ -7,7 +7,7 @@ import pytest
 from pyigtl.messages import MessageBase
 from scipy.stats import chi2
 
-from estimators import Advice, Guidance, Status, TargetEstimate
+from estimators import Advice, Guidance, Insertion, Status, TargetEstimate
 from experiments.servers.message import LoopFigures, state_message
 from experiments.servers.openigtlink.bodies import read_status, read_string, read_transform
 from experiments.servers.openigtlink.codec import HEADER, Message, decode, decode_header
@@ -75,7 +75,7 @@ def test_a_state_as_the_loop_publishes_it(known: bool):
     guidance = Guidance(Advice.WAIT, "later", probability=0.5)
     if known:
         estimate = TargetEstimate(2.0, mean, cov, Status.TRACKING, 3, 5.0, 0.1)
-        needle = np.array([0.01, 0.0, 0.2]), np.array([0.0, 0.0, 1.0])
+        needle = Insertion(np.array([0.01, 0.0, 0.2]), np.array([0.0, 0.0, 1.0]), 0.1)
         given = state_message(
             estimate, utc_s=UTC_S, from_frame=True, counters=LoopFigures(), guidance=guidance, needle=needle
         )

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from estimators import Advice, Guidance, Status, TargetEstimate
+from estimators import Advice, Guidance, Insertion, Status, TargetEstimate
 from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
 from experiments.formats.needle_file import read_needle
 from experiments.formats.scene.scene import read_scene
@@ -54,6 +54,7 @@ def state(
         nodes_m=np.array([[-0.2, 0.2], [0.0, 0.2], [0.0, 0.0]]),
         nis_band=(0.05, 7.4),
         guidance=guidance,
+        needle=Insertion(np.array([0.0, 0.3]), np.array([0.0, -1.0]), 0.1, 0.05),
         events=[{"utc_s": 1.8e9, "text": "0.50 s: DROPPED: 2 frames"}],
     )
     return {**made, **changed}

@@ -166,6 +166,10 @@ def test_a_state_that_was_long_on_its_way_is_stale_though_it_comes(browser: Any,
         ({"status": Status.INITIALISING}, "NO GUIDANCE", "INITIALISING"),
         ({"advice": Advice.NO_GUIDANCE}, "NO GUIDANCE", "TRACKING"),
         ({"advice": Advice.WAIT}, "WAIT", "TRACKING"),
+        ({"advice": Advice.ABORT}, "ABORT", "TRACKING"),
+        ({"advice": Advice.ABORT, "fault": "the camera is frozen"}, "ABORT", "FAULT"),
+        ({"advice": Advice.ABORT, "status": Status.LOST}, "ABORT", "LOST"),
+        ({"advice": Advice.ABORT, "paused": True}, "ABORT", "PAUSED"),
     ],
     ids=str,
 )
@@ -176,6 +180,22 @@ def test_go_is_not_shown_where_it_does_not_hold(
     shown.one.until(lambda: (word(browser), word(browser, "health")) == (advice, health))
     assert "GO" not in browser.find_element("id", "advice").text.split()
     assert browser.find_element("id", "advice").get_attribute("data-kind") != "good"
+
+
+def test_abort_has_a_colour_and_a_shape_of_its_own_and_is_spoken(browser: Any, shown: Fed) -> None:
+    shown.made = {"advice": Advice.ABORT}
+    shown.one.until(lambda: word(browser) == "ABORT")
+    advice = browser.find_element("id", "advice")
+    assert advice.get_attribute("data-kind") == "stop"
+    assert advice.find_element("tag name", "use").get_attribute("href") == "#shape-stop"
+    assert browser.find_element("id", "turn").text == ""
+    assert browser.find_element("id", "spoken").get_attribute("textContent") == "ABORT"
+
+
+def test_stale_with_the_needle_inside_says_to_stop(browser: Any, shown: Fed) -> None:
+    shown.silent.set()
+    shown.one.until(lambda: word(browser) == "STALE", 2.0)
+    assert browser.find_element("id", "why").text.endswith("The needle is inside: stop")
 
 
 def test_buttons_and_keys_send_their_commands(browser: Any, shown: Fed) -> None:
