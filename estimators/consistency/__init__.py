@@ -23,12 +23,16 @@ from estimators.consistency.scores import (
     pit_squared,
     uniformity,
 )
+from estimators.consistency.static_balance import Balance, BalanceSettings, StaticBalance
 from estimators.consistency.whiteness import autocorrelation, effective_count, portmanteau
 
 __all__ = [
+    "Balance",
+    "BalanceSettings",
     "LeaveOneOut",
     "LeaveOneOutCheck",
     "ReliabilityBin",
+    "StaticBalance",
     "anees",
     "autocorrelation",
     "chi_square_bounds",

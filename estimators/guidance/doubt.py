@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.stats import chi2
 
+from estimators.consistency.static_balance import Balance
 from estimators.tissue.estimate import Status, TargetEstimate
 
 
@@ -20,10 +22,12 @@ class DoubtSettings:
 
     away_s: a mark that was not used for so long has to come back where it is expected [s]; choice
     improbable: probability of innovations as large as in that frame below which it did not [1]; choice
+    unbalanced: `Balance.probability` of a force that goes on below which it contradicts the model [1]; choice
     """
 
     away_s: float = 0.2
     improbable: float = 1e-4
+    unbalanced: float = 1e-6
 
 
 DOUBT = DoubtSettings()
@@ -45,11 +49,17 @@ class Doubt:
         self.reason = None
         self._used_s.clear()
 
-    def update(self, estimate: TargetEstimate) -> None:
-        """Take in the estimate of a frame."""
+    def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
+        """Take in the estimate of a frame, and the balance of its marks where there is one."""
         if self.reason is None:
-            self.reason = self._why(estimate)
+            self.reason = self._why(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
+
+    def _force(self, balance: Balance | None) -> str | None:
+        if balance is None or balance.probability >= self._settings.unbalanced:
+            return None
+        most = int(np.argmax(np.linalg.norm(balance.force, axis=1)))
+        return f"a force on {balance.nodes[most]} goes on that nothing explains: look at tissue and marks, then reset"
 
     def _why(self, estimate: TargetEstimate) -> str | None:
         if estimate.status is Status.DIVERGED:

@@ -7,7 +7,7 @@ true. So the path has two parts: nobody pokes until then, and all else.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,6 +77,12 @@ class TargetPath:
                     f"path mixture: expected weights ({k}, c), means ({k}, c, {dim}), covs ({k}, c, {dim}, {dim}), "
                     f"found {weights.shape}, {means.shape}, {covs.shape}"
                 )
+
+    def widened(self, cov: Floats) -> TargetPath:
+        """The same path off by an unknown constant of this covariance [m²], (dim, dim)."""
+        parts = self.mixture
+        mixture = None if parts is None else replace(parts, covs=parts.covs + cov)
+        return replace(self, covs=self.covs + cov, mixture=mixture)
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:

@@ -189,7 +189,7 @@ class Line:
         radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
         centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
         positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
-        shared = camera.calibration_error(positions) if len(camera.calibration) else [None] * len(marks)
+        shared = camera.calibration_error(positions) if camera.n_calibration else [None] * len(marks)
         return tuple(MarkMeasurement(m.node, positions[k], covs_m[k], shared[k]) for k, m in enumerate(marks))
 
     def _looked_for(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> vision.Expected:
@@ -206,6 +206,10 @@ class Line:
             return mean, cov
         return belief(node, self.scene.cameras[0].calibration_error(mean[None])[0])
 
+    def measured(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
+        """Those of the marks that the filter may use."""
+        return [mark for mark in marks if mark.node in self._measured]
+
     def _estimated(
         self,
         exposure_s: float,
@@ -214,7 +218,7 @@ class Line:
         predict_s: float,
         sight: Sight | None,
     ) -> Step:
-        measured = [mark for mark in marks if mark.node in self._measured]
+        measured = self.measured(marks)
         refused_before = self.filter.rejected.copy()
         began = time.perf_counter()
         named = self.identity.update(measured)

@@ -32,6 +32,8 @@ class PlaneCamera:
     lens: what bends the picture that the homography gives, None where nothing does
     calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
+    scale_sd: relative error of its millimetres a pixel about mid-picture [1], one standard deviation, one direction
+        more of the calibration; None: not stated
 
     Raises ValueError that names the field.
     """
@@ -42,6 +44,7 @@ class PlaneCamera:
     calibration_sd_px: float = 0.0
     lens: Lens | None = None
     calibration: Floats = field(default_factory=lambda: np.zeros((0, 15)))
+    scale_sd: float | None = None
     px_to_plane: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -61,6 +64,8 @@ class PlaneCamera:
             raise ValueError(
                 f"camera {self.name} calibration_sd_px: expected 0 or more, found {self.calibration_sd_px}"
             )
+        if self.scale_sd is not None and not 0 <= self.scale_sd < np.inf:
+            raise ValueError(f"camera {self.name} scale_sd: expected 0 or more, found {self.scale_sd}")
         inverse = _inverse(self.name, homography)
         centre = np.array([(self.size_px[0] - 1) / 2.0, (self.size_px[1] - 1) / 2.0, 1.0])
         # The sign of a homography is free. Here the third coordinate is positive for all that lies before the camera.
@@ -132,6 +137,20 @@ class PlaneCamera:
     def calibration_error(self, points_m: ArrayLike) -> Floats:
         """Shift of points of the plane [m] by one sd along each direction of the calibration, (n, 2, n_directions)."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
+        by_lens = self._lens_error(p)
+        if not self.scale_sd:
+            return by_lens
+        width, height = self.size_px
+        middle = self.to_plane([[(width - 1) / 2.0, (height - 1) / 2.0]])
+        return np.concatenate([by_lens, self.scale_sd * (p - middle)[:, :, None]], axis=2)
+
+    @property
+    def n_calibration(self) -> int:
+        """Number of directions in which the calibration is uncertain."""
+        return len(self.calibration) + bool(self.scale_sd)
+
+    def _lens_error(self, p: Floats) -> Floats:
+        """The same of lens and pose only; p: [m], (n, 2)."""
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))
         pose = self.pose

@@ -119,6 +119,12 @@ class RisingTimes:
         self._fault = f"exposure times have not risen in {self._stuck} frames: times of arrival are used"
         return grabbed_s - self._delay_s
 
+    @property
+    def told(self) -> bool:
+        """Whether the times are the source's own, and not those of arrival."""
+        by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
+        return by_device and not self._by_arrival
+
     def take_fault(self) -> str | None:
         """What was found wrong with the times since this was last asked."""
         fault, self._fault = self._fault, None

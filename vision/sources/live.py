@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
+from vision.sources.arrivals import Arrivals
 from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, ExposureRule, RisingTimes
@@ -72,7 +73,7 @@ class LiveFrames(Closing):
     origin: when the source's own time was nought, on the clock [s], where it has one
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
-    State, shared with the threads: frames that wait, the last pictures, the watchdog, events not
+    State, shared with the threads: frames that wait, the last pictures, the watchdog, the arrivals, events not
     yet taken, the readers.
     """
 
@@ -109,6 +110,7 @@ class LiveFrames(Closing):
         self._error: Exception | None = None
         self.frames_dropped = 0
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
+        self._arrivals = Arrivals(settings)
         self._readers: list[Reader] = []
         self._origin = origin
         self._start_reader(clock())
@@ -127,6 +129,16 @@ class LiveFrames(Closing):
     def opening(self) -> bool:
         """Whether the source is being opened for the first time, which takes some cameras ten seconds."""
         return not (self._opened or self._finished or self.ended or self._error is not None)
+
+    @property
+    def late_s(self) -> float:
+        """By how much pictures may come later than their times say, since a pause [s]."""
+        return self._arrivals.late_s
+
+    @property
+    def uneven(self) -> bool:
+        """Whether pictures come so unevenly that arrival does not tell when they were exposed."""
+        return self._arrivals.uneven(self._clock())
 
     @property
     def interval_s(self) -> float:
@@ -274,8 +286,10 @@ class LiveFrames(Closing):
                 other.retired = other is not reader
             if not self._may_repeat and any(_equal(one, image) for one in self._recent):
                 self._watch.saw_repeat(grabbed_s)
+                self._arrivals.came(grabbed_s, told=times.told)
                 return
             frame = Frame(self._n_frames, times(capture, grabbed_s), image)
+            self._arrivals.came(grabbed_s, told=times.told)
             self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
             if (fault := times.take_fault()) is not None:
                 self._events.append(SourceEvent(grabbed_s, EventKind.CLOCK, fault))
@@ -295,6 +309,7 @@ class LiveFrames(Closing):
         with self._changed:
             if self._wanted(reader) and self._n_frames:
                 self._events += self._watch.saw_failure(self._clock(), why)
+                self._arrivals.failed()
 
     def close(self) -> None:
         """Stop; a reading thread lets go of the device as soon as it comes back from it."""

@@ -22,6 +22,9 @@ class SourceSettings:
     stuck_frames: frames in a row whose stated times do not rise, from which on times of arrival are used [1]; source:
         a fault is to be noticed within 200 ms or three frames
     clock_error_s: how far a device's times may wander beside the times of arrival [s]; choice
+    uneven_s, uneven_share: how far an interval may be from a whole number of usual ones [s], or of the usual one [1],
+        whichever is more, for times of arrival to tell when pictures were exposed; choice
+    even_s: so long pictures have to come evenly for that again [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
     backlog: frames of a device that wait where every frame counts [1]; choice
     sharp_frames: frames taken from a film for a calibration, the sharpest of so many equal parts [1]; choice
@@ -38,6 +41,9 @@ class SourceSettings:
     settled_frames: int = 30
     stuck_frames: int = 3
     clock_error_s: float = 0.05
+    uneven_s: float = 0.01
+    uneven_share: float = 0.25
+    even_s: float = 1.0
     remembered_frames: int = 300
     backlog: int = 64
     sharp_frames: int = 40

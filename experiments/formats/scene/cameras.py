@@ -25,14 +25,14 @@ def camera_of(table: CameraTable, folder: Path) -> PlaneCamera:
     if table.file is not None:
         c = read_camera_toml(folder / table.file)
         seen = posed_camera(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
-        return replace(seen, calibration_sd_px=table.calibration_sd_px)
+        return replace(seen, calibration_sd_px=table.calibration_sd_px, scale_sd=table.scale_sd)
     assert table.name is not None
     assert table.size_px is not None
     size_px = (table.size_px[0], table.size_px[1])
     if table.plane_to_px is not None:
         homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
         try:
-            return PlaneCamera(table.name, size_px, homography, table.calibration_sd_px)
+            return PlaneCamera(table.name, size_px, homography, table.calibration_sd_px, scale_sd=table.scale_sd)
         except ValueError:  # all else that it checks, the file's model has checked
             raise ValueError(
                 "plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
@@ -50,7 +50,7 @@ def camera_of(table: CameraTable, folder: Path) -> PlaneCamera:
         raise ValueError(
             f"translation_mm: expected a pose before the plane z = 0, found {shown(table.translation_mm)}"
         ) from None
-    return replace(seen, calibration_sd_px=table.calibration_sd_px)
+    return replace(seen, calibration_sd_px=table.calibration_sd_px, scale_sd=table.scale_sd)
 
 
 def camera_lines(camera: PlaneCamera) -> list[str]:
@@ -65,6 +65,8 @@ def camera_lines(camera: PlaneCamera) -> list[str]:
         lines += [*_rows("rotation", pose.rotation), f"translation_mm = {_list(1e3 * pose.translation_m)}"]
         if len(camera.calibration):
             lines += _rows("uncertainty", camera.calibration * TO_MM)
+    if camera.scale_sd is not None:
+        lines += [f"scale_sd = {float(camera.scale_sd)!r}"]
     return [*lines, f"calibration_sd_px = {_list([camera.calibration_sd_px])[1:-1]}"]
 
 

@@ -102,7 +102,7 @@ class Scene:
     @property
     def n_calibration(self) -> int:
         """Number of directions in which the calibration of the first camera is uncertain."""
-        return len(self.cameras[0].calibration) if self.cameras else 0
+        return self.cameras[0].n_calibration if self.cameras else 0
 
     @property
     def measured_nodes(self) -> tuple[str, ...]:

@@ -88,6 +88,7 @@ class CameraTable(Strict):
     uncertainty: list[Row] | None = None
     file: Name | None = None
     calibration_sd_px: NotNegative = 0.0
+    scale_sd: NotNegative | None = None
 
     @model_validator(mode="after")
     def _one_form(self) -> CameraTable:
@@ -104,7 +105,7 @@ class CameraTable(Strict):
         for key in type(self).model_fields:
             if key in needed and getattr(self, key) is None:
                 raise ValueError(f"{key}: expected this key beside {given[0]}, found none")
-            if key not in allowed and key != "calibration_sd_px" and getattr(self, key) is not None:
+            if key not in {*allowed, "calibration_sd_px", "scale_sd"} and getattr(self, key) is not None:
                 raise ValueError(f"{key}: expected no such key beside {given[0]}, found one")
         return self
 

@@ -38,13 +38,14 @@ class LiveAdvice:
 
     Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
     moment's. The path is the filter's, by tables, or the breath's, each as probable as it is.
+    unstated: covariance of the target by what the scene leaves unsaid [m²], (dim, dim); None: nothing
     origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
     State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice;
     the plan, whose needle moves where it is tracked; whether that has to stop.
     """
 
-    def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path) -> None:
-        self.plan, self._stated = plan, plan.insertion
+    def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
+        self.plan, self._stated, self._unstated = plan, plan.insertion, unstated
         self._watch = AbortWatch()
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
@@ -101,6 +102,7 @@ class LiveAdvice:
         if fault is not None:
             return Guidance(Advice.NO_GUIDANCE, fault)
         path = self._path(tissue, self._tables)
+        path = path if self._unstated is None else path.widened(self._unstated)
         now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 

@@ -229,6 +229,8 @@ def follow(
         session.count_from(frames.origin_s)
         session.counters.dropped = frames.frames_dropped
         report_source_events(frames)
+        if isinstance(frames, vision.LiveFrames):
+            session.dated(frames.late_s, uneven=frames.uneven)
         if frame is not None and session.paused:
             session.counters.not_used += 1
             frame = None

@@ -39,6 +39,8 @@ class Act(StrEnum):
     """A frame that cannot be used comes, exposed at time_s: of another size, or no later than the one before."""
     COAST = "coast"
     """No frame comes."""
+    DATED = "dated"
+    """Frames may come later than their times say by the first value [s]; they come unevenly or not: the second."""
     RESET = "reset"
     """The state is forgotten."""
     FIX = "fix"

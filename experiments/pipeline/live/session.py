@@ -16,7 +16,15 @@ from typing import Any
 import numpy as np
 
 import vision
-from estimators import AdviceSettings, CovarianceError, Doubt, Guidance, TargetEstimate, after_frame, health_fault
+from estimators import (
+    AdviceSettings,
+    CovarianceError,
+    Doubt,
+    Guidance,
+    TargetEstimate,
+    after_frame,
+    health_fault,
+)
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
@@ -29,6 +37,7 @@ from experiments.pipeline.live.journal import Act, Done, Journal
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.shown import Counters, Publisher, Shown, status_text
+from experiments.pipeline.live.usual import balance_of
 from experiments.pipeline.warm_up import warm_up
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
@@ -48,6 +57,7 @@ class LiveSettings:
 
 LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
+UNEVEN = "pictures come too unevenly to tell when they were exposed"
 
 SOURCE = vision.SourceSettings()
 """Its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are those of
@@ -61,7 +71,7 @@ class Session:
     watch: is shown each frame, what it gave and the advice; publisher: also each moment without one
     State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
     who is told all that is done, so that it can be done again; whether the filter could use the last frame; whether the
-    marks contradicted the model.
+    marks contradicted the model; how late frames may be, what somebody looked at of that, whether they come unevenly.
     """
 
     def __init__(
@@ -84,8 +94,11 @@ class Session:
         self.journals: list[Journal] = []
         self.paused = False
         self.doubt = Doubt()
+        self._balance, self._unstated = balance_of(scene, self.line.filter)
         self.picture: vision.Frame | None = None
-        self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE))
+        self.advice = (
+            None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE), self._unstated)
+        )
         self._clock = clock
         self.counters = Counters()
         self.statuses: Counter[str] = Counter()
@@ -95,6 +108,7 @@ class Session:
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
         self._origin_s = 0.0
+        self._late_s, self._known_late_s, self._uneven = 0.0, 0.0, False
 
     def take(self, frame: vision.Frame | MarksFrame, waited_s: float = 0.0) -> bool:
         """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
@@ -120,9 +134,9 @@ class Session:
             return False
         estimate = step.estimates[FILTER]
         self._write(estimate)
-        self.doubt.update(estimate)
-        doubt = self.doubt.reason
-        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, doubt)
+        used = [mark for mark in step.marks if mark.node not in step.refused]
+        self.doubt.update(estimate, self._balance.update(exposure_s, self.line.measured(used)))
+        advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, self._fault)
         ended = time.perf_counter()
         stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
         self._count(self._clock() - exposure_s, ended - began, stages_s)
@@ -172,7 +186,11 @@ class Session:
     @property
     def _fault(self) -> str | None:
         """Why there is no advice, whatever the newest estimate says of itself."""
-        return PAUSED if self.paused else self.doubt.reason
+        if self.paused or self.doubt.reason is not None:
+            return PAUSED if self.paused else self.doubt.reason
+        if self._late_s > self._known_late_s:
+            return f"pictures may come {self._late_s:.1f} s late since a pause: look at the picture, then reset"
+        return UNEVEN if self._uneven else None
 
     def _publish(
         self,
@@ -235,7 +253,9 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        return replace(estimate, time_s=self._own_s(estimate.time_s))
+        """The estimate in the source's time, with what the scene leaves unsaid in its covariance."""
+        cov = None if estimate.cov is None else estimate.cov + self._unstated
+        return replace(estimate, time_s=self._own_s(estimate.time_s), cov=cov)
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
@@ -250,11 +270,22 @@ class Session:
         self._note(Act.PAUSE, now_s, now_s, [on])
         self.paused = on
 
+    def dated(self, late_s: float, *, uneven: bool) -> None:
+        """By how much frames may come later than their times say [s], and whether they come too unevenly to tell."""
+        if (late_s, uneven) == (self._late_s, self._uneven):
+            return
+        now_s = self._clock()
+        self._note(Act.DATED, now_s, now_s, [late_s, uneven])
+        self._late_s, self._uneven = late_s, uneven
+        self._known_late_s = min(self._known_late_s, late_s)
+
     def reset(self) -> None:
         """Forget the state: the next frame starts anew."""
         self._note(Act.RESET, self.line.filter.time_s or 0.0, self._clock())
         self.line = Line(self.line.scene, baseline=False, explain=self._explain)
         self.doubt.forget()
+        self._balance.forget()
+        self._known_late_s = self._late_s
         if self.advice is not None:
             self.advice.forget()
 

@@ -111,7 +111,7 @@ class ScriptedFrames(LiveFrames):
 
     def __init__(self, arrivals: list[Arrival]) -> None:
         self.now_s = BEGAN_S
-        self._arrivals = deque(arrivals)
+        self._to_come = deque(arrivals)
         self._times = RisingTimes(DeviceTimes())
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
@@ -124,16 +124,16 @@ class ScriptedFrames(LiveFrames):
         """The newest frame that came until now, or the first within timeout_s [s]."""
         until_s = self.now_s + timeout_s
         self._read_until(self.now_s)
-        while not self._waiting and self._arrivals and self._arrivals[0].at_s <= until_s:
-            self._read_until(self._arrivals[0].at_s)
+        while not self._waiting and self._to_come and self._to_come[0].at_s <= until_s:
+            self._read_until(self._to_come[0].at_s)
         if not self._waiting:
             self.now_s = until_s
-            self._finished = not self._arrivals
+            self._finished = not self._to_come
         return super().next(0.0)
 
     def _read_until(self, time_s: float) -> None:
-        while self._arrivals and self._arrivals[0].at_s <= time_s:
-            one = self._arrivals.popleft()
+        while self._to_come and self._to_come[0].at_s <= time_s:
+            one = self._to_come.popleft()
             self.now_s = max(self.now_s, one.at_s)
             image, at_s, why = self._picture(_Read(one))
             if image is None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimators import Doubt, Status, TargetEstimate
+from estimators import Balance, Doubt, Status, TargetEstimate
 
 ALL = ("M1", "M2", "M3")
 
@@ -53,3 +53,13 @@ def test_a_large_innovation_of_marks_that_were_never_away_is_a_poke():
 def test_a_mark_that_is_seen_for_the_first_time_is_not_back():
     without = [seen(0.03 * k, ("M2", "M3")) for k in range(20)]
     assert after(*without, seen(0.6, ALL, nis=60.0)) is None
+
+
+def test_a_force_that_goes_on_and_that_nothing_explains_is_kept_in_mind():
+    """Of one coordinate of two, variance 1: 6 sigma is a probability of 1.5e-8, 4 sigma of 3e-4."""
+    doubt = Doubt()
+    doubt.update(seen(0.0), Balance(("M1", "M2"), np.array([[4.0], [0.0]]), np.eye(2)))
+    assert doubt.reason is None
+    doubt.update(seen(0.1), Balance(("M1", "M2"), np.array([[0.0], [6.0]]), np.eye(2)))
+    doubt.update(seen(0.2))
+    assert (doubt.reason or "").startswith("a force on M2 goes on")

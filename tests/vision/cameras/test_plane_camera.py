@@ -1,5 +1,7 @@
 """Homographies against the formula written out, covariances against sampling and against finite differences."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -162,3 +164,13 @@ def test_what_a_calibration_is_off_by_moves_all_points_together() -> None:
     assert PlaneCamera("c", (640, 480), TILTED).calibration_error(points).shape == (20, 2, 0)
     with pytest.raises(ValueError, match="camera c calibration: expected a lens that it is of, found none"):
         PlaneCamera("c", (640, 480), TILTED, calibration=directions)
+
+
+def test_a_scale_of_unknown_error_moves_points_away_from_mid_picture():
+    camera = replace(fronto_parallel_camera("front", (641, 481), (1.0, 1.0), (0.1, 0.2)), scale_sd=0.02)
+    assert camera.n_calibration == 1
+    np.testing.assert_allclose(
+        camera.calibration_error([[0.2, 0.2], [0.1, 0.0]]), [[[2e-3], [0.0]], [[0.0], [-4e-3]]], atol=1e-12
+    )
+    with pytest.raises(ValueError, match="scale_sd: expected 0 or more"):
+        replace(camera, scale_sd=-0.1)

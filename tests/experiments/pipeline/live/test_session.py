@@ -188,3 +188,37 @@ def test_a_film_is_told_in_its_own_times(tmp_path, image, capfd):
     np.testing.assert_allclose(own, 40.0 + INTERVAL * np.arange(10), rtol=0, atol=1e-9)
     assert shown[0][1].split(" s ")[0].strip() == "40.00"
     assert capfd.readouterr().err == "softaim: 40.10 s: BLOCKED: no answer for 0.50 s\n"
+
+
+def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody_looked(tmp_path, image):
+    shown: list[str] = []
+
+    class Seen:
+        def publish(self, moment, _line) -> None:
+            shown.append(moment.fault or "")
+
+    clock = iter(np.arange(1.0, 9.0, 0.001))
+    session = Session(
+        scene_of(read_scenario("webcam")),
+        tmp_path / "e.csv",
+        lambda _: None,
+        publisher=Seen(),
+        clock=lambda: next(clock),
+    )
+    for k, act in enumerate(
+        (
+            lambda: session.dated(0.0, uneven=True),
+            lambda: session.dated(1.0, uneven=False),
+            session.reset,
+            lambda: session.dated(1.5, uneven=False),
+        )
+    ):
+        act()
+        session.take(Frame(k, 1.0 + 0.033 * k, image))
+    session.close()
+    assert ["unevenly" in shown[0], "1.0 s late" in shown[1], "late" in shown[2], "1.5 s late" in shown[3]] == [
+        True,
+        True,
+        False,
+        True,
+    ]

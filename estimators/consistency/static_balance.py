@@ -1,0 +1,189 @@
+"""The force that the marks ask for in the mean of a second: whether pokes, a breath and what is stated explain it.
+
+A filter explains whatever it sees by forces that come and go. Where a spring is cut or a mark was stuck on elsewhere,
+it follows the marks by a force that does not go, its innovations are as they should be, and the hidden target is
+elsewhere. In the mean of a second a body moves slowly: then the outside force f on the marked nodes is what the springs
+do not bear,
+
+    f = Kc (z - rest),   Kc = Kmm - Kmh Khh^-1 Khm
+
+with z the mean places of the marks and K the stiffness at rest, of marked (m) and hidden (h) nodes: static
+condensation. f is tested by chi-square against what it may be without a contradiction: pokes, which
+average away; one force on all nodes alike, by their mass, as of a breath or a tilt; errors of marks, of the camera's
+calibration and of the constants as far as they are stated or usual.
+
+By the same stiffness an error s of the marks' places, or a force g of wrong constants, moves the hidden nodes of an
+estimate that follows the marks by -Khh^-1 Khm s, or Khh^-1 gh.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from dynamics import MassSpringNetwork, ParameterUncertainty, parameter_forces, rest_shape, stiffness_matrix
+from estimators.arrays import Floats
+from estimators.process.process_model import ForceMode
+from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.filter import TissueFilter
+
+
+@dataclass(frozen=True, slots=True)
+class BalanceSettings:
+    """Over which time a force is averaged.
+
+    mean_s: the time [s]; choice: pokes do not average away in half of it, and twice is what a fault that no frame shows
+        may take to be noticed
+    least_share: of that time that has to be seen, and of its frames that a mark has to be in [1]; choice
+    """
+
+    mean_s: float = 1.0
+    least_share: float = 0.5
+
+
+BALANCE = BalanceSettings()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Balance:
+    """What the marks ask for in the mean.
+
+    nodes: marked nodes that were seen, k; force: outside force on them [N], (k, dim); cov: what it may be without a
+        contradiction [N²], (k dim, k dim)
+    """
+
+    nodes: tuple[str, ...]
+    force: Floats
+    cov: Floats
+
+    @property
+    def probability(self) -> float:
+        """Of a force as improbable as this one or more so, where nothing contradicts the model."""
+        f = self.force.ravel()
+        return float(chi2.sf(f @ np.linalg.solve(self.cov, f), len(f)))
+
+
+Calibration = Callable[[Floats], Floats]
+"""Shift of points [m], (n, dim), by one sd along each direction of a calibration [m], (n, dim, n_directions)."""
+
+
+class StaticBalance:
+    """The balance of a body before a filter, from its marks, frame by frame; None of a body that a hand may lead.
+
+    uncertainty: of the constants; None: exact; calibration: of the camera; None: exact
+    State: the marks of the last frames; what is worked out for nodes that are seen together.
+    """
+
+    def __init__(
+        self,
+        tissue: TissueFilter,
+        uncertainty: ParameterUncertainty | None = None,
+        calibration: Calibration | None = None,
+        settings: BalanceSettings = BALANCE,
+    ) -> None:
+        self._network: MassSpringNetwork = tissue.model.network
+        self._target = tissue.target
+        # a hand that leads holds a body for as long as it likes, and links turn
+        self._of = None if tissue.settings.led is not None else tissue.settings.poked
+        self._often = tissue.settings.poked_s / (tissue.settings.poked_s + tissue.settings.between_s)
+        self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
+        self._frames: deque[tuple[float, dict[str, MarkMeasurement]]] = deque()
+        self._seen: dict[tuple[str, ...], _Condensed] = {}
+        self._rest = rest_shape(self._network)
+        self._stiffness = stiffness_matrix(self._network, self._rest)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._frames.clear()
+
+    def target_cov(self, nodes: Sequence[str]) -> Floats:
+        """What constants and calibration add to the covariance of the target at rest [m²], (dim, dim).
+
+        nodes: those whose marks the estimate follows, as if constants and calibration were exact
+        """
+        seen = self._condensed(tuple(nodes))
+        shifts = np.zeros((len(self._stiffness), seen.marks.shape[1] + seen.hidden.shape[1]))
+        shifts[seen.m, : seen.marks.shape[1]] = seen.marks
+        shifts[seen.h] = np.concatenate([-seen.carried.T @ seen.marks, seen.hidden], axis=1)
+        moved = self._target.linear(shifts)
+        return moved @ moved.T
+
+    def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
+        """The balance after the marks that a frame at this time [s] gave; None as long as too little was seen."""
+        if self._of is None:
+            return None
+        s = self._settings
+        self._frames.append((time_s, {mark.node: mark for mark in marks}))
+        while self._frames[0][0] <= time_s - s.mean_s:
+            self._frames.popleft()
+        if time_s - self._frames[0][0] < s.least_share * s.mean_s:
+            return None
+        counts = Counter(node for _, by_node in self._frames for node in by_node)
+        enough = s.least_share * len(self._frames)
+        nodes = tuple(sorted(node for node, n in counts.items() if n >= enough))
+        together = [(at_s, by_node) for at_s, by_node in self._frames if by_node.keys() >= set(nodes)]
+        return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
+
+    def _balance(
+        self, of: ForceMode, nodes: tuple[str, ...], frames: list[tuple[float, dict[str, MarkMeasurement]]]
+    ) -> Balance:
+        """frames: times [s] and marks of those that have all of the nodes."""
+        network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
+        at = [network.index(node) for node in nodes]
+        away = np.mean([[marks[node].position for node in nodes] for _, marks in frames], axis=0) - self._rest[at]
+        poke = np.repeat(of.poke * network.masses[at], dim)
+        alike = np.zeros((len(poke), dim))
+        alike[np.arange(len(poke)), np.arange(len(poke)) % dim] = poke
+        span_s = max(frames[-1][0] - frames[0][0], of.lasting_s)
+        averaged = self._often * max(min(2.0 * of.lasting_s / span_s, 1.0), 1.0 / len(frames))
+        cov = np.diag(averaged * poke**2 + np.repeat(network.friction[at], dim) ** 2)
+        for k, node in enumerate(nodes):  # what errs in all frames alike does not average away
+            own = seen.stiffness[:, k * dim : (k + 1) * dim]
+            cov += own @ frames[-1][1][node].cov @ own.T
+        directions = np.concatenate([alike, seen.forces, seen.stiffness @ seen.marks], axis=1)
+        force = (seen.stiffness @ away.ravel()).reshape(len(nodes), dim)
+        return Balance(nodes, force, cov + directions @ directions.T)
+
+    def _condensed(self, nodes: tuple[str, ...]) -> _Condensed:
+        if nodes not in self._seen:
+            network, K, rest = self._network, self._stiffness, self._rest
+            places = [network.coordinates(node) for node in nodes]
+            m = np.array([i for place in places for i in range(place.start, place.stop)])
+            h = np.setdiff1d(np.arange(len(K)), m)
+            forces = np.zeros((len(K), 0))
+            if self._uncertainty is not None:
+                each = parameter_forces(network, self._uncertainty.parameters, rest, np.zeros_like(rest))
+                forces = each.T @ self._uncertainty.directions.T
+            marks = np.zeros((len(m), 0))
+            if self._calibration is not None:
+                marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
+            n_marks = len(m)
+            solved = np.linalg.solve(K[np.ix_(h, h)], np.concatenate([K[np.ix_(h, m)], forces[h]], axis=1))
+            carried, hidden = solved[:, :n_marks].T, solved[:, n_marks:]
+            stiffness = K[np.ix_(m, m)] - carried @ K[np.ix_(h, m)]
+            of_marks = forces[m] - carried @ forces[h]
+            self._seen[nodes] = _Condensed(m, h, carried, stiffness, of_marks, marks, hidden)
+        return self._seen[nodes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Condensed:
+    """A body condensed to nodes that are seen: their coordinates m and the others h among the free ones.
+
+    carried: Kmh Khh^-1 [1], (m, h); stiffness: Kc [N/m], (m, m)
+    By one sd of each uncertain constant, forces: on m [N], (m, n); hidden: shift of h while m stay [m], (h, n).
+    marks: shift of m by one sd of each direction of the calibration [m], (m, k)
+    """
+
+    m: NDArray[np.int64]
+    h: NDArray[np.int64]
+    carried: Floats
+    stiffness: Floats
+    forces: Floats
+    marks: Floats
+    hidden: Floats

@@ -1,0 +1,93 @@
+"""Forces that go on, against equilibria under known forces, and targets against those with wrong constants."""
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, ParameterUncertainty, four_mass_phantom, parameters, rest_shape, scale_parameters
+from estimators import MarkMeasurement, StaticBalance, TissueFilter
+
+COV = 1e-9 * np.eye(2)
+
+
+@pytest.fixture(scope="module")
+def tissue() -> TissueFilter:
+    return TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
+
+
+def seen(network, positions):
+    return [MarkMeasurement(node, positions[network.index(node)], COV) for node in OUTER]
+
+
+def after_a_second(balance: StaticBalance, network, positions):
+    found = None
+    for k in range(31):
+        found = balance.update(k / 30.0, seen(network, positions))
+    assert found is not None
+    return found
+
+
+def test_the_force_is_that_under_which_the_body_rests(tissue):
+    """By `rest_shape` under a force on M1, of 0.02 N: so small that the stiffness at rest holds to 1 %."""
+    network = tissue.model.network
+    force = np.zeros((len(network.free), 2))
+    force[list(network.free).index(network.index("M1"))] = [0.02, -0.01]
+    found = after_a_second(StaticBalance(tissue), network, rest_shape(network, force))
+    expected = np.zeros((3, 2))
+    expected[found.nodes.index("M1")] = [0.02, -0.01]
+    np.testing.assert_allclose(found.force, expected, atol=2e-4)
+    assert found.probability > 0.5
+
+
+def test_what_pushes_all_nodes_alike_is_a_breath_and_what_pulls_one_is_none(tissue):
+    """2 N on each of three marks and 2 N on one: the pokes' mean has a sd of 5 m/s² 0.2 kg (0.4 / 6)^½ = 0.26 N."""
+    network = tissue.model.network
+    rows = [list(network.free).index(network.index(node)) for node in OUTER]
+    alike, alone = np.zeros((2, len(network.free), 2))
+    alike[rows] = [0.0, 2.0]
+    alone[rows[0]] = [2.0, 0.0]
+    balance = StaticBalance(tissue)
+    assert after_a_second(balance, network, rest_shape(network, alike)).probability > 0.01
+    balance.forget()
+    assert balance.update(0.0, seen(network, network.positions)) is None
+    balance.forget()
+    assert after_a_second(balance, network, rest_shape(network, alone)).probability < 1e-6
+
+
+def test_a_target_follows_constants_and_marks_that_are_wrong(tissue):
+    """By `rest_shape` with the marks held where they rest and the hidden mass on springs 1 % stiffer."""
+    network = tissue.model.network
+    which = parameters(network, ("stiffness",))
+    wrong = ParameterUncertainty(which, np.full((1, len(which)), 0.01))
+    held = network.fixed.copy()
+    held[[network.index(node) for node in OUTER]] = True
+    stiffer = scale_parameters(network, which, np.full(len(which), 0.01))
+    with_marks_held = type(network)(
+        **{
+            name: getattr(stiffer, name)
+            for name in (
+                "names",
+                "positions",
+                "masses",
+                "drag",
+                "friction",
+                "springs",
+                "stiffness",
+                "rest_lengths",
+                "damping",
+                "gravity",
+            )
+        },
+        fixed=held,
+    )
+    shift = (rest_shape(with_marks_held) - network.positions)[network.index(HIDDEN)]
+    cov = StaticBalance(tissue, wrong).target_cov(OUTER)
+    np.testing.assert_allclose(np.sqrt(np.diag(cov)), np.abs(shift), rtol=0.02, atol=1e-9)
+
+
+def test_a_body_that_a_hand_may_lead_has_no_balance():
+    stiff = four_mass_phantom()
+    stiff = scale_parameters(stiff, parameters(stiff, ("stiffness",)), np.full(len(stiff.springs), np.log(1e4)))
+    tissue = TissueFilter(stiff, HIDDEN, OUTER)
+    assert tissue.settings.led is not None
+    balance = StaticBalance(tissue)
+    assert all(balance.update(k / 30.0, seen(stiff, stiff.positions)) is None for k in range(40))
