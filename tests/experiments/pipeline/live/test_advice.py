@@ -13,6 +13,7 @@ from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
 from experiments.pipeline.live.following import follow
@@ -55,6 +56,12 @@ def recording(tmp_path_factory) -> Recording:
     return read_recording(folder)
 
 
+def known(scene: Scene) -> Scene:
+    """The scene that says of its constants and its camera that they are as good as exact."""
+    exact = independent_uncertainty(parameters(scene.network, ("stiffness",))[:1], 1e-9)
+    return replace(scene, uncertainty=exact, cameras=tuple(replace(one, scale_sd=0.0) for one in scene.cameras))
+
+
 def run(source: Clocked, folder: Path, plan: NeedlePlan) -> tuple[Session, pd.DataFrame, list[tuple[float, str]]]:
     """The session, the rows of advice.csv, and what was shown when."""
     shown: list[tuple[float, str]] = []
@@ -62,7 +69,7 @@ def run(source: Clocked, folder: Path, plan: NeedlePlan) -> tuple[Session, pd.Da
     def clock() -> float:
         return source.now
 
-    scene = scene_of(read_scenario("webcam"))
+    scene = known(scene_of(read_scenario("webcam")))
     session = Session(
         scene, folder / "estimates.csv", lambda text: shown.append((clock(), text)), needle=plan, clock=clock
     )
