@@ -48,6 +48,9 @@ class BodyConstants:
     turned: by so many of the links' lengths may an update move the ends of a body of many states without another pass
         [1]; choice
     stiffest: stiffness of a link by that which the body's weight stretches by strain_sd, at most [1]; choice
+    smooth: share of the extent over which displacements that springs do not explain are smooth [1]; choice
+    in_common: factor on the covariance of a field through the marks, for the filter has seen them, too [1]; choice
+    remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
     """
 
     strain_sd: float = FilterSettings().strain_sd
@@ -62,6 +65,9 @@ class BodyConstants:
     crowd: int = CROWD
     turned: float = TURNED
     stiffest: float = STIFFEST
+    smooth: float = FilterSettings().smooth
+    in_common: float = FilterSettings().in_common
+    remember_s: float = FilterSettings().remember_s
 
 
 def body_figures(
@@ -81,6 +87,9 @@ def body_figures(
         FilterSettings,
         hidden_share=constants.hidden_share,
         least_white=(constants.quiet_white, constants.poked_white),
+        smooth=constants.smooth,
+        in_common=constants.in_common,
+        remember_s=constants.remember_s,
     )
     found = {}
     with (
