@@ -28,7 +28,7 @@ from scipy.stats import chi2
 
 from dynamics import MassSpringNetwork, ParameterUncertainty, parameter_forces, rest_shape, stiffness_matrix
 from estimators.arrays import Floats
-from estimators.process.process_model import ForceMode
+from estimators.process.process_model import LOOSE, ForceMode
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.filter import TissueFilter
 
@@ -163,7 +163,9 @@ class StaticBalance:
             if self._calibration is not None:
                 marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
             n_marks = len(m)
-            solved = np.linalg.solve(K[np.ix_(h, h)], np.concatenate([K[np.ix_(h, m)], forces[h]], axis=1))
+            # where nothing resists a turn about the marks, wrong constants make none
+            both = np.concatenate([K[np.ix_(h, m)], forces[h]], axis=1)
+            solved = np.linalg.lstsq(K[np.ix_(h, h)], both, rcond=LOOSE)[0]
             carried, hidden = solved[:, :n_marks].T, solved[:, n_marks:]
             stiffness = K[np.ix_(m, m)] - carried @ K[np.ix_(h, m)]
             of_marks = forces[m] - carried @ forces[h]

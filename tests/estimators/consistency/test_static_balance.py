@@ -1,9 +1,20 @@
 """Forces that go on, against equilibria under known forces, and targets against those with wrong constants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, ParameterUncertainty, four_mass_phantom, parameters, rest_shape, scale_parameters
+from dynamics import (
+    HIDDEN,
+    OUTER,
+    ParameterUncertainty,
+    build_network,
+    four_mass_phantom,
+    parameters,
+    rest_shape,
+    scale_parameters,
+)
 from estimators import MarkMeasurement, StaticBalance, TissueFilter
 
 COV = 1e-9 * np.eye(2)
@@ -61,25 +72,7 @@ def test_a_target_follows_constants_and_marks_that_are_wrong(tissue):
     held = network.fixed.copy()
     held[[network.index(node) for node in OUTER]] = True
     stiffer = scale_parameters(network, which, np.full(len(which), 0.01))
-    with_marks_held = type(network)(
-        **{
-            name: getattr(stiffer, name)
-            for name in (
-                "names",
-                "positions",
-                "masses",
-                "drag",
-                "friction",
-                "springs",
-                "stiffness",
-                "rest_lengths",
-                "damping",
-                "gravity",
-            )
-        },
-        fixed=held,
-    )
-    shift = (rest_shape(with_marks_held) - network.positions)[network.index(HIDDEN)]
+    shift = (rest_shape(replace(stiffer, fixed=held)) - network.positions)[network.index(HIDDEN)]
     cov = StaticBalance(tissue, wrong).target_cov(OUTER)
     np.testing.assert_allclose(np.sqrt(np.diag(cov)), np.abs(shift), rtol=0.02, atol=1e-9)
 
@@ -91,3 +84,20 @@ def test_a_body_that_a_hand_may_lead_has_no_balance():
     assert tissue.settings.led is not None
     balance = StaticBalance(tissue)
     assert all(balance.update(k / 30.0, seen(stiff, stiff.positions)) is None for k in range(40))
+
+
+def test_a_body_that_turns_freely_about_its_mark_is_no_error():
+    """Two springs 1 m long from one marked node, no anchor: nothing resists that their other ends go round it."""
+    free = build_network(
+        ("a", "b", "c"),
+        np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+        [("a", "b"), ("a", "c")],
+        stiffness=100.0,
+        masses=0.1,
+        gravity=[0.0, 0.0],
+    )
+    which = parameters(free, ("rest_length",))
+    longer = ParameterUncertainty(which, 0.01 * np.eye(len(which)))
+    cov = StaticBalance(TissueFilter(free, "b", ("a",)), longer).target_cov(("a",))
+    # a spring 1 % longer: b is 1 cm further away along it
+    np.testing.assert_allclose(cov, np.diag([0.01**2, 0.0]), rtol=1e-6, atol=1e-12)

@@ -1,5 +1,7 @@
 """What marks show of the model's error: wider covariances, and a field through the marks as a second opinion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -158,6 +160,20 @@ def test_predictions_begin_where_the_target_is_reported_and_change_nothing():
     np.testing.assert_allclose(spreads[0], cov, rtol=1e-6)
     np.testing.assert_array_equal(tissue.mixture.x, before[0])
     np.testing.assert_array_equal(tissue.mixture.P, before[1])
+
+
+def test_what_filter_and_field_have_in_common_counts_against_the_field():
+    """Its covariance is so many times that of a field of other marks; where it lies stays as it is."""
+    tissue, *_ = followed(n=20)
+    shown = tissue.model_error.shown
+    alone = ModelError(tissue.model, replace(tissue.settings, in_common=1.0))
+    alone.shown = shown
+    place, cov = tissue.model_error.of_target(tissue.target)
+    other_place, other_cov = alone.of_target(tissue.target)
+    np.testing.assert_array_equal(place, other_place)
+    np.testing.assert_allclose(cov, tissue.settings.in_common * other_cov, rtol=1e-12)
+    # n5 is the fifth free node: of the field there, on both axes alike
+    np.testing.assert_allclose(other_cov, shown.field_scale * shown.covs[4, 4] * np.eye(2), rtol=1e-12)
 
 
 def test_a_field_is_of_the_marks_of_now():
