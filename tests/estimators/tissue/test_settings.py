@@ -88,7 +88,7 @@ def test_a_hand_is_as_strong_as_bending_the_body_takes():
     assert usual.led == LED
     strong = FilterSettings().for_stiff_or_large(4000.0)
     assert strong.led is not None
-    assert (strong.led.poke, strong.led.white) == (pytest.approx(400.0), pytest.approx(40.0))
+    assert (strong.led.poke, strong.led.white) == (pytest.approx(8.0 * LED.poke), pytest.approx(8.0 * LED.white))
     assert strong.for_stiff_or_large(4000.0).led == strong.led
 
 

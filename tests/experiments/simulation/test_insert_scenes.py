@@ -206,7 +206,7 @@ def test_reliability_by_hand():
         ],
     ]
     said = advice_figures(of)
-    assert said["advice"] == {"GO": 1, "WAIT": 3, "REALIGN": 0, "NO_GUIDANCE": 1}
+    assert said["advice"] == {"GO": 1, "WAIT": 3, "REALIGN": 0, "ABORT": 0, "NO_GUIDANCE": 1}
     assert (said["insertions"], said["told"], said["came_true"]) == (4, pytest.approx(0.65), 0.75)
     assert (said["difference"], said["difference_sd"]) == (pytest.approx(0.1), pytest.approx(0.1))
     # R: binom.test(3, 4)

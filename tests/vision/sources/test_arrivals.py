@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vision.sources.arrivals import Arrivals
+from vision.sources.exposure_times import Arrivals
 
 INTERVAL_S = 1.0 / 30.0
 EVEN_S = INTERVAL_S * np.arange(40)

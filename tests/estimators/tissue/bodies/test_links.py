@@ -16,7 +16,10 @@ from experiments.studies.zoo.rivals import open_loop, spline
 
 
 def followed(name, seed, seconds, settings=None, network=None):
-    """The body, means (n, n_hidden, dim), statuses, and which nodes are in their 95 % regions, (n, n_hidden)."""
+    """The body, means (n, n_hidden, dim), statuses, and which nodes are in their 95 % regions, (n, n_hidden).
+
+    By springs alone, without what marks show of their error, which is tested in test_model_error.py.
+    """
     body = make_body(name, seed, seconds=seconds)
     tissue = TissueFilter(body.network if network is None else network, body.hidden[0], body.marked, settings)
     maps = [target_map(body.network, node) for node in body.hidden]
@@ -25,9 +28,8 @@ def followed(name, seed, seconds, settings=None, network=None):
     for time_s, marks in zip(body.times_s, measured(body, body.marked, seed), strict=True):
         tissue.predict(float(time_s))
         statuses.append(tissue.update(marks).status)
-        places = [tissue.place_of(each) for each in maps]
-        means.append([mean for mean, _ in places])
-        covs.append([cov for _, cov in places])
+        means.append([each.position(tissue.mixture.x) for each in maps])
+        covs.append([each.cov(tissue.mixture.P) for each in maps])
     off = np.array(means) - truth
     nees = np.einsum("tni,tnij,tnj->tn", off, np.linalg.inv(covs), off)
     return body, np.array(means), statuses, nees <= chi2.ppf(0.95, off.shape[2])
