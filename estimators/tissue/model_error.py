@@ -53,8 +53,8 @@ def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
 class Shown:
     """What the marks until now have shown of the model's error.
 
-    inflation: factor on covariances, 1 or more: NIS by its degrees of freedom, as far as a divergence at most, which
-        rises at once and is forgotten in remember_s [1]. Source: [mehra1970]
+    inflation: factor on covariances, from 1 to the square of test_sigmas: NIS by its degrees of freedom, which rises
+        at once and is forgotten in remember_s [1]. Source: [mehra1970]
     field_scale: factor on the field's covariance, by which its distance from the filter's hidden nodes is explained [1]
     means, covs: of the field at the free nodes by the last marks [m], (n_free, dim), and the covariance of each of its
         axes [m²], (n_free, n_free); None where the last marks tell of none
@@ -86,7 +86,7 @@ class ModelError:
         self.shown = replace(self.shown, means=None, covs=None)
 
     def start(self, gated: Gated) -> None:
-        """Take in what the gate of a start made of its marks: beyond it and not believed yet, all may be far away."""
+        """Take in what the gate of a start made of its marks: where it believes none of them, the body may be anywhere."""
         if gated.rejected and not gated.accepted:
             self.shown = replace(self.shown, inflation=self._settings.test_sigmas**2)
 
