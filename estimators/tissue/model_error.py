@@ -86,7 +86,7 @@ class ModelError:
         self.shown = replace(self.shown, means=None, covs=None)
 
     def start(self, gated: Gated) -> None:
-        """Take in what the gate of a start made of its marks: where it believes none of them, the body may be anywhere."""
+        """Take in what the gate of a start made of its marks: while it believes none, the body may be anywhere."""
         if gated.rejected and not gated.accepted:
             self.shown = replace(self.shown, inflation=self._settings.test_sigmas**2)
 
