@@ -244,8 +244,9 @@ class InteractingMixture(filterpy.IMMEstimator):
         while (cycle := self.cycle) is not None and cycle.passes > 1:
             about, settled = np.empty_like(cycle.means), True
             for k, (f, mean, P, F) in enumerate(zip(self.filters, cycle.means, cycle.covs, cycle.F, strict=True)):
-                S = measured(f.P, H)[1] + R
-                about[k] = mean + P @ (F.T @ (H.T @ np.linalg.solve(S, z - H @ f.x)))
+                C = self.considered * (H @ self.columns[k])
+                S, cross = measured(f.P, H)[1] + C @ C.T + R, P @ F.T @ H.T + cycle.columns[k] @ C.T
+                about[k] = mean + cross @ np.linalg.solve(S, z - H @ f.x)
                 change = about[k] - cycle.about[k]
                 settled = settled and (
                     bool((change**2 <= SETTLED**2 * np.maximum(np.diag(P), 0.0)).all())

@@ -226,3 +226,21 @@ def test_a_start_that_moves_by_little_is_not_linearised_again(share, n):
     assert len(asked) == n
     if n > 1:
         np.testing.assert_allclose(asked[1], [[move, 0.0]] * 2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("considered", [True, False])
+def test_a_start_is_moved_for_its_considered_errors_too(considered):
+    """A place off by an unknown c beside a p, of which Q, R and what the motion adds come between: Gaussian regression.
+
+    Where gains do not allow for the columns, by p alone.
+    """
+    asked, p, c, added = [], 0.04, 0.3, 0.1
+    own = np.array([[added], [0.0]])
+    mixture = mixture_of(counted(lambda about: replace(straight(about), added=np.array([own, own])), asked))
+    mixture.considered = considered
+    mixture.restart(np.zeros(2), np.diag([p, 0.0]), np.array([[c], [0.0]]))
+    mixture.predict(DT)
+    mixture.update_linear(np.array([2.0]), H, R)
+    alone, shared = p + Q[0, 0] + SD**2, c + added
+    gain = (p + c * shared) / (alone + shared**2) if considered else p / alone
+    np.testing.assert_allclose(asked[1], [[2.0 * gain, 0.0]] * 2, rtol=1e-12)
