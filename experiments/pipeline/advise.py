@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from estimators import (
     AbortWatch,
@@ -29,6 +29,9 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SURE_M = 1e-9
 """Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
@@ -159,6 +162,8 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 def table(done: Advised) -> pd.DataFrame:
     """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `came_true` with a truth."""
+    import pandas as pd  # here: a live run, which has no use for it, is to begin at once
+
     dim = done.recording.scene.network.dim
     rows = [row(time_s, one, dim) for time_s, one in zip(done.times_s, done.guidance, strict=True)]
     frame = pd.DataFrame(rows, columns=header(dim))

@@ -6,10 +6,9 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 import vision
 from estimators import LeaveOneOutCheck, MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
@@ -24,6 +23,9 @@ from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, 
 from experiments.pipeline.scores.marks import MarkShares, MarkTally, marks_verdict
 from experiments.pipeline.scores.withheld import Withheld, withheld_of
 from experiments.threads import ahead
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Advance = Callable[[float], None]
 
@@ -146,6 +148,8 @@ def target_truth(recording: Recording, steps: list[Step]) -> Floats:
 
 def table(done: Track, method: str) -> pd.DataFrame:
     """The estimates of one method as estimates.csv has them, with err_mm and nees where the truth is known."""
+    import pandas as pd  # here: a live run, which has no use for it, is to begin at once
+
     estimates = done.estimates(method)
     rows = pd.DataFrame([row(e) for e in estimates], columns=header(done.recording.scene.network.dim))
     errors = np.array([e.mean for e in estimates]) - done.truth
