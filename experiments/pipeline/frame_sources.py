@@ -9,29 +9,37 @@ from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, read_scene, with_step
-from experiments.simulation.phantom_process import PhantomProcess
+from experiments.simulation.phantom_process import PHANTOM, SCENARIO, PhantomProcess
 from experiments.simulation.simulate import scene_of
 from experiments.version import version
-
-PHANTOM = "phantom"
 
 FILM = "film+"
 """Before udp://, whose datagrams `softaim live` else takes for marks: a film comes by them."""
 
 
 def open_source(
-    spec: str, scene_path: Path | None, *, live: bool, fps: float | None = None
+    spec: str,
+    scene_path: Path | None,
+    *,
+    live: bool,
+    fps: float | None = None,
+    phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
     """The frames of `spec`, and the scene: that of scene_path, else its own, None where it has none.
 
-    live, fps: as in `vision.open_source`. Raises InputError, also where the scene has no camera.
+    live, fps: as in `vision.open_source`; phantom: its process, where that was begun ahead. Raises InputError, also
+    where the scene has no camera.
     """
     scene = None if scene_path is None else filmed_scene(scene_path)
     if spec == PHANTOM:
-        scenario = read_scenario("webcam")
-        seen = with_step(scene_of(scenario), "simulate", version())
+        seen = with_step(scene_of(read_scenario(SCENARIO)), "simulate", version())
+        begun = [] if phantom is None else [phantom]
+
+        def opened() -> PhantomProcess:
+            return (begun.pop() if begun else PhantomProcess()).opened()
+
         frames = vision.LiveFrames(
-            lambda: PhantomProcess(scenario, seen.cameras[0].size_px),
+            opened,
             ends=lambda _capture: True,
             keep=1 if live else vision.SourceSettings().backlog,
             exposures=lambda: vision.stated_exposure_time,

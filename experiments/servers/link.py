@@ -16,12 +16,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from experiments.log import LOG
 from experiments.plain import plain
 from experiments.servers.faces import Faces
 from experiments.servers.process import serve
-from vision.arrays import Image
 
 MOST_REQUESTS = 64
 """Requests that wait for the loop, at most; then the newest is refused; chosen."""
@@ -53,7 +54,7 @@ class Link:
         theirs.close()
         self._changed = threading.Condition()
         self._scene: Mapping[str, Any] | None = None
-        self._waiting: tuple[Callable[[], Mapping[str, Any]], Image | None] | None = None
+        self._waiting: tuple[Callable[[], Mapping[str, Any]], NDArray[np.uint8] | None] | None = None
         self._ready = False
         self._ended = False
         self._pictured_s = -float("inf")
@@ -80,7 +81,7 @@ class Link:
             print(line, file=sys.stderr, flush=True)
         self._told = ()
 
-    def publish(self, message: Callable[[], Mapping[str, Any]], image: Image | None) -> None:
+    def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
         """Take the newest state in place of one that still waits; message: makes it, in the sending thread."""
         with self._changed:
             self._waiting = message, image
@@ -160,7 +161,7 @@ def text_of(message: Mapping[str, Any]) -> bytes:
         return json.dumps(plain(message), allow_nan=False, separators=(",", ":")).encode()
 
 
-def jpeg(image: Image) -> bytes:
+def jpeg(image: NDArray[np.uint8]) -> bytes:
     """A picture, (height, width, 3) BGR, as JPEG."""
     encoded: bytes = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()
     return encoded

@@ -34,11 +34,12 @@ class _Served:
     async def run(self) -> None:
         """Until the connection closes."""
         loop = asyncio.get_running_loop()
+        runs = self._servers()  # loads what they need while the loop loads, too
         scene = await loop.run_in_executor(None, self._received)
         if not scene:
             return
         feed = Feed(json.loads(scene), self._send)
-        servers = [asyncio.create_task(self._watched(name, run(feed))) for name, run in self._servers()]
+        servers = [asyncio.create_task(self._watched(name, run(feed))) for name, run in runs]
         reader = threading.Thread(target=self._read, args=(loop, feed), daemon=True)
         self._ready(feed)
         reader.start()

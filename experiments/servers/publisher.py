@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.stats import chi2
 
+from estimators import Advice, Guidance, Status, TargetEstimate
 from experiments.errors import InputError
 from experiments.film.views import ground_camera, node_places, overlay_of
 from experiments.formats.needle_file import NeedlePlan
@@ -21,11 +22,12 @@ from experiments.log import LOG
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.memory import memory_mb
+from experiments.pipeline.live.preparing import PREPARING
 from experiments.pipeline.live.shown import Shown
 from experiments.servers.commands import Command, Fix, Hue, NeedleAt, Pause, Record, Reset, read_command
 from experiments.servers.link import Link
 from experiments.servers.message import LoopFigures, scene_message, state_message
-from vision import SourceError
+from vision import Frame, SourceError
 
 LAST_EVENTS = 8
 """Events that a state carries; chosen."""
@@ -64,7 +66,31 @@ class Shows:
         self._recording: Mapping[str, Any] | None = None
         self._paused = False
         self._began_s = time.monotonic()
+        self._dim, self._plan = scene.network.dim, plan
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
+
+    def prepare(self, frame: Frame | None, n_shown: int) -> None:
+        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none."""
+        if n_shown or time.monotonic() - self._began_s > TELLS_S:
+            self.link.tell()
+        now_s = time.monotonic()
+        time_s = now_s if frame is None else frame.exposure_s
+        nowhere = TargetEstimate(time_s, np.full(self._dim, np.nan), None, Status.INITIALISING, 0)
+        guidance = None if self._plan is None else Guidance(Advice.NO_GUIDANCE, PREPARING)
+        utc_s, events = time_s + time.time() - now_s, list(self._events.lines)
+        counters = LoopFigures(not_used=n_shown, memory_mb=self._memory_mb)
+        self.link.publish(
+            lambda: state_message(
+                nowhere,
+                utc_s=utc_s,
+                from_frame=False,
+                counters=counters,
+                guidance=guidance,
+                fault=PREPARING,
+                events=events,
+            ),
+            frame.image if frame is not None and self.link.wants_picture else None,
+        )
 
     def publish(self, shown: Shown, line: Line) -> None:
         """Hand on what is known now."""

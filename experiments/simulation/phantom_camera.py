@@ -20,7 +20,7 @@ from experiments.version import version
 class PhantomCamera:
     """A camera before the poked phantom, moved by SciPy's DOP853 in real time and drawn as asked for.
 
-    State: the phantom's state (n_state,) at time_s since the camera was opened.
+    State: the phantom's state (n_state,) at time_s since the first frame was asked for.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class PhantomCamera:
         self._lighting = vision.Lighting()
         self._end_s = duration_s
         self._clock, self._sleep = clock, sleep
-        self._opened = clock()
+        self._began_s: float | None = None
         self.time_s = 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
@@ -63,9 +63,11 @@ class PhantomCamera:
 
     def grab(self) -> bool:
         """Wait for the frame due next, or take the one due now if drawing fell behind."""
+        if self._began_s is None:
+            self._began_s = self._clock()
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
-        late = self._clock() - self._opened - due
+        late = self._clock() - self._began_s - due
         if late < 0:
             self._sleep(-late)
         else:
@@ -81,7 +83,7 @@ class PhantomCamera:
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the phantom stood as it does, on the clock [ms]; 0 for all else."""
-        return 1e3 * (self._opened + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
+        return 1e3 * ((self._began_s or 0.0) + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def _move(self, due: float) -> None:
         nothing = np.zeros((len(self.scene.network.free), self.scene.network.dim))

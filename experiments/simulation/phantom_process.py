@@ -5,50 +5,66 @@ from __future__ import annotations
 import multiprocessing
 import struct
 from multiprocessing.connection import Connection
+from typing import Self
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from experiments.formats.scenario import Scenario
-from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.threads import begin_helper
-from vision.arrays import Image
 
-TIME = struct.Struct("<d")
-"""Before the pixels of a picture: its exposure time on the monotonic clock [s], which all processes share."""
+PHANTOM, SCENARIO = "phantom", "webcam"
+"""What the simulated phantom is called as a source, and its scenario."""
+
+HEADER = struct.Struct("<dII")
+"""Before the pixels of a picture: its exposure time on the monotonic clock [s], which all processes share; its width
+and height [px]."""
 
 ENDS_S = 2.0
 """How long that process has to end [s]; chosen."""
 
 
-def film(connection: Connection, scenario: Scenario) -> None:
-    """Send the phantom's pictures as they are due, until nobody takes them."""
+def film(connection: Connection, name: str) -> None:
+    """Once it is asked to, send the pictures of the phantom of a scenario as they are due, until nobody takes them."""
     begin_helper()
-    camera = PhantomCamera(scenario)
+    # here: the process that begins this one is not to wait for what it loads
+    from experiments.formats.scenario import read_scenario
+    from experiments.simulation.phantom_camera import PhantomCamera
+
+    camera = PhantomCamera(read_scenario(name))
     try:
+        connection.recv_bytes()
         while camera.grab():
             exposure_s = 1e-3 * camera.get(cv2.CAP_PROP_POS_MSEC)
-            connection.send_bytes(TIME.pack(exposure_s) + camera.retrieve()[1].tobytes())
-    except OSError:
+            image = camera.retrieve()[1]
+            connection.send_bytes(HEADER.pack(exposure_s, image.shape[1], image.shape[0]) + image.tobytes())
+    except (OSError, EOFError):
         pass  # nobody does any more
     finally:
         connection.close()
 
 
 class PhantomProcess:
-    """Pictures of a `PhantomCamera` that runs elsewhere, as cv2.VideoCapture gives them; opened when the first came.
+    """Pictures of a `PhantomCamera` that runs elsewhere, as cv2.VideoCapture gives them.
 
-    OSError or EOFError where none does. State: the process, and what it sent last.
+    It begins at once, and loads for seconds: meanwhile others may, too. The phantom stands still until it is opened.
+    name: of the scenario
+    State: the process, and what it sent last.
     """
 
-    def __init__(self, scenario: Scenario, size_px: tuple[int, int]) -> None:
+    def __init__(self, name: str = SCENARIO) -> None:
         context = multiprocessing.get_context("spawn")
-        self._shape = (size_px[1], size_px[0], 3)
-        self._connection, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=film, args=(theirs, scenario), name="softaim phantom", daemon=True)
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=film, args=(theirs, name), name="softaim phantom", daemon=True)
         self._process.start()
         theirs.close()
+        self._sent = b""
+
+    def opened(self) -> Self:
+        """The same, once the first picture came; OSError or EOFError where none does."""
+        self._connection.send_bytes(b"begin")
         self._sent = self._connection.recv_bytes()
+        return self
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
         """It always is."""
@@ -62,13 +78,15 @@ class PhantomProcess:
             return False
         return True
 
-    def retrieve(self) -> tuple[bool, Image]:
+    def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
         """The picture that came last, a copy: what is compiled for pictures is for such as can be written."""
-        return True, np.frombuffer(self._sent, dtype=np.uint8, offset=TIME.size).reshape(self._shape).copy()
+        _exposure_s, width, height = HEADER.unpack_from(self._sent)
+        pixels = np.frombuffer(self._sent, dtype=np.uint8, offset=HEADER.size)
+        return True, pixels.reshape(height, width, 3).copy()
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the picture that came last was taken, on the clock [ms]; 0 for all else."""
-        return 1e3 * float(TIME.unpack_from(self._sent)[0]) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
+        return 1e3 * float(HEADER.unpack_from(self._sent)[0]) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def release(self) -> None:
         """End the process."""

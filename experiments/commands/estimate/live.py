@@ -48,16 +48,23 @@ def live(
     force: Force = False,
 ) -> Answer:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
+    from experiments.servers.opening import served
+    from experiments.simulation.phantom_process import PHANTOM, PhantomProcess
+
+    # Both processes load while this one does
+    link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
+    phantom = PhantomProcess() if source == PHANTOM else None
+    if phantom is not None:
+        run.opened.callback(phantom.release)
+
     from experiments.errors import InputError
     from experiments.film.film import FILM
     from experiments.film.live_film import LiveFilm
     from experiments.pipeline.live.following import live as followed
     from experiments.pipeline.live.session import ADVICE
-    from experiments.servers.opening import served
     from vision import shown_source
 
     path = out if out is not None else Path(time.strftime("live-%Y%m%d-%H%M%S"))
-    link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
 
     @contextmanager
     def begin(used: Scene) -> Iterator[Path]:
@@ -89,6 +96,7 @@ def live(
         film=filmed if film else None,
         attendant=None if link is None else shows,
         record=record,
+        phantom=phantom,
     )
 
     def show() -> None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -18,21 +19,26 @@ from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.log import LOG
 from experiments.pipeline.events import report_source_events
-from experiments.pipeline.frame_sources import open_source
+from experiments.pipeline.frame_sources import check_size, open_source
 from experiments.pipeline.line import Film
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
 from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
 from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.outputs import StatusLine
+from experiments.pipeline.live.preparing import PREPARING, prepared
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher
+from experiments.simulation.phantom_process import PhantomProcess
 
 SCENE = "scene.toml"
 
 
 class Attendant(Publisher, Protocol):
     """Shows a run to those who watch, and does what they ask."""
+
+    def prepare(self, frame: vision.Frame | None, n_shown: int) -> None:
+        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none."""
 
     def attend(self, control: Control) -> None:
         """Do what was asked since the last turn of the loop; it is between two frames."""
@@ -76,17 +82,19 @@ def live(
     film: Callable[[Scene, NeedlePlan | None], Film] | None = None,
     attendant: Callable[[Scene, NeedlePlan | None], Attendant] | None = None,
     record: bool = False,
+    phantom: PhantomProcess | None = None,
 ) -> Followed:
     """Track the target live until the source ends, the duration is over or Ctrl-C; write scene.toml and estimates.csv.
 
     begin: opens the folder that rows are written to as they come; begun: called when frames are used. While no frame
     comes the target is predicted; events of the source are reported on standard error. With a needle's file there is
     advice on it, too, in the status line and in advice.csv. film: makes the film of the run; attendant: what shows it
-    to those who watch; record: from the first frame on. Raises InputError.
+    to those who watch; record: from the first frame on; phantom: its process, where that was begun ahead. Raises
+    InputError.
     """
     shown_source = vision.shown_source(source)
     name = f"--source {shown_source}"
-    scene, frames = _open(source, scene_path, fps)
+    scene, frames = _open(source, scene_path, fps, phantom)
     fault: Exception | None = None
     with frames:
         if scene is None:
@@ -104,7 +112,8 @@ def live(
             watch = None if film is None else film(scene, plan)
             viewer = None if attendant is None else attendant(scene, plan)
             used = as_written(scene)
-            session = Session(used, folder / ESTIMATES, shown, needle=plan, watch=watch, publisher=viewer)
+            make = partial(Session, used, folder / ESTIMATES, shown, needle=plan, watch=watch, publisher=viewer)
+            session = _prepared(make, frames, name, scene=used, plan=plan, status=status, viewer=viewer)
             control = Control(
                 session, folder, source=shown_source, needle=None if needle_path is None else needle_path.read_bytes()
             )
@@ -137,6 +146,36 @@ def live(
                     name, "frames", "none" + "".join(f", {n} {kind}" for kind, n in (refused or {}).items())
                 )
     return _followed(session, name, fault, memory, refused, recordings)
+
+
+def _prepared(
+    make: Callable[[], Session],
+    frames: vision.Source | MarkSource,
+    name: str,
+    *,
+    scene: Scene,
+    plan: NeedlePlan | None,
+    status: StatusLine,
+    viewer: Attendant | None,
+) -> Session:
+    """The session, made while frames of a source that goes on by itself are shown and counted as not used."""
+
+    def show(frame: vision.Frame | None, n_shown: int) -> None:
+        report_source_events(frames)
+        if frame is not None:
+            check_size(frame, scene)
+        status.show(PREPARING)
+        if viewer is not None:
+            viewer.prepare(frame, n_shown)
+
+    rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # which writes nothing without a frame
+    by_itself = frames if isinstance(frames, vision.LiveFrames) else None
+    try:
+        session, n_shown = prepared(make, rehearse, by_itself, show)
+    except (vision.SourceError, InputError) as error:
+        raise InputError(f"{name}: {error}") from error
+    session.counters.not_used += n_shown + frames.frames_dropped
+    return session
 
 
 @dataclass(slots=True)
@@ -200,10 +239,12 @@ def as_written(scene: Scene) -> Scene:
         return read_scene(path)
 
 
-def _open(source: str, scene_path: Path | None, fps: float | None) -> tuple[Scene | None, vision.Source | MarkSource]:
+def _open(
+    source: str, scene_path: Path | None, fps: float | None, phantom: PhantomProcess | None
+) -> tuple[Scene | None, vision.Source | MarkSource]:
     if is_mark_source(source):
         return open_mark_source(source, scene_path)
-    return open_source(source, scene_path, live=True, fps=fps)
+    return open_source(source, scene_path, live=True, fps=fps, phantom=phantom)
 
 
 def follow(
@@ -218,7 +259,7 @@ def follow(
 
     attend: called at each turn, between two frames
     """
-    began = clock()
+    began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:
         if isinstance(frames, vision.LiveFrames) and frames.opening:
             began = clock()
@@ -227,7 +268,7 @@ def follow(
         frame = frames.next(session.wait_s)
         waited_s = time.perf_counter() - asked
         session.count_from(frames.origin_s)
-        session.counters.dropped = frames.frames_dropped
+        session.counters.dropped = frames.frames_dropped - dropped_before
         report_source_events(frames)
         if isinstance(frames, vision.LiveFrames):
             session.dated(frames.late_s, uneven=frames.uneven)

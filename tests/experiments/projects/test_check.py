@@ -15,7 +15,7 @@ from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
-from experiments.simulation import draw
+from experiments.simulation.simulate import draw
 from tests.experiments.command import softaim
 from vision import Lighting, VideoWriter, fronto_parallel_camera
 

@@ -8,13 +8,14 @@ import pytest
 
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.frame_sources import open_source
+from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.phantom_process import PhantomProcess
 
 
 @pytest.mark.slow
 def test_pictures_come_at_times_that_this_process_shares():
     opened_s = time.monotonic()
-    camera = PhantomProcess(read_scenario("webcam"), (640, 480))
+    camera = PhantomProcess().opened()
     try:
         times, means = [], []
         for _ in range(4):
@@ -48,3 +49,17 @@ def test_the_phantom_is_a_source_of_live_frames():
     assert scene is not None
     assert frame.image.shape[:2] == scene.cameras[0].size_px[::-1]
     assert scene.steps[-1].name == "simulate"
+
+
+def test_the_phantom_stands_still_until_its_first_picture_is_asked_for():
+    """What is loaded after the camera is made takes nothing from its first picture."""
+    now = [100.0]
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    now[0] = 200.0
+    assert camera.grab()
+    assert camera.time_s == pytest.approx(1 / 30)
+    assert camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(1e3 * (200.0 + 1 / 30))

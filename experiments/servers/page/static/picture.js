@@ -47,6 +47,13 @@ export class Picture {
     context.fillStyle = GROUND;
     context.fillRect(0, 0, this.width, this.height);
     this.views = [];
+    if (state.picture === null && image && scene.picture_px) {
+      // Nothing is known yet of what is in it: the picture alone, whole
+      const whole = this.through([0, 0, ...scene.picture_px], 0, 0, this.width, this.height);
+      this.told = null;
+      this.inside(whole, image, scene, () => {});
+      return;
+    }
     if (state.picture === null) {
       this.told = projections(context, scene, state, { width: this.width, height: this.height, old });
       return;

@@ -25,6 +25,7 @@ export function judged({ state, ageMs, lostMs, staleMs, refused }) {
   const none = (why, kind = "none") => ({ word: "NO GUIDANCE", kind, why, probability: null });
   const aborts = said.word === "ABORT";
   if (state.fault !== null) {
+    if (state.status === "INITIALISING") return found({ ...health, why: state.fault }, aborts ? said : none(state.fault));
     return found({ word: "FAULT", kind: "bad", why: state.fault }, aborts ? said : none(state.fault, "bad"));
   }
   if (state.paused) {

@@ -112,6 +112,17 @@ def test_the_phantom_is_followed_frame_by_frame(tmp_path):
     assert np.hypot(*(xy - source.truth_m)[10:].T).mean() < 0.003
 
 
+def test_frames_dropped_before_the_loop_began_are_no_deadlines_missed(tmp_path, image):
+    class Dropping(Clocked):
+        @property
+        def frames_dropped(self) -> int:
+            return 7 + 2 * (self.now > 100.3)
+
+    times = np.round(100.0 + INTERVAL * np.arange(15), 9)
+    session, _, _ = run(Dropping(frames_at(times, image), [], 100.5), tmp_path)
+    assert session.counters.dropped == 2
+
+
 def test_while_nothing_comes_the_target_is_predicted_and_said_to_coast_then_to_be_lost(tmp_path, image, capfd):
     """Half a second of frames, 2 s of none, half a second again."""
     before, after = (np.round(at + INTERVAL * np.arange(15), 9) for at in (100.0, 102.5))

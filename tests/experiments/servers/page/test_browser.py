@@ -91,11 +91,13 @@ def word(browser: Any, of: str = "advice") -> str:
 
 
 def colour(browser: Any, x: float, y: float) -> list[int]:
-    """Of the canvas at a share of its width and height, RGB."""
+    """Of the canvas at a share of its width and height, RGB; read from a copy that is made to be read."""
     return list(
         browser.execute_script(
             "const c = document.getElementById('picture'), [x, y] = arguments;"
-            "return [...c.getContext('2d').getImageData(x * c.width, y * c.height, 1, 1).data].slice(0, 3)",
+            "const copy = new OffscreenCanvas(1, 1).getContext('2d', {willReadFrequently: true});"
+            "copy.drawImage(c, -Math.floor(x * c.width), -Math.floor(y * c.height));"
+            "return [...copy.getImageData(0, 0, 1, 1).data].slice(0, 3)",
             x,
             y,
         )
@@ -121,6 +123,21 @@ def test_the_picture_appears_and_the_words(browser: Any, shown: Fed) -> None:
     assert browser.execute_script(
         "return [document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
     ) == [1280, 720]
+
+
+def test_a_picture_of_which_nothing_is_known_is_shown_alone(browser: Any, shown: Fed) -> None:
+    """As while a run is prepared, here one that began anew: frames count from nought, and no place is known."""
+    shown.silent.set()
+    nothing = {"picture": None, "target_mm": None, "status": "INITIALISING", "fault": "preparing"}
+    shown.one.until(
+        lambda: (
+            shown.one.publish({**messages.state(0), **nothing}, messages.picture(200))
+            or all(abs(x - 200) < 6 for x in colour(browser, 0.5, 0.5))
+        )
+    )
+    assert word(browser, "health") == "INITIALISING"
+    assert browser.find_element("id", "health").get_attribute("data-kind") == "info"
+    assert not browser.find_element("id", "unseen").is_displayed()
 
 
 def test_silence_is_shown_as_stale_and_go_is_gone(browser: Any, shown: Fed) -> None:
@@ -166,6 +183,7 @@ def test_a_state_that_was_long_on_its_way_is_stale_though_it_comes(browser: Any,
         ({"status": Status.INITIALISING}, "NO GUIDANCE", "INITIALISING"),
         ({"advice": Advice.NO_GUIDANCE}, "NO GUIDANCE", "TRACKING"),
         ({"advice": Advice.WAIT}, "WAIT", "TRACKING"),
+        ({"status": Status.INITIALISING, "fault": "preparing"}, "NO GUIDANCE", "INITIALISING"),
         ({"advice": Advice.ABORT}, "ABORT", "TRACKING"),
         ({"advice": Advice.ABORT, "fault": "the camera is frozen"}, "ABORT", "FAULT"),
         ({"advice": Advice.ABORT, "status": Status.LOST}, "ABORT", "LOST"),
