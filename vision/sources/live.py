@@ -70,10 +70,11 @@ class LiveFrames(Closing):
     settings: when the source counts as blocked, frozen or hung
     clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
     origin: when the source's own time was nought, on the clock [s], where it has one
+    waits: whether reading begins when a frame is first asked for, as of a film; else at once
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
-    State, shared with the threads: frames that wait, the last pictures, the watchdog, the arrivals, events not
-    yet taken, the readers.
+    State, shared with the threads: whether it waits yet; frames that wait, the last pictures, the watchdog, the
+    arrivals, events not yet taken, the readers.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class LiveFrames(Closing):
         clock: Callable[[], float] = time.monotonic,
         nap: Callable[[float], object] | None = None,
         origin: Callable[[], float] = lambda: 0.0,
+        waits: bool = False,
     ) -> None:
         for name, value in (("give_up_s", give_up_s), ("keep", keep)):
             if value is not None and not value > 0:
@@ -112,7 +114,9 @@ class LiveFrames(Closing):
         self._arrivals = Arrivals(settings)
         self._readers: list[Reader] = []
         self._origin = origin
-        self._start_reader(clock())
+        self.waits = waits
+        if not waits:
+            self._start_reader(clock())
 
     @property
     def origin_s(self) -> float:
@@ -151,6 +155,10 @@ class LiveFrames(Closing):
         """
         until = self._clock() + timeout_s
         with self._changed:
+            if self.waits:
+                self.waits = False
+                self._watch.begin(self._clock())
+                self._start_reader(self._clock())
             while not self.ended:
                 now = self._clock()
                 if self._waiting:

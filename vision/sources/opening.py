@@ -74,6 +74,7 @@ def from_file(frames: FrameFile, *, live: bool) -> Source:
         exposures=lambda: stated_exposure_time,
         may_repeat=True,
         origin=lambda: playback.origin_s,
+        waits=True,
     )
 
 

@@ -23,12 +23,15 @@ class SourceWatchdog:
 
     def __init__(self, began_s: float, settings: SourceSettings = DEFAULTS, *, may_repeat: bool = False) -> None:
         self.fault: EventKind | None = None
-        self.new_s = began_s
         self._settings, self._may_repeat = settings, may_repeat
-        self._answer_s = began_s
+        self.begin(began_s)
         self._intervals: deque[float] = deque(maxlen=settings.settled_frames)
         self._size: tuple[int, int] | None = None
         self._repeats = False
+
+    def begin(self, now_s: float) -> None:
+        """Expect pictures from now on [s]."""
+        self.new_s = self._answer_s = now_s
 
     @property
     def interval_s(self) -> float:

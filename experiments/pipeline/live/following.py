@@ -169,7 +169,7 @@ def _prepared(
             viewer.prepare(frame, n_shown)
 
     rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # which writes nothing without a frame
-    by_itself = frames if isinstance(frames, vision.LiveFrames) else None
+    by_itself = frames if isinstance(frames, vision.LiveFrames) and not frames.waits else None
     try:
         session, n_shown = prepared(make, rehearse, by_itself, show)
     except (vision.SourceError, InputError) as error:

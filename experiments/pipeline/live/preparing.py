@@ -59,8 +59,8 @@ def prepared(
     """What is made, in a thread of its own, and how many frames were shown meanwhile.
 
     make: may be broken off and begun anew; rehearse: calls the same kernels, and can be pickled
-    frames: of a source that goes on whether it is read or not; None: no frame is taken, as of a film, of which none
-    would be left. show: is given each frame and how many came so far; None where none came for LOOK_S.
+    frames: of a source that goes on whether it is read or not; None: no frame is taken, as of a film, which begins when
+    it is first asked for one. show: is given each frame and how many came so far; None where none came for LOOK_S.
     What make, show or the source raises is raised here.
     """
     made = _in_thread(partial(_from_cache, make))

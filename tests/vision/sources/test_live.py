@@ -232,6 +232,23 @@ def test_a_film_is_shown_at_its_own_pace() -> None:
     wait_until(lambda: film.closed)
 
 
+def test_what_waits_begins_when_it_is_first_asked_for_a_frame() -> None:
+    """However long that takes: no frame is missed, and it was not blocked."""
+    clock, opened = Clock(), []
+
+    def opens() -> Playback:
+        opened.append(clock.now)
+        return Playback([Frame(k, 0.01 * k, IMAGE) for k in range(3)], clock=clock, sleep=lambda _seconds: None)  # type: ignore[arg-type]
+
+    settings = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "may_repeat": True, "keep": 3}
+    with LiveFrames(opens, clock=clock, waits=True, **settings) as live:  # type: ignore[arg-type]
+        clock.now += 60.0
+        assert not opened
+        assert len(list(live)) == 3
+        assert live.frames_dropped == 0
+        assert [event.kind for event in live.take_events()] == [EventKind.ENDED]
+
+
 def test_a_blocked_camera_does_not_keep_the_program_alive() -> None:
     program = (
         "import time, vision\n"
