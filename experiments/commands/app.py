@@ -35,6 +35,7 @@ from experiments.commands.prepare.new import new
 from experiments.commands.prepare.record import record
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
+from experiments.kernel_cache import keep_kernels
 from experiments.threads import one_thread_each
 
 COMMANDS = (
@@ -99,6 +100,7 @@ def softaim(
 def main() -> None:
     """Run the command; bad input is one line on standard error and exit code 2, an interrupt 130."""
     one_thread_each()
+    keep_kernels()
     try:
         code = app(prog_name="softaim", standalone_mode=False)
     except typer.TyperException as fault:

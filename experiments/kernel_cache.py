@@ -1,0 +1,29 @@
+"""Where compiled kernels are kept: numba takes the folder of the code, else the user's, else it does not load."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+VARIABLE = "NUMBA_CACHE_DIR"
+CODE = Path(__file__).parents[1] / "dynamics" / "forces" / "__pycache__"
+
+
+def keep_kernels() -> None:
+    """Where neither can be written, keep kernels as long as this run; of use before numba is loaded."""
+    home = Path(os.path.expanduser("~"))
+    users = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
+    stated = [Path(os.environ[VARIABLE])] if os.environ.get(VARIABLE) else []
+    if not any(map(can_be_written, [*stated, CODE, users])):
+        # by a name that nobody can know before: what is in it is run
+        os.environ[VARIABLE] = tempfile.mkdtemp(prefix="softaim-kernels-")
+        atexit.register(shutil.rmtree, os.environ[VARIABLE], ignore_errors=True)
+
+
+def can_be_written(folder: Path) -> bool:
+    """Whether files can be made in a folder, or the folder itself can."""
+    there = next((one for one in (folder, *folder.parents) if one.exists()), None)
+    return there is not None and os.access(there, os.W_OK | os.X_OK)
