@@ -16,11 +16,14 @@ from experiments.formats.scene.scene import with_step
 from experiments.simulation.simulate import draw, hues_of, poke_force, scene_of, tremor_force
 from experiments.version import version
 
+BEHIND_S = 1.0
+"""Motion that is made up for at most, as after nobody took pictures, or compiling [s]; choice: takes 0.4 s."""
+
 
 class PhantomCamera:
     """A camera before the poked phantom, moved by SciPy's DOP853 in real time and drawn as asked for.
 
-    State: the phantom's state (n_state,) at time_s since the first frame was asked for.
+    State: the phantom's state (n_state,) at time_s since it began to move, and when that was on the clock.
     """
 
     def __init__(
@@ -46,7 +49,7 @@ class PhantomCamera:
         self._lighting = vision.Lighting()
         self._end_s = duration_s
         self._clock, self._sleep = clock, sleep
-        self._began_s: float | None = None
+        self._began_s = clock()
         self.time_s = 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
@@ -62,13 +65,13 @@ class PhantomCamera:
         return positions
 
     def grab(self) -> bool:
-        """Wait for the frame due next, or take the one due now if drawing fell behind."""
-        if self._began_s is None:
-            self._began_s = self._clock()
+        """Wait for the frame due next, or take the one due now if drawing fell behind; far behind, it stood still."""
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
         late = self._clock() - self._began_s - due
-        if late < 0:
+        if late > BEHIND_S:
+            self._began_s += late
+        elif late < 0:
             self._sleep(-late)
         else:
             due += interval * np.floor(late / interval)
@@ -83,7 +86,7 @@ class PhantomCamera:
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the phantom stood as it does, on the clock [ms]; 0 for all else."""
-        return 1e3 * ((self._began_s or 0.0) + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
+        return 1e3 * (self._began_s + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def _move(self, due: float) -> None:
         nothing = np.zeros((len(self.scene.network.free), self.scene.network.dim))

@@ -32,6 +32,8 @@ def film(connection: Connection, name: str) -> None:
     from experiments.simulation.phantom_camera import PhantomCamera
 
     camera = PhantomCamera(read_scenario(name))
+    camera.grab()  # loads what the first picture would wait for
+    camera.retrieve()
     try:
         connection.recv_bytes()
         while camera.grab():

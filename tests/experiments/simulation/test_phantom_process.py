@@ -51,15 +51,17 @@ def test_the_phantom_is_a_source_of_live_frames():
     assert scene.steps[-1].name == "simulate"
 
 
-def test_the_phantom_stands_still_until_its_first_picture_is_asked_for():
-    """What is loaded after the camera is made takes nothing from its first picture."""
+@pytest.mark.parametrize(("away_s", "moved"), [(0.25, 7), (0.99, 29), (60.0, 1)])
+def test_the_phantom_makes_up_for_a_moment_and_stood_still_in_a_longer_one(away_s, moved):
+    """Pictures are of now in either case: the phantom has moved by so many frames since the one before."""
     now = [100.0]
 
     def sleep(seconds: float) -> None:
         now[0] += seconds
 
     camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
-    now[0] = 200.0
     assert camera.grab()
-    assert camera.time_s == pytest.approx(1 / 30)
-    assert camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(1e3 * (200.0 + 1 / 30))
+    now[0] += away_s + 1e-6
+    assert camera.grab()
+    assert camera.time_s == pytest.approx((1 + moved) / 30)
+    assert now[0] - 1e-3 * camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(0.0, abs=1 / 30)
