@@ -27,7 +27,8 @@ Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if mi
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
 RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
 Fps = Annotated[
-    float | None, typer.Option("--fps", min=0.001, max=1e5, help="Of a folder of pictures: how many a second.")
+    float | None,
+    typer.Option("--fps", min=0.001, max=1e5, help="Of a folder of pictures, or the phantom: how many a second."),
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 WithFilm = Annotated[bool, typer.Option("--film", help="Write what the camera saw, too: film.avi, worst.png.")]

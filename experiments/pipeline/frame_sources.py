@@ -27,8 +27,8 @@ def open_source(
 ) -> tuple[Scene | None, vision.Source]:
     """The frames of `spec`, and the scene: that of scene_path, else its own, None where it has none.
 
-    live, fps: as in `vision.open_source`; phantom: its process, where that was begun ahead. Raises InputError, also
-    where the scene has no camera.
+    live, fps: as in `vision.open_source`, fps of the phantom, too; phantom: its process, where that was begun ahead.
+    Raises InputError, also where the scene has no camera.
     """
     scene = None if scene_path is None else filmed_scene(scene_path)
     if spec == PHANTOM:
@@ -36,7 +36,7 @@ def open_source(
         begun = [] if phantom is None else [phantom]
 
         def opened() -> PhantomProcess:
-            return (begun.pop() if begun else PhantomProcess()).opened()
+            return (begun.pop() if begun else PhantomProcess(fps=fps)).opened()
 
         frames = vision.LiveFrames(
             opened,

@@ -53,7 +53,7 @@ def live(
 
     # Both processes load while this one does
     link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
-    phantom = PhantomProcess() if source == PHANTOM else None
+    phantom = PhantomProcess(fps=fps) if source == PHANTOM else None
     if phantom is not None:
         run.opened.callback(phantom.release)
 

@@ -13,9 +13,10 @@ from experiments.simulation.phantom_process import PhantomProcess
 
 
 @pytest.mark.slow
-def test_pictures_come_at_times_that_this_process_shares():
+@pytest.mark.parametrize(("fps", "expected"), [(None, 30.0), (17.0, 17.0)])
+def test_pictures_come_at_times_that_this_process_shares(fps, expected):
     opened_s = time.monotonic()
-    camera = PhantomProcess().opened()
+    camera = PhantomProcess(fps=fps).opened()
     try:
         times, means = [], []
         for _ in range(4):
@@ -29,7 +30,7 @@ def test_pictures_come_at_times_that_this_process_shares():
     finally:
         camera.release()
     assert opened_s < times[0] < times[-1] < time.monotonic()
-    in_intervals = np.diff(times) * 30.0
+    in_intervals = np.diff(times) * expected
     np.testing.assert_allclose(in_intervals, np.rint(in_intervals), atol=1e-3)
     assert min(in_intervals) > 0.5
     assert min(means) > 100.0  # the light ground of the plain frames
