@@ -23,7 +23,7 @@ BEHIND_S = 1.0
 class PhantomCamera:
     """A camera before the poked phantom, moved by SciPy's DOP853 in real time and drawn as asked for.
 
-    State: the phantom's state (n_state,) at time_s since it began to move, and when that was on the clock.
+    State: the phantom's state (n_state,) at time_s since it began to move, and when that was on the clock; its picture.
     """
 
     def __init__(
@@ -65,24 +65,29 @@ class PhantomCamera:
         return positions
 
     def grab(self) -> bool:
-        """Wait for the frame due next, or take the one due now if drawing fell behind; far behind, it stood still."""
+        """Wait for the frame due next, or take the one due now if drawing fell behind; far behind, it stood still.
+
+        It is drawn before it is due: light takes no time, and a latency is to be that of what sees it.
+        """
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
         late = self._clock() - self._began_s - due
         if late > BEHIND_S:
             self._began_s += late
-        elif late < 0:
-            self._sleep(-late)
-        else:
+        elif late > 0:
             due += interval * np.floor(late / interval)
         if due >= self._end_s:
             return False
         self._move(due)
+        self._image = draw(self.scene, self.positions, self._lighting, self._rng, strays=self._strays)
+        early = self._began_s + due - self._clock()
+        if early > 0:
+            self._sleep(early)
         return True
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
-        """The phantom drawn as it stands."""
-        return True, draw(self.scene, self.positions, self._lighting, self._rng, strays=self._strays)
+        """The picture that grab() waited for."""
+        return True, self._image
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the phantom stood as it does, on the clock [ms]; 0 for all else."""

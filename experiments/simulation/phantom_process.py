@@ -36,7 +36,6 @@ def film(connection: Connection, name: str, fps: float | None) -> None:
         scenario = scenario.model_copy(update={"frame_interval_s": 1.0 / fps})
     camera = PhantomCamera(scenario)
     camera.grab()  # loads what the first picture would wait for
-    camera.retrieve()
     try:
         connection.recv_bytes()
         while camera.grab():

@@ -66,3 +66,25 @@ def test_the_phantom_makes_up_for_a_moment_and_stood_still_in_a_longer_one(away_
     assert camera.grab()
     assert camera.time_s == pytest.approx((1 + moved) / 30)
     assert now[0] - 1e-3 * camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(0.0, abs=1 / 30)
+
+
+def test_a_picture_is_there_when_it_is_due_however_long_it_is_drawn(monkeypatch):
+    """Of 20 ms a picture: no latency of the simulation is in that of what sees it."""
+    now, waits = [100.0], []
+
+    def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        now[0] += seconds
+
+    def slowly(*_: object, **_strays: object) -> np.ndarray:
+        now[0] += 0.02
+        return np.zeros((480, 640, 3), np.uint8)
+
+    monkeypatch.setattr("experiments.simulation.phantom_camera.draw", slowly)
+    camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    for k in range(4):
+        assert camera.grab()
+        assert camera.retrieve()[1].shape == (480, 640, 3)
+        assert now[0] == pytest.approx(100.0 + (k + 1) / 30)
+        assert camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(1e3 * now[0])
+    assert waits == pytest.approx([1 / 30 - 0.02] * 4)
