@@ -164,7 +164,8 @@ def _prepared(
         report_source_events(frames)
         if frame is not None:
             check_size(frame, scene)
-        status.show(PREPARING)
+        if n_shown:  # what is bad input is one line alone
+            status.show(PREPARING)
         if viewer is not None:
             viewer.prepare(frame, n_shown)
 
