@@ -19,6 +19,9 @@ from experiments.version import version
 BEHIND_S = 1.0
 """Motion that is made up for at most, as after nobody took pictures, or compiling [s]; choice: takes 0.4 s."""
 
+COMES_AGAIN_S = 360.0
+"""Forces are drawn for so long, and then come again [s]; choice: for an hour they take the first picture 0.3 s more."""
+
 
 class PhantomCamera:
     """A camera before the poked phantom, moved by SciPy's DOP853 in real time and drawn as asked for.
@@ -30,24 +33,24 @@ class PhantomCamera:
         self,
         scenario: Scenario,
         *,
-        hours: float = 1.0,
+        hours: float = np.inf,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.scenario = scenario
         self.scene = with_step(scene_of(scenario), "simulate", version())
         self._rng = np.random.default_rng(scenario.seed)
-        network, duration_s = self.scene.network, 3600.0 * hours
-        self._forces = [tremor_force(network, scenario.tremor, duration_s, self._rng)] if scenario.tremor else []
+        network = self.scene.network
+        self._forces = [tremor_force(network, scenario.tremor, COMES_AGAIN_S, self._rng)] if scenario.tremor else []
         if scenario.pokes:
-            self._forces.append(poke_force(network, scenario.pokes, duration_s, self._rng))
+            self._forces.append(poke_force(network, scenario.pokes, COMES_AGAIN_S, self._rng))
         rest = network.positions[network.free]
         self._state = pack(rest, np.zeros_like(rest))
         self._strays = vision.distractors(
             scenario.distractors, self.scene.cameras[0].size_px, self._rng, hues_of(self.scene)
         )
         self._lighting = vision.Lighting()
-        self._end_s = duration_s
+        self._end_s = 3600.0 * hours
         self._clock, self._sleep = clock, sleep
         self._began_s = clock()
         self.time_s = 0.0
@@ -99,7 +102,7 @@ class PhantomCamera:
             self.scene.network,
             self._state,
             [self.time_s, due],
-            force=lambda t: sum((force(t) for force in self._forces), nothing),
+            force=lambda t: sum((force(t % COMES_AGAIN_S) for force in self._forces), nothing),
             rtol=1e-5,
             atol=1e-8,
             max_step_s=1.0 / 60.0,

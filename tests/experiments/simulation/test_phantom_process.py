@@ -88,3 +88,20 @@ def test_a_picture_is_there_when_it_is_due_however_long_it_is_drawn(monkeypatch)
         assert now[0] == pytest.approx(100.0 + (k + 1) / 30)
         assert camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(1e3 * now[0])
     assert waits == pytest.approx([1 / 30 - 0.02] * 4)
+
+
+def test_the_phantom_goes_on_when_its_forces_come_again(monkeypatch):
+    """Of half a second here: after two seconds it still moves."""
+    monkeypatch.setattr("experiments.simulation.phantom_camera.COMES_AGAIN_S", 0.5)
+    now = [100.0]
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    places = []
+    for _ in range(60):
+        assert camera.grab()
+        places.append(camera.positions)
+    assert np.ptp(places[:15], axis=0).max() > 1e-5
+    assert np.ptp(places[45:], axis=0).max() > 1e-5
