@@ -19,6 +19,10 @@ from experiments.version import version
 BEHIND_S = 1.0
 """Motion that is made up for at most, as after nobody took pictures, or compiling [s]; choice: takes 0.4 s."""
 
+RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
+"""Of the motion: tolerances [1; m, m/s] and the longest step [s], as long as tremor is straight; choice: 0.002 mm off,
+for a fifth of the time of tighter tolerances, which reject steps across its bends."""
+
 COMES_AGAIN_S = 360.0
 """Forces are drawn for so long, and then come again [s]; choice: for an hour they take the first picture 0.3 s more."""
 
@@ -103,9 +107,9 @@ class PhantomCamera:
             self._state,
             [self.time_s, due],
             force=lambda t: sum((force(t % COMES_AGAIN_S) for force in self._forces), nothing),
-            rtol=1e-5,
-            atol=1e-8,
-            max_step_s=1.0 / 60.0,
+            rtol=RTOL,
+            atol=ATOL,
+            max_step_s=STEP_S,
         )[-1]
         self.time_s = due
 
