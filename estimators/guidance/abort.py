@@ -12,46 +12,54 @@ from estimators.guidance.settings import AdviceSettings
 class AbortWatch:
     """Follows a needle from outside the tissue to inside and back, and turns advice into ABORT where it has to stop.
 
-    Outside, advice is as given. Inside, ABORT takes the place of NO_GUIDANCE; and after GO, of any advice whose
-    probability of a hit is less than `AdviceSettings.abort` of `AdviceSettings.go`. It ends when the needle is out, or
-    when there has been guidance for `AdviceSettings.abort_s`, after GO one that is GO again.
+    Outside, advice is as given. Inside, ABORT takes the place of NO_GUIDANCE; after GO, of any advice whose
+    probability of a hit is less than `AdviceSettings.abort` of `AdviceSettings.go`; and of any but GO where the needle
+    was seen to go in before GO. It ends when the needle is out, or when there has been guidance for
+    `AdviceSettings.abort_s`, after GO or such an entry one that is GO.
 
-    State: whether the needle was inside; whether GO was given since it was last out; whether ABORT is given; since when
-    there is again guidance to end it by [s], None while there is none.
+    State: whether the needle was inside, None before it was seen; whether GO was given since it was last out; whether
+    it went in before that; whether ABORT is given; since when there is again guidance to end it by [s], None while
+    there is none.
     """
 
     def __init__(self) -> None:
-        self._inside = self._told_go = self._aborts = False
+        self._inside: bool | None = None
+        self._told_go = self._early = self._aborts = False
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
         """The advice to give now [s], of what the rules say of this needle; its numbers stay as they are."""
         inside = insertion.depth_m > 0.0
         if self._inside and not inside:
-            self._told_go = self._aborts = False
+            self._told_go = self._early = self._aborts = False
+        if self._inside is False and inside and not self._told_go:
+            self._early = self._aborts = True
+            self._well_s = None
         self._inside = inside
         if not inside:
             self._told_go |= guided.advice is Advice.GO
             return guided
         if not self._holds(guided, settings):
             self._aborts, self._well_s = True, None
-            return self._abort(guided, guided.reason)
+            return self._abort(guided, f"it went in before GO; {guided.reason}" if self._early else guided.reason)
         if self._aborts:
             self._well_s = now_s if self._well_s is None else self._well_s
             well_for_s = now_s - self._well_s
             if well_for_s < settings.abort_s:
                 return self._abort(guided, f"well again for {well_for_s:.1f} s, not yet for {settings.abort_s:g} s")
-        self._aborts = False
+        self._early = self._aborts = False
         self._told_go |= guided.advice is Advice.GO
         return guided
 
     def _holds(self, guided: Guidance, settings: AdviceSettings) -> bool:
         if guided.advice is Advice.NO_GUIDANCE:
             return False
-        if not self._told_go or guided.advice is Advice.GO:
+        if guided.advice is Advice.GO:
             return True
+        if not self._told_go:
+            return not self._early
         return not self._aborts and (guided.probability or 0.0) >= settings.abort * settings.go
 
     def _abort(self, guided: Guidance, reason: str) -> Guidance:
-        awaited = "GO" if self._told_go else "new advice"
+        awaited = "GO" if self._told_go or self._early else "new advice"
         return replace(guided, advice=Advice.ABORT, reason=f"stop: draw back, or wait for {awaited}; {reason}")

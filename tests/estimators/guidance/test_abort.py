@@ -49,8 +49,17 @@ def test_a_needle_that_was_never_told_to_go_is_not_aborted_for_its_probability()
 
 
 def test_drawn_out_it_begins_anew():
-    said = given([(DOWN, GO), (INSIDE, POOR), (DOWN, POOR), (INSIDE, POOR)])
-    assert [one.advice for one in said] == [Advice.GO, Advice.ABORT, Advice.REALIGN, Advice.REALIGN]
+    said = given([(DOWN, GO), (INSIDE, POOR), (DOWN, POOR), (DOWN, GO), (INSIDE, WAIT)])
+    assert [one.advice for one in said] == [Advice.GO, Advice.ABORT, Advice.REALIGN, Advice.GO, Advice.WAIT]
+
+
+def test_a_needle_that_goes_in_before_go_is_aborted_until_it_is_out_or_go_was_given_for_half_a_second():
+    """GO before it was last out does not count, nor does one that comes as it goes in."""
+    said = given([(DOWN, POOR), (INSIDE, POOR), (INSIDE, WAIT), (DOWN, WAIT)])
+    assert [one.advice for one in said] == [Advice.REALIGN, Advice.ABORT, Advice.ABORT, Advice.WAIT]
+    assert said[1].reason == f"stop: draw back, or wait for GO; it went in before GO; {POOR.reason}"
+    again = given([(DOWN, GO), (INSIDE, GO), (DOWN, WAIT), *[(INSIDE, GO)] * 6])
+    assert [one.advice for one in again] == [Advice.GO, Advice.GO, Advice.WAIT, *[Advice.ABORT] * 5, Advice.GO]
 
 
 def test_abort_stays_until_go_was_given_for_half_a_second():
