@@ -137,6 +137,11 @@ class Line:
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether the filter's state is one of numbers: no mark would mend another."""
+        return all(bool(np.isfinite(one.x).all() and np.isfinite(one.P).all()) for one in self.filter.mixture.filters)
+
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
         began = time.perf_counter()

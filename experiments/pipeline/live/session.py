@@ -34,6 +34,7 @@ from experiments.pipeline.frame_sources import check_size
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s
 from experiments.pipeline.live.journal import Act, Done, Journal
+from experiments.pipeline.live.lateness import Lateness
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.shown import Counters, Publisher, Shown, status_text
@@ -57,7 +58,6 @@ class LiveSettings:
 
 LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
-UNEVEN = "pictures come too unevenly to tell when they were exposed"
 
 SOURCE = vision.SourceSettings()
 """Its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are those of
@@ -71,7 +71,7 @@ class Session:
     watch: is shown each frame, what it gave and the advice; publisher: also each moment without one
     State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
     who is told all that is done, so that it can be done again; whether the filter could use the last frame; whether the
-    marks contradicted the model; how late frames may be, what somebody looked at of that, whether they come unevenly.
+    marks contradicted the model; how late frames may be.
     """
 
     def __init__(
@@ -104,11 +104,10 @@ class Session:
         self.statuses: Counter[str] = Counter()
         self._show = show
         self._table = LiveTable(rows, header(scene.network.dim))
-        self._usable = True
+        self._usable, self._origin_s = True, 0.0
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
-        self._origin_s = 0.0
-        self._late_s, self._known_late_s, self._uneven = 0.0, 0.0, False
+        self._lateness = Lateness()
 
     def take(self, frame: vision.Frame | MarksFrame, waited_s: float = 0.0) -> bool:
         """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
@@ -123,6 +122,7 @@ class Session:
         for table in self.tables:
             table.begin()
         self._came(exposure_s)
+        self._check_filter()
         reached_s = self.line.filter.time_s
         began = time.perf_counter()
         step = self._step(frame, exposure_s) if fits and (reached_s is None or exposure_s >= reached_s) else None
@@ -151,6 +151,18 @@ class Session:
         if self._last_s is not None:
             self._intervals_s.append(max(exposure_s - self._last_s, 1e-6))
         self._last_s = max(exposure_s, self._last_s or exposure_s)
+
+    def _check_filter(self) -> None:
+        """Begin anew where the filter's state is no number any more, which no mark would mend."""
+        if not self.line.is_finite:
+            report_event(self._own_s(self._clock()), "filter", "its state is no number: it begins anew")
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self.line = Line(self.line.scene, baseline=False, explain=self._explain)
+        self._balance.forget()
+        if self.advice is not None:
+            self.advice.forget()
 
     def unfit(self, exposure_s: float) -> None:
         """A frame came that is of no use, exposed at this time [s]."""
@@ -186,11 +198,7 @@ class Session:
     @property
     def _fault(self) -> str | None:
         """Why there is no advice, whatever the newest estimate says of itself."""
-        if self.paused or self.doubt.reason is not None:
-            return PAUSED if self.paused else self.doubt.reason
-        if self._late_s > self._known_late_s:
-            return f"pictures may come {self._late_s:.1f} s late since a pause: look at the picture, then reset"
-        return UNEVEN if self._uneven else None
+        return PAUSED if self.paused else self.doubt.reason or self._lateness.fault
 
     def _publish(
         self,
@@ -223,6 +231,7 @@ class Session:
 
         The filter itself stays behind, for a frame may yet come; its predictions without a frame are written.
         """
+        self._check_filter()
         tissue = self.line.filter
         if tissue.time_s is None or self._last_s is None:
             self._show("no frame yet")
@@ -272,22 +281,16 @@ class Session:
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
         """By how much frames may come later than their times say [s], and whether they come too unevenly to tell."""
-        if (late_s, uneven) == (self._late_s, self._uneven):
-            return
-        now_s = self._clock()
-        self._note(Act.DATED, now_s, now_s, [late_s, uneven])
-        self._late_s, self._uneven = late_s, uneven
-        self._known_late_s = min(self._known_late_s, late_s)
+        if self._lateness.take(late_s, uneven=uneven):
+            now_s = self._clock()
+            self._note(Act.DATED, now_s, now_s, [late_s, uneven])
 
     def reset(self) -> None:
         """Forget the state: the next frame starts anew."""
         self._note(Act.RESET, self.line.filter.time_s or 0.0, self._clock())
-        self.line = Line(self.line.scene, baseline=False, explain=self._explain)
+        self._begin_anew()
         self.doubt.forget()
-        self._balance.forget()
-        self._known_late_s = self._late_s
-        if self.advice is not None:
-            self.advice.forget()
+        self._lateness.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:
         """Take in a direct sighting of the target at the time of the newest estimate: where [m], (dim,), how sure [m].

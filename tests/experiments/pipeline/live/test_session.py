@@ -2,6 +2,7 @@
 
 import csv
 from collections import deque
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -233,3 +234,30 @@ def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody
         False,
         True,
     ]
+
+
+@pytest.mark.parametrize("at", [10, 20])
+def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, image, caplog, at):
+    """Before a frame, and before a moment without one; a contradiction of the marks stays in mind."""
+    frames = frames_at(100.0 + INTERVAL * np.array([*range(15), *range(24, 36)]), image)
+    source = Clocked(frames, [], 101.3)
+    scene = scene_of(read_scenario("webcam"))
+    session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: source.now)
+    session.doubt.reason = "made up"
+    turns = 0
+
+    def attend() -> None:
+        nonlocal turns
+        turns += 1
+        if turns == at:
+            session.line.filter.mixture.filters[0].P[:] = np.nan
+
+    follow(session, source, np.inf, clock=lambda: source.now, attend=attend)
+    session.close()
+    assert sum("its state is no number" in record.message for record in caplog.records) == 1
+    assert session.counters.frames == len(frames)
+    assert session.doubt.reason == "made up"
+    with (tmp_path / "estimates.csv").open(encoding="utf-8") as file:
+        status = [row["status"] for row in csv.DictReader(file)]
+    assert status[-1] == "TRACKING"
+    assert sum(one != "INITIALISING" == then for one, then in pairwise(status)) == 1
