@@ -4,19 +4,73 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from queue import Full, Queue
 
 LOG = logging.getLogger("softaim")
 """WARNING: what a person is to know. INFO: what was read, chosen and done, and what it took; shown with --verbose."""
 
 
+MOST_WAITING = 1000
+"""Lines that wait for somebody to read standard error, at most; all are in softaim.log; chosen."""
+
+LAST_S = 0.5
+"""How long the end of `StandardError.unwaited` waits for somebody to read the last lines [s]; chosen."""
+
+
 class StandardError(logging.Handler):
-    """Lines on standard error, `softaim: text`; each replaces a status line on a terminal."""
+    """Lines on standard error, `softaim: text`; each replaces a status line on a terminal.
+
+    State: the lines that wait for a thread; None where each is written at once.
+    """
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self._waiting: Queue[str | None] | None = None
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record."""
+        self.say(f"softaim: {record.getMessage()}")
+
+    def say(self, line: str) -> None:
+        """Print a line."""
+        waiting = self._waiting
+        if waiting is None:
+            _write(line)
+            return
+        with suppress(Full):
+            waiting.put_nowait(line)
+
+    @contextmanager
+    def unwaited(self) -> Iterator[None]:
+        """A thread writes the lines meanwhile: nobody has to read them, or to be there."""
+        waiting: Queue[str | None] = Queue(MOST_WAITING)
+
+        def work() -> None:
+            while (line := waiting.get()) is not None:
+                _write(line)
+
+        thread = threading.Thread(target=work, name="standard error", daemon=True)
+        thread.start()
+        self._waiting = waiting
+        try:
+            yield
+        finally:
+            self._waiting = None
+            with suppress(Full):
+                waiting.put_nowait(None)
+            thread.join(LAST_S)
+
+
+def _write(line: str) -> None:
+    if sys.stderr is None:  # the program was called without one
+        return
+    with suppress(OSError, ValueError):  # nobody is there any more
         clear = "\r\x1b[K" if sys.stderr.isatty() else ""
-        print(f"{clear}softaim: {record.getMessage()}", file=sys.stderr, flush=True)
+        print(f"{clear}{line}", file=sys.stderr, flush=True)
 
 
 class Kept(logging.Handler):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import sys
 import threading
 import time
 from collections import deque
@@ -19,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.log import LOG
+from experiments.log import LOG, SHOWN
 from experiments.plain import plain
 from experiments.servers.faces import Faces
 from experiments.servers.process import serve
@@ -78,7 +77,7 @@ class Link:
     def tell(self) -> None:
         """Say where clients are served, once."""
         for line in self._told:
-            print(line, file=sys.stderr, flush=True)
+            SHOWN.say(line)
         self._told = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:

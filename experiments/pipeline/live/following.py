@@ -17,7 +17,7 @@ import vision
 from experiments.errors import InputError
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
-from experiments.log import LOG
+from experiments.log import LOG, SHOWN
 from experiments.pipeline.events import report_source_events
 from experiments.pipeline.frame_sources import check_size, open_source
 from experiments.pipeline.line import Film
@@ -100,7 +100,7 @@ def live(
         if scene is None:
             raise InputError.at(name, "--scene scene.toml beside it", "none")
         plan = None if needle_path is None else read_needle(needle_path, scene.target.radius_m, scene.network.dim)
-        with begin(scene) as folder, StatusLine() as status:
+        with begin(scene) as folder, StatusLine() as status, SHOWN.unwaited():
 
             def shown(text: str) -> None:
                 if session.counters.frames:
