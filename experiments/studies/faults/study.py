@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from experiments.engine.parts import KEPT
@@ -18,7 +19,6 @@ from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.log import LOG
 from experiments.studies.faults.catalogue import FAULTS, fault_of
-from experiments.studies.faults.judge import judged
 
 ROWS = "faults.csv"
 NEVER = float("nan")
@@ -30,7 +30,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     LOG.setLevel(logging.CRITICAL)
     try:
         with tempfile.TemporaryDirectory() as folder:
-            row = asdict(judged(fault_of(case["fault"]), case["seed"], Path(folder)))
+            row = asdict(fault_of(case["fault"]).judged(case["seed"], Path(folder)))
     finally:
         LOG.setLevel(level)
     return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
@@ -72,6 +72,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
 
     covered: in how many no estimate was wrong after the time in which it has to be noticed
     go_shown_while_faulty: summed over seeds, go: moments of GO from the onset on; sigma_ratio: largest over that before
+    ended: how programs of its own ended; lacks_s: what its tables or recording lack at most [s]
     """
     rows = []
     for fault in FAULTS:
@@ -94,12 +95,14 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
                 "recovered_ms": own["recovered_ms"].max(),
                 "go_shown_while_faulty": int(own["go_shown_while_faulty"].sum()),
                 "go": int(own["go"].sum()),
+                "ended": "; ".join(sorted(set(own["ended"]))),
+                "lacks_s": own["lacks_s"].max(),
             }
         )
     return pd.DataFrame(rows)
 
 
-HEADS = ("fault", "noticed", "shown", "sigma", "covered", "recovered", "GO while faulty", "GO")
+HEADS = ("fault", "noticed", "shown", "sigma", "covered", "recovered", "GO while faulty", "GO", "ended", "lacks")
 
 
 def cells(rows: pd.DataFrame) -> list[list[str]]:
@@ -109,11 +112,13 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
             f"{row.fault}: {row.what}",
             _times(row.noticed, row.noticed_ms, row.seeds),
             row.shown or "–",
-            f"x {row.sigma_ratio:.1f}",
+            f"x {row.sigma_ratio:.1f}" if np.isfinite(row.sigma_ratio) else "–",
             f"{row.covered} of {row.seeds}",
             _times(row.recovered, row.recovered_ms, row.seeds),
             str(row.go_shown_while_faulty),
             str(row.go),
+            row.ended or "–",
+            "–" if np.isnan(row.lacks_s) else f"{row.lacks_s:.1f} s",
         ]
         for row in rows.itertuples()
     ]
@@ -127,5 +132,5 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 def markdown(rows: pd.DataFrame) -> str:
     """The table of docs/faults.md."""
-    lines = ["| " + " | ".join(HEADS) + " |", "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: |"]
+    lines = ["| " + " | ".join(HEADS) + " |", "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: | --- | ---: |"]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in cells(rows)]) + "\n"

@@ -13,12 +13,22 @@ import cv2
 import numpy as np
 
 import vision
-from dynamics import MassSpringNetwork, all_positions, integrate_adaptive, pack, unpack
+from dynamics import (
+    MassSpringNetwork,
+    all_positions,
+    integrate_adaptive,
+    node_weights,
+    pack,
+    unpack,
+)
+from estimators import Insertion
 from experiments.arrays import Floats
 from experiments.formats.scenario import Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
-from experiments.simulation.simulate import draw, scene_of, start_and_forces
+from experiments.simulation.simulate import Force, draw, scene_of, start_and_forces
+from experiments.simulation.world import REACH
 from vision.arrays import Image
+from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, RisingTimes
 from vision.sources.frames import Frame
 from vision.sources.live import LiveFrames, Reader
@@ -29,6 +39,8 @@ INTERVAL_S = 1.0 / 30.0
 FINE = 4
 """Times of the truth in a frame's interval."""
 GREY = (150, 150, 150)
+NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
+"""Events that tell of no fault."""
 HUES_DEG = (0.0, 120.0, 240.0, 60.0)
 """Of the marks: such as a user takes who wants them told apart."""
 
@@ -68,10 +80,15 @@ def moved(
     network: MassSpringNetwork,
     becomes: Callable[[MassSpringNetwork], MassSpringNetwork],
     at_s: float,
+    pushed: Force | None = None,
 ) -> Motion:
-    """The phantom's motion, whose network becomes another one at this time [s]."""
+    """The phantom's motion, whose network becomes another one at this time [s].
+
+    pushed: a force beside those of the scenario
+    """
     rng = np.random.default_rng(scenario.seed)
     start, forces = start_and_forces(network, scenario, rng)
+    forces += [] if pushed is None else [pushed]
     n = int(np.ceil(scenario.duration_s / INTERVAL_S)) * FINE + 1
     times = np.arange(n) * INTERVAL_S / FINE
     nothing = np.zeros((len(network.free), network.dim))
@@ -95,24 +112,36 @@ def moved(
     return Motion(times, np.array(positions))
 
 
+def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
+    """What a needle does to the free nodes that presses on the skin, with push_N while it is inside, by time [s]."""
+    shares = node_weights(network, plan.entry, REACH * float(np.median(network.rest_lengths)))[network.free]
+    push = push_N * shares[:, None] * plan.axis
+    return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """What a read of the camera gave, and when it came back [s]; image: None where it failed."""
+    """What a read of the camera gave, and when it came back [s].
+
+    image: None where it failed; told_s: the camera's own time of it [s], None from one that tells none
+    """
 
     at_s: float
     image: Image | None
+    told_s: float | None = None
 
 
 class ScriptedFrames(LiveFrames):
     """A live source whose reads come back when a script says so: `LiveFrames` without its thread.
 
-    State: the script's clock [s], and the reads to come.
+    State: the script's clock [s], the reads to come, the faults that nobody was told yet.
     """
 
     def __init__(self, arrivals: list[Arrival]) -> None:
         self.now_s = BEGAN_S
         self._to_come = deque(arrivals)
         self._times = RisingTimes(DeviceTimes())
+        self._told: list[str] = []
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
     def _start_reader(self, now: float) -> None:
@@ -139,26 +168,38 @@ class ScriptedFrames(LiveFrames):
             if image is None:
                 self._fail(self._readers[0], why)
             else:
-                self._take(self._readers[0], image, at_s, _Read(None), self._times)
+                self._take(self._readers[0], image, at_s, _Read(one), self._times)
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """What happened since this was last asked; faults are kept to be told, too."""
+        events = super().take_events()
+        self._told += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
+        return events
+
+    def told(self) -> str:
+        """The faults that were reported since this was last asked."""
+        told, self._told = "; ".join(self._told), []
+        return told
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Read:
-    """A device that tells no times, as it is in one read."""
+    """A device as it is in one read."""
 
-    arrival: Arrival | None
+    arrival: Arrival
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
         return True
 
     def grab(self) -> bool:
-        return self.arrival is not None and self.arrival.image is not None
+        return self.arrival.image is not None
 
     def retrieve(self) -> tuple[bool, Image | None]:
-        return True, None if self.arrival is None else self.arrival.image
+        return True, self.arrival.image
 
-    def get(self, _prop: int) -> float:
-        return 0.0
+    def get(self, prop: int) -> float:
+        told_s = self.arrival.told_s
+        return 1e3 * told_s if prop == cv2.CAP_PROP_POS_MSEC and told_s is not None else 0.0
 
     def release(self) -> None:
         return

@@ -1,15 +1,15 @@
-"""Faults as `softaim faults` makes them: the quick form of the study, and its judge on moments made by hand."""
+"""Faults by a script's clock as `softaim faults` makes them, quickly, and their judge on moments made by hand."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from estimators import Advice, Status, TargetEstimate
 from experiments.errors import InputError
-from experiments.studies.faults.catalogue import FAULTS, ONSET_S, Fault, fault_of
-from experiments.studies.faults.judge import STALE_S, Moment, _verdict, is_wrong, judged
+from experiments.studies.faults.catalogue import FAULTS, fault_of
+from experiments.studies.faults.judge import ONSET_S, STALE_S, Moment, is_wrong, verdict
+from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
 from experiments.studies.faults.study import cells, markdown, names_of, run, summary
-from experiments.studies.faults.world import BEGAN_S, Arrival, ScriptedFrames
+from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames
 
 SEED = 7000
 
@@ -17,8 +17,8 @@ SEED = 7000
 def moment(time_s: float, **changes: object) -> Moment:
     usual = {
         "age_s": 0.02,
-        "status": Status.TRACKING,
-        "advice": Advice.GO,
+        "status": "TRACKING",
+        "advice": "GO",
         "why": "",
         "sigma_m": 1e-3,
         "wrong": False,
@@ -27,36 +27,46 @@ def moment(time_s: float, **changes: object) -> Moment:
     return Moment(time_s, **(usual | changes))  # type: ignore[arg-type]
 
 
-def test_a_moment_of_go_counts_where_the_estimate_is_wrong_or_old_and_the_time_to_notice_is_over():
-    fault = Fault("made up", "for the test", 2.0)
+def test_a_moment_of_go_counts_where_estimate_or_needle_are_wrong_or_old_and_the_time_to_notice_is_over():
+    fault = ScriptedFault("made up", "for the test")
     times = np.round(ONSET_S + 0.1 * np.arange(-5, 40), 6)
     cases = {
         "wrong": [moment(t, wrong=0.0 <= t - ONSET_S < 2.0) for t in times],
         "old": [moment(t, age_s=STALE_S + 0.01 if 0.0 <= t - ONSET_S < 2.0 else 0.02) for t in times],
+        "astray": [moment(t, astray=0.0 <= t - ONSET_S < 2.0) for t in times],
         "neither": [moment(t) for t in times],
-        "not GO": [moment(t, wrong=0.0 <= t - ONSET_S < 2.0, advice=Advice.WAIT) for t in times],
+        "not GO": [moment(t, wrong=0.0 <= t - ONSET_S < 2.0, advice="WAIT") for t in times],
     }
-    counted = {name: _verdict(fault, 0, moments).go_shown_while_faulty for name, moments in cases.items()}
+    counted = {name: verdict(fault, 0, moments, 2.0).go_shown_while_faulty for name, moments in cases.items()}
     # from 0.2 s after the onset to its end, a moment each 0.1 s
-    assert counted == {"wrong": 18, "old": 18, "neither": 0, "not GO": 0}
+    assert counted == {"wrong": 18, "old": 18, "astray": 18, "neither": 0, "not GO": 0}
 
 
 def test_noticing_and_recovering_are_timed():
-    fault = Fault("made up", "for the test", 2.0)
+    fault = ScriptedFault("made up", "for the test")
     tenths = np.arange(-5, 60)
     times = np.round(ONSET_S + 0.1 * tenths, 6)
     ill = [moment(t, well=not 3 <= k < 24) for k, t in zip(tenths, times, strict=True)]
-    found = _verdict(fault, 0, ill)
+    found = verdict(fault, 0, ill, 2.0)
     assert found.noticed_ms == pytest.approx(300.0)
     assert found.recovered_ms == pytest.approx(400.0)
-    never = _verdict(fault, 0, [moment(t, well=t < ONSET_S) for t in times])
+    never = verdict(fault, 0, [moment(t, well=t < ONSET_S) for t in times], 2.0)
     assert never.recovered_ms is None
+
+
+def test_what_is_reported_is_noticed_though_all_goes_well_and_shown_words_count_whatever_their_figures():
+    fault = ScriptedFault("made up", "for the test")
+    times = np.round(ONSET_S + 0.1 * np.arange(30), 6)
+    told = verdict(fault, 0, [moment(t, told="CLOCK" if k == 1 else "") for k, t in enumerate(times)], np.inf)
+    assert (told.noticed_ms, told.shown) == (pytest.approx(100.0), "CLOCK")
+    reasons = ["now 7 %", "now 8 %", "now 9 %", "lost", "lost", *[""] * 25]
+    moments = [moment(t, advice="ABORT", why=why, well=not why) for t, why in zip(times, reasons, strict=True)]
+    assert verdict(fault, 0, moments, 2.0).shown == "ABORT: now 7 %"
 
 
 def test_an_estimate_is_wrong_outside_of_its_region_and_not_by_a_hair():
     def off(mm: float, sd_mm: float) -> bool:
-        estimate = TargetEstimate(0.0, np.zeros(2), (1e-3 * sd_mm) ** 2 * np.eye(2), Status.TRACKING, 3)
-        return is_wrong(estimate, np.array([1e-3 * mm, 0.0]))
+        return is_wrong(np.zeros(2), (1e-3 * sd_mm) ** 2 * np.eye(2), np.array([1e-3 * mm, 0.0]))
 
     # the root of the 99.9 % quantile of chi-square, 2 degrees of freedom, is 3.717
     assert [off(3.6, 1.0), off(3.8, 1.0), off(0.9, 0.1), off(1.1, 0.1)] == [False, True, False, True]
@@ -73,13 +83,37 @@ def test_a_scripted_camera_is_a_live_one():
     for found, picture in zip(taken, pictures, strict=True):
         np.testing.assert_array_equal(found, picture)
     assert [str(event.kind) for event in frames.take_events()] == ["DROPPED", "RESUMED", "ENDED"]
+    assert frames.told().startswith("DROPPED: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("clock ahead", "CLOCK"), ("clock back", "CLOCK"), ("NaN times", "CLOCK"), ("NaN pictures", "DROPPED")],
+)
+def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_frames_and_no_time_jumps(name, told):
+    """180 pictures of 1/30 s whose clock was trusted until the fault: times go on by arrival, to 1 ms."""
+    rng, fault = np.random.default_rng(1), fault_of(name)
+    times = INTERVAL_S * np.arange(180)
+    pictures = rng.integers(0, 255, (len(times), 4, 4, 3), dtype=np.uint8)
+    shown = [fault.picture(one, t, rng) if fault.acts(t) else one for one, t in zip(pictures, times, strict=True)]
+    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(shown, times, strict=True)]
+    frames = ScriptedFrames(fault.arrivals(given, rng))
+    found = []
+    while not frames.ended:
+        frame = frames.next(0.1)
+        if frames.take_events() and told in (said := frames.told()):
+            found.append((frames.now_s - BEGAN_S - ONSET_S, said))
+        if frame is not None and frame.index > 0:  # of the first the interval is not known
+            assert abs(frame.exposure_s - (frames.now_s - 0.5 * INTERVAL_S)) < 1e-3
+    assert len(found) == 1
+    assert 0.0 <= found[0][0] <= 0.1
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["frozen in turn", "16 bit", "all covered"])
 def test_go_is_not_shown_on_a_faulty_estimate(name, tmp_path):
     """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
-    found = judged(fault_of(name), SEED, tmp_path)
+    found = fault_of(name).judged(SEED, tmp_path)
     assert found.go_shown_while_faulty == 0
     assert found.go > 60
     if name == "16 bit":
@@ -88,6 +122,28 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, tmp_path):
     else:
         assert found.noticed_ms is not None
         assert found.noticed_ms <= 1e3 * fault_of(name).within_s
+        assert found.recovered_ms is not None
+        assert found.recovered_ms <= 500.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("needle bent", "ABORT: stop: draw back, or wait for GO; turned by"),
+        ("touched early", "ABORT: stop: draw back, or wait for GO; it went in before GO"),
+        ("filter diverges", "the marks contradicted the model: look at tissue and marks, then reset"),
+        ("filter NaN", "INITIALISING: the estimate is INITIALISING"),
+    ],
+)
+def test_what_the_loop_is_told_and_its_filter_may_fail(name, shown, tmp_path):
+    """Within three frames it is shown, and GO is not; a needle that is drawn out, a filter of NaN: half a second on."""
+    found = fault_of(name).judged(SEED, tmp_path, duration_s=7.0)
+    assert shown in found.shown
+    assert found.noticed_ms is not None
+    assert found.noticed_ms <= 200.0
+    assert found.go_shown_while_faulty == 0
+    if name != "filter diverges":
         assert found.recovered_ms is not None
         assert found.recovered_ms <= 500.0
 
@@ -112,12 +168,15 @@ def test_the_table_tells_the_slowest_and_the_sum():
             "sigma_most_mm": [4.0, 2.0, 1.0],
             "go_shown_while_faulty": [2, 1, 0],
             "go": [5, 6, 90],
+            "ended": ["exit 0", "exit 2", ""],
+            "lacks_s": [0.25, 0.5, np.nan],
         }
     )
     rows = summary(runs)
     assert list(rows["fault"]) == ["none", "blood"]
     blood = cells(rows)[1]
-    assert blood[1:] == ["20 ms, 1 of 2", "COASTING", "x 3.0", "1 of 2", "400 ms", "3", "11"]
+    assert blood[1:] == ["20 ms, 1 of 2", "COASTING", "x 3.0", "1 of 2", "400 ms", "3", "11", "exit 0; exit 2", "0.5 s"]
+    assert cells(rows)[0][-2:] == ["–", "–"]
     assert "| never |" in markdown(rows)
 
 

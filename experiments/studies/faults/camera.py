@@ -1,0 +1,128 @@
+"""Faults of the camera: of its reads, of the times that it states, and of its pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from experiments.studies.faults.judge import FOREVER, LASTS_S, ONSET_S
+from experiments.studies.faults.scripted import ScriptedFault
+from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival
+from vision.arrays import Image
+
+DEVICE_S = 3.0
+"""What a device's own clock says at the first exposure [s]."""
+
+
+def _within(arrival: Arrival, lasts_s: float = LASTS_S) -> bool:
+    return ONSET_S <= arrival.at_s - BEGAN_S < ONSET_S + lasts_s
+
+
+def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+    return [replace(one, image=None) if _within(one) else one for one in arrivals]
+
+
+def _blocked(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+    return [one for one in arrivals if not _within(one)]
+
+
+def _frozen(arrivals: list[Arrival], n_pictures: int) -> list[Arrival]:
+    before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
+    turns = iter(range(len(arrivals)))
+    return [replace(one, image=before[next(turns) % n_pictures]) if _within(one) else one for one in arrivals]
+
+
+def _dropped(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
+    return [one for one in arrivals if not _within(one) or rng.random() > 0.5]
+
+
+def _late(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
+    at_s = np.array([one.at_s + (rng.exponential(0.05) if _within(one) else 0.0) for one in arrivals])
+    in_order = np.maximum.accumulate(at_s)
+    return [replace(one, at_s=float(at)) for one, at in zip(arrivals, in_order, strict=True)]
+
+
+def _lag(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+    return [replace(one, at_s=one.at_s + 1.0) if one.at_s - BEGAN_S >= ONSET_S else one for one in arrivals]
+
+
+def _resized(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
+    return np.asarray(cv2.resize(image, (320, 240)), dtype=np.uint8)
+
+
+def _bgra(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
+    return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
+
+
+def _sixteen_bit(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
+    return image.astype(np.uint16) * 257  # type: ignore[return-value]
+
+
+def _black(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
+    return rng.integers(0, 4, image.shape, dtype=np.uint8)
+
+
+def _overexposed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
+    return rng.integers(250, 256, image.shape, dtype=np.uint8)
+
+
+def _dimmed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
+    return np.clip(0.35 * image + rng.normal(0.0, 1.2, image.shape), 0, 255).astype(np.uint8)
+
+
+def _shifted_hue(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    hsv[..., 0] = (hsv[..., 0].astype(np.int16) + 15) % 180
+    return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), dtype=np.uint8)
+
+
+def _bleeding(image: Image, since_s: float, _rng: np.random.Generator) -> Image:
+    """Blood that runs over the picture beside the marks, as red as the red one."""
+    height, width = image.shape[:2]
+    stained = image.copy()
+    reach = int(height * min(0.2 + 0.2 * since_s, 0.6))
+    cv2.ellipse(stained, (int(0.42 * width), int(0.35 * height)), (18, reach), 12.0, 0.0, 360.0, (24, 20, 190), -1)
+    return stained
+
+
+def _told(arrivals: list[Arrival], fault_s: float) -> list[Arrival]:
+    """From a device that tells times, by a clock that is this much off while the fault lasts [s]."""
+    return [
+        replace(one, told_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, FOREVER) else 0.0))
+        for k, one in enumerate(arrivals)
+    ]
+
+
+def _nan(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
+    return np.full(image.shape, np.nan, dtype=np.float32)
+
+
+CAMERA: tuple[ScriptedFault, ...] = (
+    ScriptedFault("unplugged", "the camera is unplugged for 2 s", arrivals=_unplugged),
+    ScriptedFault("blocked", "reads do not come back for 2 s", arrivals=_blocked),
+    ScriptedFault("frozen", "the same picture for 2 s", arrivals=lambda arrivals, _rng: _frozen(arrivals, 1)),
+    ScriptedFault(
+        "frozen in turn", "two pictures in turn for 2 s", arrivals=lambda arrivals, _rng: _frozen(arrivals, 2)
+    ),
+    ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_dropped),
+    ScriptedFault("late frames", "frames come 50 ms late on average, in bursts, for 2 s", arrivals=_late),
+    ScriptedFault("lag", "from now on all frames come 1 s late", FOREVER, arrivals=_lag),
+    ScriptedFault("black", "black pictures for 2 s", picture=_black),
+    ScriptedFault("overexposed", "white pictures for 2 s", picture=_overexposed),
+    ScriptedFault("another size", "pictures of 320 x 240 for 2 s", picture=_resized),
+    ScriptedFault("BGRA", "pictures of four channels for 2 s", picture=_bgra),
+    ScriptedFault("16 bit", "pictures of 16 bit for 2 s", picture=_sixteen_bit),
+    ScriptedFault("dimmed", "the lamp gives a third of its light from now on", FOREVER, picture=_dimmed),
+    ScriptedFault("hue shifted", "all hues turn by 30 degrees from now on", FOREVER, picture=_shifted_hue),
+    ScriptedFault("blood", "blood as red as a mark runs over the picture", FOREVER, picture=_bleeding),
+    ScriptedFault(
+        "clock ahead", "the camera's clock jumps ahead by 10 s", FOREVER, arrivals=lambda a, _: _told(a, 10.0)
+    ),
+    ScriptedFault(
+        "clock back", "the camera's clock jumps back by 10 s", FOREVER, arrivals=lambda a, _: _told(a, -10.0)
+    ),
+    ScriptedFault("NaN times", "the camera's clock tells no number", FOREVER, arrivals=lambda a, _: _told(a, np.nan)),
+    ScriptedFault("NaN pictures", "pictures of NaN for 2 s", picture=_nan),
+)

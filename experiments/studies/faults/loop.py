@@ -1,0 +1,82 @@
+"""Faults of what the loop is told beside frames, a tracked needle, and of the filter itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dynamics import NeedlePose
+from estimators import Insertion
+from experiments.pipeline.live.session import Session
+from experiments.studies.faults.judge import FOREVER, LASTS_S
+from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
+
+OUTSIDE_M = 0.02
+"""From the tip of a needle that waits to its entry [m]."""
+GOES_IN_S = 0.5
+"""Before the onset, a needle that was told to go begins to [s]."""
+INSIDE_M = 0.005
+"""Depth of a needle that is held there [m]."""
+BEND_RAD = np.deg2rad(60.0)
+"""By so much it bends: it would pass the target by 22 mm."""
+BESIDE_M = 0.025
+"""From a needle's line to the one on which it would be told to go [m]."""
+DENT_M, DENT_N = 0.005, 2.0
+"""How far a needle presses into the skin that does not give way yet [m], and by what force [N]."""
+THROWN_M = 0.08
+"""By how much the filter takes all nodes to be displaced, along each axis [m]."""
+
+
+def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
+    """A needle that stands still, its last part turned about its tip."""
+    along = plan.axis
+    across = np.array([-along[1], along[0]])
+    direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
+    return NeedlePose(plan.entry + beside_m * across + depth_m * along, direction, 0.0, max(depth_m, 0.0))
+
+
+def _bends(since_s: float, plan: Insertion) -> NeedlePose:
+    """Outside until it was told to go; inside it bends, and is drawn out."""
+    if since_s < -GOES_IN_S or since_s >= LASTS_S:
+        return _at(plan, -OUTSIDE_M)
+    if since_s < 0.0:
+        return _at(plan, INSIDE_M * (1.0 + since_s / GOES_IN_S))
+    return _at(plan, INSIDE_M, turned_rad=BEND_RAD)
+
+
+def _touches(since_s: float, plan: Insertion) -> NeedlePose:
+    """Beside its line, where it is not told to go, it presses on the skin; then it is drawn out and aligned."""
+    if since_s < 0.0:
+        return _at(plan, -OUTSIDE_M, BESIDE_M)
+    return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
+
+
+def _displaced(by_m: float) -> Callable[[Session], None]:
+    """Displaces all nodes in the mean of every mode of the filter [m], which stays as sure of them as it was."""
+
+    def upsets(session: Session) -> None:
+        network = session.line.scene.network
+        mixture = session.line.filter.mixture
+        by = np.where(np.arange(len(mixture.x)) < network.dim * len(network.free), by_m, 0.0)
+        mixture.x = mixture.x + by
+        for one in mixture.filters:
+            one.x = one.x + by
+
+    return upsets
+
+
+LOOP: tuple[ScriptedFault, ...] = (
+    ScriptedFault(
+        "needle bent", "a needle that was told to go bends by 60 degrees inside", needle=TrackedNeedle(_bends)
+    ),
+    ScriptedFault(
+        "touched early",
+        "a needle beside its line presses 5 mm into the skin, not told to go",
+        needle=TrackedNeedle(_touches, push_N=DENT_N),
+    ),
+    ScriptedFault(
+        "filter diverges", "the filter takes all nodes to be 110 mm off", FOREVER, upsets=_displaced(THROWN_M)
+    ),
+    ScriptedFault("filter NaN", "the filter's state is no number", FOREVER, upsets=_displaced(np.nan)),
+)

@@ -1,0 +1,273 @@
+"""A live run as a process of its own, of a simulated film, with what is around it: terminal, disk, viewers."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.formats.recording import read_recording
+from experiments.formats.scene.scene import Scene, write_scene
+from experiments.formats.tables import read_rows
+from experiments.pipeline.live.journal import JOURNAL, Act, read_journal
+from experiments.pipeline.live.session import ADVICE, ESTIMATES
+from experiments.pipeline.recorder import Recorder, join
+from experiments.studies.faults.judge import ONSET_S
+from experiments.studies.faults.scripted import plan_of
+from experiments.studies.faults.viewer import Viewer
+from experiments.studies.faults.world import Motion, drawn, moved, scenario_of, scene_in_view
+from vision import Frame, SourceError
+
+FRAME_S = 0.05
+"""From frame to frame of the film [s]: what a busy machine shows and records at its own pace."""
+STARTS_S = 60.0
+"""So long a run may take to show its page [s]: longer than any does."""
+ENDS_S = 20.0
+"""So long a run may take to end when its film has [s]."""
+SOFTAIM = "from experiments.commands.app import main; main()"
+GONE_S = 3.0
+"""So long its other processes may take to end after it [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Film:
+    """A recording of a phantom that breathes, its needle's file, its scene and its truth."""
+
+    folder: Path
+    needle: Path
+    scene: Scene
+    motion: Motion
+
+    @property
+    def ends_s(self) -> float:
+        """The time of its last frame [s]."""
+        return float(self.motion.times_s[-1]) - FRAME_S
+
+
+def filmed(seed: int, folder: Path, duration_s: float) -> Film:
+    """Film it to a folder that exists, for so many whole seconds at least."""
+    duration_s = float(np.ceil(duration_s))
+    scenario = scenario_of(seed, duration_s)
+    scene = scene_in_view(scenario)
+    motion = moved(scenario, scene.network, lambda network: network, ONSET_S)
+    rng = np.random.default_rng([seed, 7])
+    film = folder / "film"
+    recorder = Recorder(film, scene.cameras[0].size_px, "MJPG")
+    for k in range(int(duration_s / FRAME_S)):
+        recorder.take(Frame(k, k * FRAME_S, drawn(scene, motion.at(k * FRAME_S), rng)))
+    recorder.finish_piece()
+    join(film)
+    write_scene(scene, film / "scene.toml")
+    plan = plan_of(scene)
+    needle = folder / "needle.toml"
+    entry, direction = (1e3 * plan.insertion.entry).tolist(), plan.insertion.axis.tolist()
+    needle.write_text(
+        f"version = 1\nentry_mm = {entry}\ndirection = {direction}\nspeed_mm_s = {1e3 * plan.insertion.speed_m_s}\n"
+        f"[lesion]\nradius_mm = {1e3 * plan.lesion.axes[0, 0]}\n"
+        f"[advice]\ngo = {plan.settings.go}\nworth = {plan.settings.worth}\n",
+        encoding="utf-8",
+    )
+    return Film(film, needle, scene, motion)
+
+
+class Terminal:
+    """Reads what a process writes, as long as somebody does.
+
+    State: what was read; whether it is read; where it comes from.
+    """
+
+    def __init__(self, *sources: int) -> None:
+        self.text = ""
+        self.read = True
+        self._sources = list(sources)
+        self._closing = False
+        self._thread = threading.Thread(target=self._work, name="terminal", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Read no longer: nobody is there any more."""
+        self._closing = True
+        self._thread.join()
+
+    def _work(self) -> None:
+        while self._sources and not self._closing:
+            if not self.read:
+                time.sleep(0.01)
+                continue
+            for source in select.select(self._sources, [], [], 0.05)[0]:
+                try:
+                    found = os.read(source, 65536)
+                except OSError:  # the other end of a terminal is gone
+                    found = b""
+                self.text += found.decode("utf-8", "replace")
+                if not found:
+                    self._sources.remove(source)
+                    os.close(source)
+        for source in self._sources:
+            os.close(source)
+
+
+@dataclass(slots=True, eq=False)
+class LiveRun:
+    """`softaim live` of a film, recorded, with a needle, from `start` until it has ended.
+
+    folder: that exists, for its output; options: of the command line, beside these; on_terminal: whether it runs in a
+    terminal, not in pipes; igtl_port: where OpenIGTLink listens, 0 for nowhere
+    State: the process; who reads what it writes; who watches it; what else is held until its end.
+    """
+
+    film: Film
+    folder: Path
+    options: list[str] = field(default_factory=lambda: ["--page", "127.0.0.1:0"])
+    on_terminal: bool = False
+    igtl_port: int = 0
+    held: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
+    others: list[Viewer] = field(default_factory=list)
+    _process: subprocess.Popen[bytes] | None = None
+    _terminal: Terminal | None = None
+    _viewer: Viewer | None = None
+
+    def __enter__(self) -> Self:
+        """As a context manager: nothing of it is left at its end."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+        for viewer in (*self.others, *([] if self._viewer is None else [self._viewer])):
+            viewer.close()
+        if self._terminal is not None:
+            self._terminal.close()
+        self.held.close()
+
+    @property
+    def out(self) -> Path:
+        """The folder of its tables."""
+        return self.folder / "live"
+
+    @property
+    def process(self) -> subprocess.Popen[bytes]:
+        """The process, once it runs."""
+        assert self._process is not None
+        return self._process
+
+    @property
+    def terminal(self) -> Terminal:
+        """Who reads what it writes, once it runs."""
+        assert self._terminal is not None
+        return self._terminal
+
+    @property
+    def viewer(self) -> Viewer:
+        """Who watches it, once its page is there."""
+        assert self._viewer is not None
+        return self._viewer
+
+    def start(self) -> bool:
+        """Start it, and watch it once its page is there; whether that came to be."""
+        command = [sys.executable, "-c", SOFTAIM, "live", "--source", str(self.film.folder)]
+        command += ["--needle", str(self.film.needle), "--out", str(self.out), "--record", *self.options]
+        theirs, mine = self._ends()
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=theirs[0], stderr=theirs[1], start_new_session=True
+        )
+        for end in set(theirs):
+            os.close(end)
+        self._terminal = Terminal(*mine)
+        until = time.monotonic() + STARTS_S
+        while self._process.poll() is None and time.monotonic() < until:
+            if self._address() is not None:
+                self._viewer = self.watched()
+                return True
+            time.sleep(0.01)
+        return False
+
+    def _ends(self) -> tuple[tuple[int, int], list[int]]:
+        """What it writes to, its standard output and standard error, and where that is read."""
+        if self.on_terminal:
+            mine, theirs = os.openpty()
+            return (theirs, theirs), [mine]
+        (out, to_out), (err, to_err) = os.pipe(), os.pipe()
+        return (to_out, to_err), [out, err]
+
+    def watched(self, pause_s: float = 0.0) -> Viewer:
+        """Another viewer."""
+        scene = self.film.scene
+        target, n_measured = scene.network.index(scene.target.node), len(scene.measured_nodes)
+        return Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
+
+    @property
+    def address(self) -> tuple[int, str]:
+        """Port and token of its page, once they were told."""
+        found = self._address()
+        assert found is not None
+        return found
+
+    def _address(self) -> tuple[int, str] | None:
+        found = re.search(r"page: http://127\.0\.0\.1:(\d+)/#token=([\w-]+)\s", self.terminal.text)
+        return None if found is None else (int(found[1]), found[2])
+
+    def ended(self) -> str:
+        """How it ended, in words; waits for that."""
+        process = self.process
+        try:
+            code = process.wait(ENDS_S)
+        except subprocess.TimeoutExpired:
+            return "does not end"
+        how = f"exit {code}" if code >= 0 else f"ended by {signal.Signals(-code).name}"
+        until = time.monotonic() + GONE_S
+        while self._is_left() and time.monotonic() < until:
+            time.sleep(0.02)
+        return f"{how}, processes left" if self._is_left() else how
+
+    def _is_left(self) -> bool:
+        try:
+            os.killpg(self.process.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
+    def lacks_s(self, until_s: float) -> float:
+        """How much tables or recording lack of what was shown until this time of the film [s]; all if unreadable."""
+        shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
+        if not shown_s:
+            return 0.0
+        try:
+            kept_s = min(self._kept_s())
+        except (InputError, SourceError, ValueError):  # also of a table without rows
+            kept_s = shown_s[0]
+        return max(shown_s[-1] - kept_s, 0.0)
+
+    def _kept_s(self) -> list[float]:
+        """Until when estimates, advice and pictures are there, in the film's time [s]."""
+        (recording,) = self.out.glob("recording-*")
+        tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
+        origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]
+        seen = read_recording(recording)
+        with seen.open_frames() as frames:
+            last = max(frame.exposure_s for frame in frames)
+        return [_last_s(one) for one in tables] + [last - (origins[-1] if origins else 0.0)]
+
+
+def _last_s(table: Path) -> float:
+    """The time of a table's last whole row [s]. Raises InputError, ValueError."""
+    rows = read_rows(table, "the table of a live run", torn=True)
+    column = next(rows).index("time_s")
+    return max(float(row[column]) for row in rows)

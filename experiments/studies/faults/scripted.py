@@ -1,0 +1,234 @@
+"""Faults by a script's own clock: the whole loop of a live run before a simulated world, in which one thing fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dynamics import MassSpringNetwork, NeedlePose
+from estimators import Advice, AdviceSettings, Insertion, Lesion, Needle, Status
+from experiments.arrays import Floats
+from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.line import Line
+from experiments.pipeline.live.following import follow
+from experiments.pipeline.live.session import ESTIMATES, Session
+from experiments.pipeline.live.shown import Publisher, Shown
+from experiments.studies.faults.judge import FRAME_S, LASTS_S, ONSET_S, Judged, Moment, is_wrong, verdict
+from experiments.studies.faults.world import (
+    BEGAN_S,
+    INTERVAL_S,
+    Arrival,
+    Motion,
+    ScriptedFrames,
+    drawn,
+    moved,
+    pressed,
+    scenario_of,
+    scene_in_view,
+)
+from vision.arrays import Image
+
+DURATION_S = 12.0
+ARRIVES_S = 0.5 * INTERVAL_S + 0.005
+"""From exposure to arrival [s]: half a frame, and reading it out."""
+LESION_M = 0.012
+"""Radius of the lesion [m]: so large that without a fault nearly always GO is shown, and nothing hides behind WAIT."""
+ABOVE_M = 0.03
+"""From the entry of the needle to its target, as the scene is drawn [m]."""
+
+Alters = Callable[[Image, float, np.random.Generator], Image]
+Moves = Callable[[Floats, float, Scene], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedNeedle:
+    """A needle that a tracker sees.
+
+    pose: where it truly is, by the time since the onset [s] and the plan's needle, that is not inserted
+    push_N: by which it presses the tissue along itself while any of it is inside [N]
+    told: what the tracker tells of it, tip [m] and direction, None for nothing; by default the truth
+    """
+
+    pose: Callable[[float, Insertion], NeedlePose]
+    push_N: float = 0.0  # noqa: N815
+    told: Callable[[NeedlePose, float], tuple[Floats, Floats] | None] = lambda pose, _since_s: (
+        pose.tip,
+        pose.direction,
+    )
+
+
+def _same_picture(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
+    return image
+
+
+def _same_places(places: Floats, _since_s: float, _scene: Scene) -> Floats:
+    return places
+
+
+def _same_arrivals(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+    return arrivals
+
+
+def _same_network(network: MassSpringNetwork) -> MassSpringNetwork:
+    return network
+
+
+def _same_scene(scene: Scene) -> Scene:
+    return scene
+
+
+def _nothing(_session: Session) -> None:
+    return
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptedFault:
+    """A `Fault` that a script makes.
+
+    lasts_s: from ONSET_S on [s], inf for one that stays
+    picture: what becomes of a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
+    places: where the picture shows the nodes [m]; arrivals: what the reads give
+    becomes: what becomes of the true network at the onset; believed: the scene that the filter is given
+    needle: one that is tracked, None for one that stays where the plan has it
+    upsets: what is done to the run itself, once, at the onset
+    """
+
+    name: str
+    what: str
+    lasts_s: float = LASTS_S
+    within_s: float = FRAME_S
+    picture: Alters = _same_picture
+    covered: tuple[str, ...] = ()
+    places: Moves = _same_places
+    arrivals: Callable[[list[Arrival], np.random.Generator], list[Arrival]] = _same_arrivals
+    becomes: Callable[[MassSpringNetwork], MassSpringNetwork] = _same_network
+    believed: Callable[[Scene], Scene] = _same_scene
+    needle: TrackedNeedle | None = None
+    upsets: Callable[[Session], None] = _nothing
+
+    def acts(self, time_s: float) -> bool:
+        """Whether it acts at this time from the first exposure on [s]."""
+        return ONSET_S <= time_s < ONSET_S + self.lasts_s
+
+    def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
+        """What came of it in a run; folder: one that exists, for the run's tables."""
+        return verdict(self, seed, _moments(self, seed, folder, duration_s), self.lasts_s)
+
+
+class Watching(Publisher):
+    """A `Publisher` that keeps what was shown. State: the moments."""
+
+    def __init__(self, frames: ScriptedFrames, motion: Motion, target: int) -> None:
+        self._frames, self._motion, self._target = frames, motion, target
+        self.moments: list[Moment] = []
+        self.needle: NeedlePose | None = None
+        self._used_s = -np.inf
+
+    def publish(self, shown: Shown, line: Line) -> None:
+        """Keep what is known now."""
+        if shown.step is not None:
+            self._used_s = shown.at_s
+        now_s = self._frames.now_s
+        guidance, estimate = shown.guidance, shown.estimate
+        truth = self._motion.at(estimate.time_s - BEGAN_S)[self._target]
+        measured = len(line.scene.measured_nodes)
+        lacking = shown.step is not None and (estimate.marks_used < measured or bool(shown.step.refused))
+        why = shown.fault or ("marks lost or refused" if lacking else "")
+        aborts = guidance is not None and guidance.advice is Advice.ABORT
+        if guidance is not None and aborts:
+            why = guidance.reason
+        cov = estimate.cov
+        self.moments.append(
+            Moment(
+                now_s - BEGAN_S,
+                now_s - self._used_s,
+                str(estimate.status),
+                None if guidance is None else str(guidance.advice),
+                why,
+                np.inf if cov is None else float(np.sqrt(np.linalg.eigvalsh(cov)[-1])),
+                is_wrong(estimate.mean, cov, truth),
+                well=estimate.status is Status.TRACKING and not why,
+                told=self._frames.told(),
+                astray=self.needle is not None and misses(self.needle, truth),
+            )
+        )
+
+
+def misses(needle: NeedlePose, truth_m: Floats) -> bool:
+    """Whether a needle that goes on along itself passes the lesion about this place [m], (dim,)."""
+    beside = truth_m - needle.tip
+    return float(np.linalg.norm(beside - (beside @ needle.direction) * needle.direction)) > LESION_M
+
+
+def plan_of(scene: Scene) -> NeedlePlan:
+    """A needle from above that is almost there: whatever the breath, it is advised on."""
+    node = scene.network.positions[scene.network.index(scene.target.node)]
+    entry = node + np.array([0.0, ABOVE_M])
+    return NeedlePlan(
+        insertion=Insertion(entry=entry, axis=node - entry, speed_m_s=0.5),
+        lesion=Lesion.ball(LESION_M, scene.network.dim),
+        needle=Needle(),
+        settings=AdviceSettings(go=0.5, worth=1.0),
+    )
+
+
+def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -> list[Moment]:
+    """All that was shown in a run with the fault."""
+    scenario = scenario_of(seed, duration_s)
+    scene = scene_in_view(scenario)
+    plan, needle = plan_of(fault.believed(scene)), fault.needle
+
+    def pose(time_s: float) -> NeedlePose:
+        assert needle is not None
+        return needle.pose(time_s - ONSET_S, plan.insertion)
+
+    pushed = None
+    if needle is not None and needle.push_N:
+        pushed = pressed(scene.network, plan.insertion, lambda time_s: pose(time_s).inserted_m > 0.0, needle.push_N)
+    motion = moved(scenario, scene.network, fault.becomes, ONSET_S, pushed)
+    frames = ScriptedFrames(_arrivals(fault, scene, motion, seed, duration_s))
+    watching = Watching(frames, motion, scene.network.index(scene.target.node))
+    clock = partial(getattr, frames, "now_s")
+    session = Session(
+        fault.believed(scene),
+        folder / ESTIMATES,
+        lambda _text: None,
+        needle=plan,
+        publisher=watching,
+        clock=clock,
+    )
+    upset = False
+
+    def attend() -> None:
+        nonlocal upset
+        time_s = clock() - BEGAN_S
+        if needle is not None:
+            watching.needle = pose(time_s)
+            if (told := needle.told(watching.needle, time_s - ONSET_S)) is not None:
+                session.needle_at(*told)
+        if fault.acts(time_s) and not upset:
+            upset = True
+            fault.upsets(session)
+
+    follow(session, frames, duration_s, clock, attend=attend)
+    session.close()
+    return watching.moments
+
+
+def _arrivals(fault: ScriptedFault, scene: Scene, motion: Motion, seed: int, duration_s: float) -> list[Arrival]:
+    rng = np.random.default_rng([seed, 7])
+    arrivals = []
+    for k in range(int(duration_s / INTERVAL_S)):
+        time_s = k * INTERVAL_S
+        places, hidden = motion.at(time_s), tuple[str, ...]()
+        acts, since_s = fault.acts(time_s), time_s - ONSET_S
+        if acts:
+            places, hidden = fault.places(places, since_s, scene), fault.covered
+        image = drawn(scene, places, rng, hidden=hidden)
+        arrivals.append(Arrival(BEGAN_S + time_s + ARRIVES_S, fault.picture(image, since_s, rng) if acts else image))
+    return fault.arrivals(arrivals, rng)

@@ -1,0 +1,261 @@
+"""Faults of what a live run stands on: its viewers, its terminal, its disk, its ports, and the system that ends it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.studies.faults.judge import FOREVER, FRAME_S, LASTS_S, ONSET_S, Judged, Moment, verdict
+from experiments.studies.faults.process import LiveRun, filmed
+from experiments.studies.faults.viewer import Viewer
+
+AFTER_S = 3.0
+"""How much longer a film goes on than the fault, or after the onset of one that stays [s]."""
+STARTS_S = 5.0
+"""So much of the film goes by before the first state, at most [s]: else less of it is left at its end."""
+JITTER_S = 1.0
+"""Within this after its onset a fault begins at random [s]: so long is a piece of a recording."""
+STARTS_WITHIN_S = 10.0
+"""Within this a run that cannot start says so [s]: its page would be there by then."""
+N_VIEWERS = 50
+SLOW_S = 1.0
+"""A slow viewer shows a state so long [s]."""
+N_WARNINGS, AT_ONCE = 1500, 20
+"""Requests that are refused, a line of some seventy letters each: more than a terminal holds; so many at once."""
+USUAL_PORT = 8765
+"""Where a run's page is if nobody says where."""
+IN_VAIN = json.dumps({"command": "needle", "tip_mm": [0, 0, 0], "direction": [0, 0, 1]})
+"""Refused by a run in a plane."""
+
+Acts = Callable[[LiveRun], None]
+
+
+def _nothing(_run: LiveRun) -> None:
+    return
+
+
+@dataclass(frozen=True, slots=True)
+class SystemFault:
+    """A `Fault` of a real process: `softaim live` of a film that is recorded, watched by a client of its stream.
+
+    lasts_s: from its onset on [s], inf for one that stays
+    before: what is done before the process starts; begins, ends: at the onset, and after lasts_s
+    writes: whether it can write on after the onset
+    """
+
+    name: str
+    what: str
+    lasts_s: float = LASTS_S
+    within_s: float = FRAME_S
+    before: Acts = _nothing
+    begins: Acts = _nothing
+    ends: Acts = _nothing
+    writes: bool = True
+
+    def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
+        """What came of it in a run; folder: one that exists; onset_s: after the first state [s]. Raises InputError."""
+        if sys.platform == "win32":
+            raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
+        onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
+        lasts_s = 0.0 if np.isinf(self.lasts_s) else self.lasts_s
+        film = filmed(seed, folder, STARTS_S + onset_s + lasts_s + AFTER_S)
+        with LiveRun(film, folder) as run:
+            self.before(run)
+            began_s = time.monotonic()
+            if run.start():
+                return self._watched(run, seed, onset_s)
+            how = run.ended()
+            lines = run.terminal.text.strip().splitlines()
+            said = Moment(ONSET_S + time.monotonic() - began_s, 0.0, "ENDED", None, "; ".join(lines), 0.0, False, False)
+            return replace(verdict(self, seed, [said], FOREVER), ended=how)
+
+    def _watched(self, run: LiveRun, seed: int, onset_s: float) -> Judged:
+        viewer = run.viewer
+        _until(run, -np.inf)
+        _until(run, viewer.now_s + onset_s)
+        onset_s = viewer.now_s
+        self.begins(run)
+        if not np.isinf(self.lasts_s):
+            _until(run, onset_s + self.lasts_s)
+        self.ends(run)
+        how = run.ended()
+        end_s = np.inf if self.writes else onset_s
+        lacks_s = run.lacks_s(end_s)
+        found = verdict(self, seed, _moments(viewer, onset_s, run), self.lasts_s)
+        others = sum(one.faulty_go for each in run.others for one in _moments(each, onset_s, run))
+        return replace(
+            found,
+            shown=found.shown.replace(f"{run.folder}{os.sep}", ""),
+            go_shown_while_faulty=found.go_shown_while_faulty + others,
+            ended=how,
+            lacks_s=lacks_s,
+        )
+
+
+def _moments(viewer: Viewer, onset_s: float, run: LiveRun) -> list[Moment]:
+    """What it showed until the film ended, told as if the fault had begun at ONSET_S."""
+    shown = [one for one in viewer.moments if one.time_s < run.film.ends_s]
+    return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in shown]
+
+
+def _until(run: LiveRun, time_s: float) -> None:
+    """Wait for this time of the film [s], or the process's end."""
+    began_s = time.monotonic()
+    while not run.viewer.now_s > time_s and run.process.poll() is None and time.monotonic() - began_s < 60.0:
+        time.sleep(0.005)
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+    return port
+
+
+def _with_openigtlink(run: LiveRun) -> None:
+    run.igtl_port = _free_port()
+    run.options += ["--openigtlink", f"127.0.0.1:{run.igtl_port}"]
+
+
+def _slow(run: LiveRun) -> None:
+    """A viewer that shows each state for a second; two clients that take nothing, of the stream and of OpenIGTLink."""
+    run.others.append(run.watched(SLOW_S))
+    port = run.address[0]
+    for number in (port, run.igtl_port):
+        one = run.held.enter_context(socket.socket())
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        one.connect(("127.0.0.1", number))
+        if number == port:
+            one.sendall(
+                f"GET /stream?pictures=1 HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
+                "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
+                "Sec-WebSocket-Version: 13\r\n\r\n".encode("ascii")
+            )
+
+
+def _many(run: LiveRun) -> None:
+    """Fifty viewers who read all that comes, from a thread of their own, while the fault lasts."""
+    from websockets.asyncio.client import connect
+    from websockets.exceptions import ConnectionClosed
+
+    address = f"ws://127.0.0.1:{run.address[0]}/stream"
+    refused: list[str] = []
+
+    async def one() -> None:
+        try:
+            async with asyncio.timeout(LASTS_S), connect(address, open_timeout=None) as stream:
+                async for _message in stream:
+                    pass
+        except TimeoutError:
+            return
+        except ConnectionClosed as closed:
+            refused.append("" if closed.rcvd is None else closed.rcvd.reason)
+            if len(refused) == 1:
+                run.viewer.tell(f"to those beyond: {refused[0]}")
+
+    async def all_of_them() -> None:
+        await asyncio.gather(*(one() for _ in range(N_VIEWERS)))
+
+    thread = threading.Thread(target=lambda: asyncio.run(all_of_them()), name="viewers", daemon=True)
+    thread.start()
+    run.held.callback(thread.join, LASTS_S)
+
+
+def _in_terminal(run: LiveRun) -> None:
+    run.on_terminal = True
+
+
+def _warned(run: LiveRun) -> None:
+    """Ask for what is refused, so often that nobody who does not read could take all the lines."""
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect
+    from websockets.typing import Subprotocol
+
+    port, token = run.address
+    address = f"ws://127.0.0.1:{port}/stream?pace=1"
+    known = [Subprotocol("softaim.v1"), Subprotocol(f"token.{token}")]
+    with (
+        contextlib.suppress(ConnectionClosed, OSError),  # TimeoutError among them
+        connect(address, subprotocols=known, close_timeout=0.1) as stream,
+    ):
+        for _ in range(N_WARNINGS // AT_ONCE):
+            for _ in range(AT_ONCE):
+                stream.send(IN_VAIN)
+            for _ in range(AT_ONCE):
+                stream.recv(timeout=1.0)
+
+
+def _unread(run: LiveRun) -> None:
+    run.terminal.read = False
+    _warned(run)
+
+
+def _read_again(run: LiveRun) -> None:
+    run.terminal.read = True
+
+
+def _closed(run: LiveRun) -> None:
+    run.terminal.close()
+    _warned(run)
+
+
+def _full(run: LiveRun) -> None:
+    """No file of the process grows any more: a write fails, as on a full disk."""
+    import resource
+
+    resource.prlimit(run.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+
+
+def _taken(run: LiveRun) -> None:
+    """The port that is asked for belongs to another program."""
+    other = run.held.enter_context(socket.create_server(("127.0.0.1", 0)))
+    run.options = ["--page", f"127.0.0.1:{other.getsockname()[1]}"]
+
+
+def _usual_taken(run: LiveRun) -> None:
+    """The page's usual port belongs to another program, and none is asked for."""
+    with contextlib.suppress(OSError):  # to another one, already
+        run.held.enter_context(socket.create_server(("127.0.0.1", USUAL_PORT)))
+    run.options = []
+
+
+def _killed(number: signal.Signals) -> Acts:
+    return lambda run: os.kill(run.process.pid, number)
+
+
+SYSTEM: tuple[SystemFault, ...] = (
+    SystemFault("no fault of the system", "a process of its own, watched, recorded", 0.0),
+    SystemFault(
+        "slow consumer", "viewers who take a second a state, or nothing", before=_with_openigtlink, begins=_slow
+    ),
+    SystemFault("50 viewers", "fifty viewers come at once", begins=_many),
+    SystemFault(
+        "terminal not read",
+        "nobody reads the terminal for 4 s, and 1,500 lines come",
+        2.0 * LASTS_S,
+        before=_in_terminal,
+        begins=_unread,
+        ends=_read_again,
+    ),
+    SystemFault(
+        "stdout closed", "nobody is there to read either output, and 1,500 lines come", FOREVER, begins=_closed
+    ),
+    SystemFault("disk full", "no file can grow from now on", FOREVER, begins=_full, writes=False),
+    SystemFault("TERM", "ended by SIGTERM", FOREVER, begins=_killed(signal.SIGTERM), writes=False),
+    SystemFault("KILL", "ended by SIGKILL", FOREVER, begins=_killed(signal.SIGKILL), writes=False),
+    SystemFault("port taken", "the port that is asked for is taken", FOREVER, STARTS_WITHIN_S, before=_taken),
+    SystemFault("usual port taken", "the page's usual port is taken", 0.0, before=_usual_taken),
+)

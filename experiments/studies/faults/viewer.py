@@ -1,0 +1,134 @@
+"""Who watches a live run from outside: a client of its stream that shows what the page would, and keeps it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from experiments.studies.faults.judge import STALE_S, Moment, is_wrong
+from experiments.studies.faults.world import Motion
+
+POLL_S = 0.02
+"""A viewer looks at its clock so often [s]."""
+LOST_S = 5.0
+"""So long a viewer tries to connect [s]."""
+STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
+
+
+class Viewer:
+    """Asks for the newest state whenever it has shown the one before.
+
+    As the page does, it shows STALE where nothing came for STALE_S by its own clock, or where what comes was on its way
+    for that much longer than the fastest.
+
+    motion, target: the truth; n_measured: marks that the filter may use; pause_s: how slowly it shows a state [s]
+    State: the moments, by the film's own time; how that is told from the clock's; of the states from frames, when each
+    came and of which time it is [s]; how long the fastest was on its way [s]; the events that it was told of.
+    """
+
+    def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
+        self.moments: list[Moment] = []
+        self.known_s: list[tuple[float, float]] = []
+        self._port, self._pause_s = port, pause_s
+        self._motion, self._target, self._n_measured = motion, target, n_measured
+        self._origin_s: float | None = None
+        self._used_s, self._fastest_s = -np.inf, np.inf
+        self._events: set[str] | None = None
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="viewer", daemon=True)
+        self._thread.start()
+
+    @property
+    def now_s(self) -> float:
+        """The film's time now [s], before its beginning where no state came yet."""
+        return -np.inf if self._origin_s is None else time.time() - self._origin_s
+
+    def tell(self, text: str) -> None:
+        """Note what somebody else was told."""
+        self._add(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, told=text)
+
+    def close(self) -> None:
+        """Watch no longer."""
+        self._ended.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        from websockets.exceptions import ConnectionClosed
+        from websockets.sync.client import connect
+
+        try:
+            with connect(STREAM.format(port=self._port), open_timeout=LOST_S, close_timeout=0.1) as stream:
+                came_s = time.monotonic()
+                while not self._ended.is_set():
+                    try:
+                        message = json.loads(stream.recv(timeout=POLL_S))
+                    except TimeoutError:
+                        if time.monotonic() - came_s > STALE_S and self._origin_s is not None:
+                            self._silent("STALE")
+                        continue
+                    if message["type"] == "state":
+                        self._show(message)
+                        self._ended.wait(self._pause_s)
+                        stream.send("next")
+                    came_s = time.monotonic()
+        except (ConnectionClosed, OSError):
+            if not self._ended.is_set():
+                self._silent("NO CONNECTION")
+
+    def _silent(self, word: str) -> None:
+        self._add(self.now_s, self.now_s - self._used_s, word, None, "", np.inf, wrong=False, well=False)
+
+    def _show(self, state: Mapping[str, Any]) -> None:
+        self._origin_s = state["utc_s"] - state["time_s"]
+        now_s, time_s = self.now_s, state["time_s"]
+        self._fastest_s = min(self._fastest_s, now_s - time_s)
+        if state["from_frame"]:
+            self._used_s = time_s
+            self.known_s.append((now_s, time_s))
+        if now_s - time_s - self._fastest_s > STALE_S:
+            self._silent("STALE")
+            return
+        mean = np.array(state["target_mm"] or [np.nan]) * 1e-3
+        cov = None if state["cov_mm2"] is None else 1e-6 * np.array(state["cov_mm2"])
+        advice = state["advice"]
+        word = None if advice is None else advice["advice"]
+        lacking = state["from_frame"] and state["marks_used"] < self._n_measured
+        why = state["fault"] or ("marks lost or refused" if lacking else "")
+        why = advice["reason"] if word == "ABORT" else why
+        self._add(
+            now_s,
+            now_s - self._used_s,
+            state["status"],
+            word,
+            why,
+            np.inf if state["sigma_mm"] is None else 1e-3 * state["sigma_mm"],
+            wrong=is_wrong(mean, cov, self._motion.at(time_s)[self._target]),
+            well=state["status"] == "TRACKING" and not why,
+            told=self._new(state["events"]),
+        )
+
+    def _new(self, events: list[Mapping[str, Any]]) -> str:
+        """Events that were not there before; those of before the first state tell of no fault."""
+        texts = {str(one["text"]) for one in events}
+        before, self._events = self._events, texts if self._events is None else self._events | texts
+        return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))
+
+    def _add(
+        self,
+        time_s: float,
+        age_s: float,
+        status: str,
+        advice: str | None,
+        why: str,
+        sigma_m: float,
+        *,
+        wrong: bool,
+        well: bool,
+        told: str = "",
+    ) -> None:
+        self.moments.append(Moment(time_s, age_s, status, advice, why, sigma_m, wrong, well, told))

@@ -1,0 +1,113 @@
+"""Faults of what a live run stands on: a real process each, of a short film."""
+
+import json
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from experiments.servers.faces import PAGE_PORT
+from experiments.studies.faults import process, system
+from experiments.studies.faults.catalogue import fault_of
+from experiments.studies.faults.judge import STALE_S
+from experiments.studies.faults.viewer import Viewer
+from experiments.studies.faults.world import Motion
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="terminals and signals of POSIX"),
+]
+
+SEED = 7000
+
+
+def judged(name, folder, monkeypatch):
+    """A second of the film before the fault, two after it."""
+    monkeypatch.setattr(system, "STARTS_S", 2.0)
+    monkeypatch.setattr(system, "AFTER_S", 2.0)
+    return fault_of(name).judged(SEED, folder, onset_s=0.5)
+
+
+def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read(tmp_path, monkeypatch):
+    found = judged("KILL", tmp_path, monkeypatch)
+    assert found.shown == "NO CONNECTION"
+    assert found.noticed_ms is not None
+    assert found.noticed_ms <= 1e3 * (STALE_S + 0.3)
+    assert found.lacks_s is not None
+    assert found.lacks_s <= process.PIECE_S + 3.0 * process.FRAME_S
+    assert found.ended == "ended by SIGKILL"
+    assert found.go_shown_while_faulty == 0
+
+
+def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
+    """Closed outputs and 1,500 warnings: the loop once ended with the first of them."""
+    found = judged("stdout closed", tmp_path, monkeypatch)
+    assert found.go > 0
+    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
+    assert found.go_shown_while_faulty == 0
+
+
+def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch):
+    found = judged("disk full", tmp_path, monkeypatch)
+    assert "expected a table that can be written" in found.shown
+    assert str(tmp_path) not in found.shown
+    assert found.noticed_ms is not None
+    assert found.go > 0
+    assert found.lacks_s is not None
+    assert found.lacks_s <= process.PIECE_S + 3.0 * process.FRAME_S
+    assert found.ended == "exit 2"
+
+
+def test_the_usual_port_is_the_pages():
+    assert system.USUAL_PORT == PAGE_PORT
+
+
+def test_a_port_that_is_taken_is_one_line_and_the_end(tmp_path, monkeypatch):
+    found = judged("port taken", tmp_path, monkeypatch)
+    assert found.ended == "exit 2"
+    assert found.shown.startswith("ENDED: softaim: --page 127.0.0.1:")
+    assert found.lacks_s is None
+    assert not (tmp_path / "live").exists()
+
+
+def test_a_viewer_shows_stale_where_nothing_comes_and_where_what_comes_was_long_on_its_way():
+    """Served are a state, one that is a second old, then none."""
+    from websockets.sync.server import serve
+
+    state = {
+        "type": "state",
+        "from_frame": True,
+        "status": "TRACKING",
+        "fault": None,
+        "target_mm": [0.0, 0.0],
+        "cov_mm2": [[1.0, 0.0], [0.0, 1.0]],
+        "sigma_mm": 1.0,
+        "marks_used": 3,
+        "advice": {"advice": "GO", "reason": ""},
+        "events": [],
+    }
+
+    def talk(stream):
+        for time_s, late_s in ((0.0, 0.0), (0.1, 1.0)):
+            stream.send(json.dumps({**state, "time_s": time_s, "utc_s": time.time() - late_s}))
+            assert stream.recv() == "next"
+        ended.wait(5.0)
+
+    ended = threading.Event()
+    with serve(talk, "127.0.0.1", 0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        still = Motion(np.array([0.0, 10.0]), np.zeros((2, 1, 2)))
+        viewer = Viewer(server.socket.getsockname()[1], still, 0, 3)
+        try:
+            for _ in range(500):
+                if len(viewer.moments) >= 4:
+                    break
+                ended.wait(0.01)
+        finally:
+            ended.set()
+            viewer.close()
+            server.shutdown()
+    assert [one.status for one in viewer.moments[:4]] == ["TRACKING", "STALE", "STALE", "STALE"]
+    assert [one.advice for one in viewer.moments[:4]] == ["GO", None, None, None]
