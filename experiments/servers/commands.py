@@ -62,7 +62,13 @@ class NeedleAt(_Command):
     direction: Place
 
 
-Command = Annotated[Pause | Record | Reset | Fix | Hue | NeedleAt, Field(discriminator="command")]
+class NeedleUnseen(_Command):
+    """The needle's tracker does not see it: there is no advice on it until its place is told again."""
+
+    command: Literal["needle_unseen"]
+
+
+Command = Annotated[Pause | Record | Reset | Fix | Hue | NeedleAt | NeedleUnseen, Field(discriminator="command")]
 _ADAPTER: TypeAdapter[Command] = TypeAdapter(Command)
 
 

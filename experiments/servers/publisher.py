@@ -24,7 +24,7 @@ from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.preparing import PREPARING
 from experiments.pipeline.live.shown import Shown
-from experiments.servers.commands import Command, Fix, Hue, NeedleAt, Pause, Record, Reset, read_command
+from experiments.servers.commands import Command, Fix, Hue, NeedleAt, NeedleUnseen, Pause, Record, Reset, read_command
 from experiments.servers.link import Link
 from experiments.servers.message import LoopFigures, scene_message, state_message
 from vision import Frame, SourceError
@@ -187,6 +187,8 @@ def do(command: Command, control: Control) -> None:
             control.colour_at(command.node, np.array(command.place_px))
         case NeedleAt():
             control.session.needle_at(1e-3 * np.array(command.tip_mm), np.array(command.direction))
+        case NeedleUnseen():
+            control.session.needle_unseen()
         case _:
             raise ValueError("fix: expected place_mm or place_px, found neither")
 

@@ -32,6 +32,8 @@ from experiments.pipeline.live.outputs import LiveTable
 SETTLED_S = 0.5
 """The breath is learnt from so long after the first tracked frame on [s]: the first ones have large errors; chosen."""
 
+UNSEEN = "the needle's tracker does not see it"
+
 
 class LiveAdvice:
     """What is to be done with a needle, asked at each frame and while none comes, and written to advice.csv at once.
@@ -41,12 +43,12 @@ class LiveAdvice:
     unstated: covariance of the target by what the scene leaves unsaid [m²], (dim, dim); None: nothing
     origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
     State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice;
-    the plan, whose needle moves where it is tracked; whether that has to stop.
+    the plan, whose needle moves where it is tracked, and whether its tracker lost it; whether the needle has to stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
         self.plan, self._stated, self._unstated = plan, plan.insertion, unstated
-        self._watch = AbortWatch()
+        self._watch, self._unseen = AbortWatch(), False
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
         self._tables = fast_prediction_tables(tissue, reach_s(plan, tissue))
@@ -62,8 +64,16 @@ class LiveAdvice:
         self._breathing, self._learn_s, self._last = Breathing(self._dim), np.inf, None
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
-        """A tracked needle's tip is here [m], (dim,), and so it points, (dim,): see `Insertion.tracked`."""
+        """A tracked needle's tip is here [m], (dim,), and so it points, (dim,): see `Insertion.tracked`. ValueError."""
+        dim = len(self._stated.entry)
+        if np.shape(tip_m) != (dim,) or np.shape(direction) != (dim,):
+            raise ValueError(f"needle: expected {dim} coordinates, found {len(tip_m)}, {len(direction)}")
         self.plan = replace(self.plan, insertion=self._stated.tracked(tip_m, direction))
+        self._unseen = False
+
+    def needle_unseen(self) -> None:
+        """The needle's tracker does not see it: there is no advice until it does."""
+        self._unseen = True
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
         """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written.
@@ -87,6 +97,7 @@ class LiveAdvice:
     def _said(
         self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
     ) -> Guidance:
+        fault = fault or (UNSEEN if self._unseen else None)
         none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
         found = none or self._guided(tissue, estimate, now_s)
         guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)

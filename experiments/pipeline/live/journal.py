@@ -48,7 +48,7 @@ class Act(StrEnum):
     HUE = "hue"
     """The mark of the first value gets the colour of the others, in the order of `MarkHue`."""
     NEEDLE = "needle"
-    """The tip of a needle is seen at the place of the values [m], then its direction."""
+    """The tip of a needle is seen at the place of the values [m], then its direction; without values it is not seen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,6 +118,8 @@ def _again(done: Done, session: Session, folder: Path) -> None:
             session.colour(values[0], vision.MarkHue(*values[1:]))
         case Act.DATED:
             session.dated(values[0], uneven=values[1])
+        case Act.NEEDLE if not values:
+            session.needle_unseen()
         case Act.NEEDLE:
             half = len(values) // 2
             session.needle_at(np.array(values[:half]), np.array(values[half:]))

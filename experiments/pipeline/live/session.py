@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -139,7 +139,7 @@ class Session:
         advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, self._fault)
         ended = time.perf_counter()
         stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
-        self._count(self._clock() - exposure_s, ended - began, stages_s)
+        self.counters.add(self._clock() - exposure_s, stages_s, took_s=ended - began, interval_s=self.interval_s)
         self._show(status_text(self._own(estimate), self.interval_s, self.counters.latency_ms, advised))
         self.picture = None if isinstance(frame, MarksFrame) else frame
         if self.watch is not None:
@@ -186,14 +186,6 @@ class Session:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
         return step
-
-    def _count(self, latency_s: float, took_s: float, stages_s: Mapping[str, float]) -> None:
-        counters, interval_s = self.counters, self.interval_s
-        counters.frames += 1
-        counters.late += interval_s is not None and took_s > interval_s
-        counters.latency_ms = 1e3 * latency_s
-        counters.latencies.add(counters.latency_ms)
-        counters.stages_s = stages_s
 
     @property
     def _fault(self) -> str | None:
@@ -318,15 +310,20 @@ class Session:
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
         """A tracked needle's tip is here [m], (dim,), and so it points, (dim,). ValueError where there is no needle."""
+        self._needle().needle_at(tip_m, direction)
+        now_s = self._clock()
+        self._note(Act.NEEDLE, now_s, now_s, [float(x) for x in (*tip_m, *direction)])
+
+    def needle_unseen(self) -> None:
+        """The tracked needle is not seen any more. ValueError where there is no needle."""
+        self._needle().needle_unseen()
+        now_s = self._clock()
+        self._note(Act.NEEDLE, now_s, now_s)
+
+    def _needle(self) -> LiveAdvice:
         if self.advice is None:
             raise ValueError("needle: expected --needle, for its speed and lesion, found none")
-        now_s, insertion = self._clock(), self.advice.plan.insertion
-        if np.shape(tip_m) != insertion.entry.shape or np.shape(direction) != insertion.entry.shape:
-            raise ValueError(
-                f"needle: expected {len(insertion.entry)} coordinates, found {len(tip_m)}, {len(direction)}"
-            )
-        self._note(Act.NEEDLE, now_s, now_s, [float(x) for x in (*tip_m, *direction)])
-        self.advice.needle_at(tip_m, direction)
+        return self.advice
 
     def close(self) -> None:
         """End the tables."""

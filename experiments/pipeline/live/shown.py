@@ -36,6 +36,14 @@ class Counters:
     latencies: Latencies = field(default_factory=Latencies)
     stages_s: Mapping[str, float] = field(default_factory=dict)
 
+    def add(self, latency_s: float, stages_s: Mapping[str, float], *, took_s: float, interval_s: float | None) -> None:
+        """Count a frame that gave an estimate after so long, which took so long of the loop [s]."""
+        self.frames += 1
+        self.late += interval_s is not None and took_s > interval_s
+        self.latency_ms = 1e3 * latency_s
+        self.latencies.add(self.latency_ms)
+        self.stages_s = stages_s
+
     @property
     def deadlines_missed(self) -> int:
         """Frames of which there was no estimate when the next one was due."""

@@ -21,6 +21,8 @@ MOST_POINTS = 100
 
 Command = dict[str, Any]
 
+UNSEEN: Command = {"command": "needle_unseen"}
+
 
 class RefusedError(ValueError):
     """A message that is well formed, and asks for what cannot be done."""
@@ -53,9 +55,9 @@ class Incoming:
         matrix = read_transform(message.content)
         self.sends_needle = True
         if message.metadata.get("TransformStatus", TransformStatus.OK) != TransformStatus.OK:
-            return []
-        if not np.isfinite(matrix).all():
-            raise RefusedError("needle: expected finite numbers")
+            return [UNSEEN]
+        if not np.isfinite(matrix).all():  # some trackers say so by NaN
+            return [UNSEEN]
         lengths = np.linalg.norm(matrix[:3, :3], axis=0)
         if not (np.abs(lengths - 1.0) <= RIGID).all():
             raise RefusedError("needle: expected axes of length 1")

@@ -71,6 +71,11 @@ LOOP: tuple[ScriptedFault, ...] = (
         "needle bent", "a needle that was told to go bends by 60 degrees inside", needle=TrackedNeedle(_bends)
     ),
     ScriptedFault(
+        "needle unseen",
+        "its tracker does not see a needle that bends as much, or tells NaN",
+        needle=TrackedNeedle(_bends, seen=lambda since_s: not 0.0 <= since_s < LASTS_S),
+    ),
+    ScriptedFault(
         "touched early",
         "a needle beside its line presses 5 mm into the skin, not told to go",
         needle=TrackedNeedle(_touches, push_N=DENT_N),

@@ -51,15 +51,12 @@ class TrackedNeedle:
 
     pose: where it truly is, by the time since the onset [s] and the plan's needle, that is not inserted
     push_N: by which it presses the tissue along itself while any of it is inside [N]
-    told: what the tracker tells of it, tip [m] and direction, None for nothing; by default the truth
+    seen: whether the tracker sees it
     """
 
     pose: Callable[[float, Insertion], NeedlePose]
     push_N: float = 0.0  # noqa: N815
-    told: Callable[[NeedlePose, float], tuple[Floats, Floats] | None] = lambda pose, _since_s: (
-        pose.tip,
-        pose.direction,
-    )
+    seen: Callable[[float], bool] = lambda _since_s: True
 
 
 def _same_picture(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
@@ -209,8 +206,10 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
         time_s = clock() - BEGAN_S
         if needle is not None:
             watching.needle = pose(time_s)
-            if (told := needle.told(watching.needle, time_s - ONSET_S)) is not None:
-                session.needle_at(*told)
+            if needle.seen(time_s - ONSET_S):
+                session.needle_at(watching.needle.tip, watching.needle.direction)
+            else:
+                session.needle_unseen()
         if fault.acts(time_s) and not upset:
             upset = True
             fault.upsets(session)

@@ -278,4 +278,36 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
     assert set(gap["advice"][gap["time_s"] < 100.8]) == {"ABORT"}
     assert gap["reason"].iloc[0].endswith("; the estimate is 0.12 s old, more than 0.1 s")
     assert set(gap["advice"][gap["time_s"] > 100.9]) == {"NO_GUIDANCE"}
-    assert "ABORT" not in set(rows["advice"][rows["time_s"] <= before[-1]])
+    # it went in though it was not told to go
+    assert set(rows["advice"][(rows["time_s"] > 100.42) & (rows["time_s"] <= before[-1])]) == {"ABORT"}
+    assert "ABORT" not in set(rows["advice"][rows["time_s"] <= 100.4])
+
+
+def test_of_a_needle_that_its_tracker_does_not_see_there_is_no_advice_until_it_does(tmp_path, plan, image):
+    """Unseen outside for 0.2 s, seen inside, unseen there for 0.2 s, seen outside."""
+    source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(40), 9), image), [], 101.4)
+    session = Session(
+        scene_of(read_scenario("webcam")),
+        tmp_path / "estimates.csv",
+        lambda _: None,
+        needle=plan,
+        clock=lambda: source.now,
+    )
+
+    def tracked() -> None:
+        now = source.now - 100.0
+        if 0.4 < now < 0.6 or 0.8 < now < 1.0:
+            session.needle_unseen()
+        else:
+            session.needle_at(np.array([0.0, 0.21 if 0.7 < now < 1.1 else 0.22]), np.array([0.0, -1.0]))
+
+    follow(session, source, np.inf, clock=lambda: source.now, attend=tracked)
+    session.close()
+    rows = pd.read_csv(tmp_path / "advice.csv")
+    times, reasons = rows["time_s"] - 100.0, rows["reason"].fillna("")
+    unseen = reasons.str.endswith("the needle's tracker does not see it")
+    assert set(rows["advice"][unseen & (times < 0.7)]) == {"NO_GUIDANCE"}
+    assert set(rows["advice"][unseen & (times > 0.7)]) == {"ABORT"}
+    within = ((times > 0.44) & (times < 0.56)) | ((times > 0.84) & (times < 0.96))
+    assert unseen[within].all()
+    assert not unseen[(times < 0.36) | ((times > 0.62) & (times < 0.76)) | (times > 1.02)].any()

@@ -93,6 +93,8 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
         10: lambda control: control.session.fix(np.array([0.0, 0.19]), 0.002),
         14: lambda control: control.colour_at(mark.node, at_px),
         16: lambda control: control.session.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
+        17: lambda control: control.session.needle_unseen(),
+        18: lambda control: control.session.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
         30: lambda control: control.session.pause(True),
         34: lambda control: control.session.pause(False),
         40: lambda control: control.session.reset(),

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from pyigtl.messages import PointMessage, StringMessage, TransformMessage
 
+from experiments.servers.commands import read_command
 from experiments.servers.openigtlink.codec import HEADER, MalformedError, Message, decode, decode_header
-from experiments.servers.openigtlink.incoming import Incoming, RefusedError
+from experiments.servers.openigtlink.incoming import UNSEEN, Incoming, RefusedError
 
 
 def sent(theirs) -> Message:
@@ -52,10 +53,26 @@ def test_a_needle_across_the_plane_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("status", "n_commands"), [(None, 1), ("OK", 1), ("MISSING", 0), ("INVALID", 0), ("OUT_OF_VIEW", 0)]
+    ("status", "command"),
+    [
+        (None, "needle"),
+        ("OK", "needle"),
+        ("MISSING", "needle_unseen"),
+        ("INVALID", "needle_unseen"),
+        ("OUT_OF_VIEW", "needle_unseen"),
+    ],
 )
-def test_a_needle_that_its_tracker_does_not_see_is_left_alone(status, n_commands: int):
-    assert len(Incoming(3).commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], status))) == n_commands
+def test_a_needle_that_its_tracker_does_not_see_is_said_to_be_unseen(status, command: str):
+    (found,) = Incoming(3).commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], status))
+    assert found["command"] == command
+    read_command(found)
+
+
+@pytest.mark.parametrize(("at", "value"), [((0, 3), np.nan), ((1, 3), np.inf), ((2, 2), np.nan)])
+def test_a_pose_of_no_numbers_is_that_of_an_unseen_needle(at: tuple[int, int], value: float):
+    matrix = np.eye(4)
+    matrix[at] = value
+    assert Incoming(3).commands(sent(TransformMessage(matrix, device_name="NeedleTipToReference"))) == [UNSEEN]
 
 
 def test_the_needles_device_can_be_named():
@@ -68,10 +85,10 @@ def test_the_needles_device_can_be_named():
 
 @pytest.mark.parametrize(
     ("at", "value"),
-    [((0, 3), np.nan), ((1, 3), np.inf), ((2, 3), 10_001.0), ((2, 2), np.nan), ((0, 0), 2.0), ((2, 2), 0.0)],
+    [((2, 3), 10_001.0), ((0, 0), 2.0), ((2, 2), 0.0)],
 )
 def test_a_pose_that_is_none_is_refused(at: tuple[int, int], value: float):
-    """Not finite, 10 m away, or axes that are not of length 1."""
+    """10 m away, or axes that are not of length 1."""
     matrix = np.eye(4)
     matrix[at] = value
     with pytest.raises(RefusedError):

@@ -131,6 +131,7 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, tmp_path):
     ("name", "shown"),
     [
         ("needle bent", "ABORT: stop: draw back, or wait for GO; turned by"),
+        ("needle unseen", "ABORT: stop: draw back, or wait for GO; the needle's tracker does not see it"),
         ("touched early", "ABORT: stop: draw back, or wait for GO; it went in before GO"),
         ("filter diverges", "the marks contradicted the model: look at tissue and marks, then reset"),
         ("filter NaN", "INITIALISING: the estimate is INITIALISING"),
