@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from estimators.guidance.advice import Advice, Guidance
 from estimators.guidance.needle import Insertion
 from estimators.guidance.settings import AdviceSettings
@@ -13,32 +15,33 @@ class AbortWatch:
     """Follows a needle from outside the tissue to inside and back, and turns advice into ABORT where it has to stop.
 
     Outside, advice is as given. Inside, ABORT takes the place of NO_GUIDANCE; after GO, of any advice whose
-    probability of a hit is less than `AdviceSettings.abort` of `AdviceSettings.go`; and of any but GO where the needle
-    was seen to go in before GO. It ends when the needle is out, or when there has been guidance for
-    `AdviceSettings.abort_s`, after GO or such an entry one that is GO.
+    probability of a hit is less than `AdviceSettings.abort` of `AdviceSettings.go`; and of any at first where the
+    needle was seen to go in without GO in the last `AdviceSettings.abort_s`. It ends when the needle is out, or when
+    there has been guidance for `AdviceSettings.abort_s`, after GO or such an entry one that is GO.
 
-    State: whether the needle was inside, None before it was seen; whether GO was given since it was last out; whether
-    it went in before that; whether ABORT is given; since when there is again guidance to end it by [s], None while
-    there is none.
+    State: whether the needle was inside, None before it was seen; when GO was last given outside [s]; whether it is
+    inside by a GO, or was given one there; whether it went in without one; whether ABORT is given; since when there is
+    again guidance to end it by [s], None while there is none.
     """
 
     def __init__(self) -> None:
         self._inside: bool | None = None
+        self._go_s = -np.inf
         self._told_go = self._early = self._aborts = False
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
         """The advice to give now [s], of what the rules say of this needle; its numbers stay as they are."""
         inside = insertion.depth_m > 0.0
-        if self._inside and not inside:
-            self._told_go = self._early = self._aborts = False
-        if self._inside is False and inside and not self._told_go:
-            self._early = self._aborts = True
-            self._well_s = None
-        self._inside = inside
         if not inside:
-            self._told_go |= guided.advice is Advice.GO
+            self._inside, self._told_go, self._early, self._aborts = False, False, False, False
+            self._go_s = now_s if guided.advice is Advice.GO else self._go_s
             return guided
+        if self._inside is False:
+            self._told_go = now_s - self._go_s <= settings.abort_s
+            self._early = self._aborts = not self._told_go
+            self._well_s, self._go_s = None, -np.inf
+        self._inside = True
         if not self._holds(guided, settings):
             self._aborts, self._well_s = True, None
             return self._abort(guided, f"it went in before GO; {guided.reason}" if self._early else guided.reason)

@@ -28,7 +28,7 @@ def faults(
     force: Force = False,
     page: Annotated[bool, typer.Option("--page", help="Rewrite the table of docs/faults.md in this folder.")] = False,
 ) -> Answer:
-    """Make faults of camera, marks, tissue and scene, and judge what a live run shows; run again, it goes on."""
+    """Make faults of camera, tissue, needle and system, and judge what a live run shows; run again, it goes on."""
     from experiments.commands.console import faults_table
     from experiments.engine.workers import Workers
     from experiments.formats.page import rewrite_page

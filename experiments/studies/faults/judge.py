@@ -101,6 +101,7 @@ class Fault(Protocol):
     """A fault, and how it is made and judged.
 
     name: as the table has it; what: in a few words; within_s: when it has to be noticed, at the latest, or covered [s]
+    alone: whether its run takes place in real time, so that nothing else may be at work on the machine
     """
 
     @property
@@ -111,6 +112,9 @@ class Fault(Protocol):
 
     @property
     def within_s(self) -> float: ...  # noqa: D102
+
+    @property
+    def alone(self) -> bool: ...  # noqa: D102
 
     def judged(self, seed: int, folder: Path) -> Judged:
         """What came of it in a run; folder: one that exists, for what the run writes."""

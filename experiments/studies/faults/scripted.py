@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -107,6 +108,7 @@ class ScriptedFault:
     believed: Callable[[Scene], Scene] = _same_scene
     needle: TrackedNeedle | None = None
     upsets: Callable[[Session], None] = _nothing
+    alone: ClassVar[bool] = False
 
     def acts(self, time_s: float) -> bool:
         """Whether it acts at this time from the first exposure on [s]."""

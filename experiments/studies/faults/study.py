@@ -56,11 +56,15 @@ def faults_study(
 ) -> pd.DataFrame:
     """A row for each fault, over the seeds; the runs stay in the folder, where the study goes on. Raises InputError.
 
+    Runs that take place in real time are done first, one after the other.
     force: also into a folder that has other files
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
         raise InputError.at(folder, "an empty or a new folder, or one of this study", "files in it")
     cases = [{"fault": name, "seed": seed} for name in names_of(only) for seed in seeds]
+    alone = [case for case in cases if fault_of(str(case["fault"])).alone]
+    if alone:
+        run_study(run, alone, folder, Workers(1), lambda share: advance(share * len(alone) / len(cases)))
     found = run_study(run, cases, folder, workers, advance).checked()
     rows = summary(found)
     write_whole(folder / ROWS, rows.to_csv(index=False))

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -64,6 +65,7 @@ class SystemFault:
     begins: Acts = _nothing
     ends: Acts = _nothing
     writes: bool = True
+    alone: ClassVar[bool] = True
 
     def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
         """What came of it in a run; folder: one that exists; onset_s: after the first state [s]. Raises InputError."""

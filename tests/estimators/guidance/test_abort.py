@@ -54,10 +54,14 @@ def test_drawn_out_it_begins_anew():
 
 
 def test_a_needle_that_goes_in_before_go_is_aborted_until_it_is_out_or_go_was_given_for_half_a_second():
-    """GO before it was last out does not count, nor does one that comes as it goes in."""
+    """GO before it was last out does not count, nor does one of half a second ago, or that comes as it goes in."""
     said = given([(DOWN, POOR), (INSIDE, POOR), (INSIDE, WAIT), (DOWN, WAIT)])
     assert [one.advice for one in said] == [Advice.REALIGN, Advice.ABORT, Advice.ABORT, Advice.WAIT]
     assert said[1].reason == f"stop: draw back, or wait for GO; it went in before GO; {POOR.reason}"
+    late = given([(DOWN, GO), *[(DOWN, WAIT)] * 5, (INSIDE, WAIT)])
+    assert late[-1].advice is Advice.ABORT
+    in_time = given([(DOWN, GO), *[(DOWN, WAIT)] * 4, (INSIDE, WAIT)])
+    assert in_time[-1].advice is Advice.WAIT
     again = given([(DOWN, GO), (INSIDE, GO), (DOWN, WAIT), *[(INSIDE, GO)] * 6])
     assert [one.advice for one in again] == [Advice.GO, Advice.GO, Advice.WAIT, *[Advice.ABORT] * 5, Advice.GO]
 

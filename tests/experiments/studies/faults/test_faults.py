@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.engine.workers import Workers
 from experiments.errors import InputError
+from experiments.studies.faults import study
 from experiments.studies.faults.catalogue import FAULTS, fault_of
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
@@ -186,3 +188,23 @@ def test_every_fault_has_a_name_of_its_own_and_another_is_refused():
     assert names_of(["blood"]) == ["blood"]
     with pytest.raises(InputError, match="--only: expected one of none, unplugged"):
         names_of(["flood"])
+
+
+def test_runs_that_take_place_in_real_time_are_done_first_and_one_by_one(tmp_path, monkeypatch):
+    calls = []
+
+    class Done:
+        def checked(self):
+            return pd.DataFrame({"fault": []})
+
+    def run_study(_work, cases, _folder, workers, _advance):
+        calls.append(([(case["fault"], case["seed"]) for case in cases], workers.n_processes))
+        return Done()
+
+    monkeypatch.setattr(study, "run_study", run_study)
+    study.faults_study(["KILL", "blood"], range(2), tmp_path / "some", Workers(4))
+    every = [(name, seed) for name in ("KILL", "blood") for seed in range(2)]
+    assert calls == [(every[:2], 1), (every, 4)]
+    calls.clear()
+    study.faults_study(["blood"], range(2), tmp_path / "others", Workers(4))
+    assert calls == [(every[2:], 4)]
