@@ -35,6 +35,8 @@ FRAME_S = 0.05
 """From frame to frame of the film [s]: what a busy machine shows and records at its own pace."""
 STARTS_S = 60.0
 """So long a run may take to show its page [s]: longer than any does."""
+ENDING_S = 0.5
+"""So long before the end of its film a run is left to that [s]."""
 ENDS_S = 20.0
 """So long a run may take to end when its film has [s]."""
 SOFTAIM = "from experiments.commands.app import main; main()"
@@ -223,6 +225,15 @@ class LiveRun:
     def _address(self) -> tuple[int, str] | None:
         found = re.search(r"page: http://127\.0\.0\.1:(\d+)/#token=([\w-]+)\s", self.terminal.text)
         return None if found is None else (int(found[1]), found[2])
+
+    def stop(self) -> float:
+        """End it as Ctrl-C does, unless it ends by itself; the film's time then [s], inf where it had ended before."""
+        now_s = self.viewer.now_s
+        if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
+            self.process.send_signal(signal.SIGINT)
+        elif now_s < self.film.ends_s:
+            return np.inf
+        return min(now_s, self.film.ends_s)
 
     def ended(self) -> str:
         """How it ended, in words; waits for that."""

@@ -24,7 +24,7 @@ from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
-"""How much longer a film goes on than the fault, or after the onset of one that stays [s]."""
+"""How much longer a run goes on than the fault, or after the onset of one that stays [s]."""
 STARTS_S = 5.0
 """So much of the film goes by before the first state, at most [s]: else less of it is left at its end."""
 JITTER_S = 1.0
@@ -90,33 +90,31 @@ class SystemFault:
         _until(run, viewer.now_s + onset_s)
         onset_s = viewer.now_s
         self.begins(run)
-        if not np.isinf(self.lasts_s):
-            _until(run, onset_s + self.lasts_s)
+        lasts_s = 0.0 if np.isinf(self.lasts_s) else self.lasts_s
+        _until(run, onset_s + lasts_s)
         self.ends(run)
+        _until(run, min(onset_s + lasts_s + AFTER_S, run.film.ends_s))
+        until_s = run.stop()
         how = run.ended()
-        end_s = np.inf if self.writes else onset_s
-        lacks_s = run.lacks_s(end_s)
-        found = verdict(self, seed, _moments(viewer, onset_s, run), self.lasts_s)
-        others = sum(one.faulty_go for each in run.others for one in _moments(each, onset_s, run))
+        found = verdict(self, seed, _moments(viewer, onset_s, until_s), self.lasts_s)
+        others = sum(one.faulty_go for each in run.others for one in _moments(each, onset_s, until_s))
         return replace(
             found,
             shown=found.shown.replace(f"{run.folder}{os.sep}", ""),
             go_shown_while_faulty=found.go_shown_while_faulty + others,
             ended=how,
-            lacks_s=lacks_s,
+            lacks_s=run.lacks_s(until_s if self.writes else onset_s),
         )
 
 
-def _moments(viewer: Viewer, onset_s: float, run: LiveRun) -> list[Moment]:
-    """What it showed until the film ended, told as if the fault had begun at ONSET_S."""
-    shown = [one for one in viewer.moments if one.time_s < run.film.ends_s]
-    return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in shown]
+def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
+    """What it showed until this time of the film [s], told as if the fault had begun at ONSET_S."""
+    return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in viewer.moments if one.time_s < until_s]
 
 
 def _until(run: LiveRun, time_s: float) -> None:
-    """Wait for this time of the film [s], or the process's end."""
-    began_s = time.monotonic()
-    while not run.viewer.now_s > time_s and run.process.poll() is None and time.monotonic() - began_s < 60.0:
+    """Wait for this time of the film [s], which goes on without the process, but not where no state ever came."""
+    while not run.viewer.now_s > time_s and (np.isfinite(run.viewer.now_s) or run.process.poll() is None):
         time.sleep(0.005)
 
 

@@ -58,7 +58,7 @@ class Viewer:
         self._thread.join()
 
     def _watch(self) -> None:
-        from websockets.exceptions import ConnectionClosed
+        from websockets.exceptions import WebSocketException
         from websockets.sync.client import connect
 
         try:
@@ -76,8 +76,8 @@ class Viewer:
                         self._ended.wait(self._pause_s)
                         stream.send("next")
                     came_s = time.monotonic()
-        except (ConnectionClosed, OSError):
-            if not self._ended.is_set():
+        except (WebSocketException, OSError):
+            while not self._ended.wait(POLL_S):
                 self._silent("NO CONNECTION")
 
     def _silent(self, word: str) -> None:

@@ -197,7 +197,8 @@ def test_runs_that_take_place_in_real_time_are_done_first_and_one_by_one(tmp_pat
         def checked(self):
             return pd.DataFrame({"fault": []})
 
-    def run_study(_work, cases, _folder, workers, _advance):
+    def run_study(_work, cases, folder, workers, _advance):
+        folder.mkdir(exist_ok=True)
         calls.append(([(case["fault"], case["seed"]) for case in cases], workers.n_processes))
         return Done()
 

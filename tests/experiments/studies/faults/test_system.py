@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from experiments.pipeline.recorder import PIECE_S
 from experiments.servers.faces import PAGE_PORT
 from experiments.studies.faults import process, system
 from experiments.studies.faults.catalogue import fault_of
@@ -24,9 +25,8 @@ SEED = 7000
 
 
 def judged(name, folder, monkeypatch):
-    """A second of the film before the fault, two after it."""
-    monkeypatch.setattr(system, "STARTS_S", 2.0)
-    monkeypatch.setattr(system, "AFTER_S", 2.0)
+    """Half a second to a second and a half before the fault, one and a half after it."""
+    monkeypatch.setattr(system, "AFTER_S", 1.5)
     return fault_of(name).judged(SEED, folder, onset_s=0.5)
 
 
@@ -36,7 +36,7 @@ def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 1e3 * (STALE_S + 0.3)
     assert found.lacks_s is not None
-    assert found.lacks_s <= process.PIECE_S + 3.0 * process.FRAME_S
+    assert found.lacks_s <= PIECE_S + 3.0 * process.FRAME_S
     assert found.ended == "ended by SIGKILL"
     assert found.go_shown_while_faulty == 0
 
@@ -56,7 +56,7 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     assert found.noticed_ms is not None
     assert found.go > 0
     assert found.lacks_s is not None
-    assert found.lacks_s <= process.PIECE_S + 3.0 * process.FRAME_S
+    assert found.lacks_s <= PIECE_S + 3.0 * process.FRAME_S
     assert found.ended == "exit 2"
 
 
