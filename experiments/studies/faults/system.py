@@ -25,8 +25,8 @@ from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
 """How much longer a run goes on than the fault, or after the onset of one that stays [s]."""
-STARTS_S = 5.0
-"""So much of the film goes by before the first state, at most [s]: else less of it is left at its end."""
+STARTS_S = 12.0
+"""So much of the film may go by before the first state [s]: four times what it takes where nothing else is at work."""
 JITTER_S = 1.0
 """Within this after its onset a fault begins at random [s]: so long is a piece of a recording."""
 STARTS_WITHIN_S = 10.0
@@ -89,6 +89,8 @@ class SystemFault:
         _until(run, -np.inf)
         _until(run, viewer.now_s + onset_s)
         onset_s = viewer.now_s
+        if run.process.poll() is not None:
+            raise InputError.at(f"fault {self.name}", f"a run that starts within {STARTS_S:g} s", "a slower one")
         self.begins(run)
         lasts_s = 0.0 if np.isinf(self.lasts_s) else self.lasts_s
         _until(run, onset_s + lasts_s)

@@ -24,14 +24,21 @@ pytestmark = [
 SEED = 7000
 
 
-def judged(name, folder, monkeypatch):
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    """One for all."""
+    return process.filmed(SEED, tmp_path_factory.mktemp("film"), system.STARTS_S + 4.0)
+
+
+def judged(name, folder, monkeypatch, film):
     """Half a second to a second and a half before the fault, one and a half after it."""
     monkeypatch.setattr(system, "AFTER_S", 1.5)
+    monkeypatch.setattr(system, "filmed", lambda *_: film)
     return fault_of(name).judged(SEED, folder, onset_s=0.5)
 
 
-def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read(tmp_path, monkeypatch):
-    found = judged("KILL", tmp_path, monkeypatch)
+def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read(tmp_path, monkeypatch, film):
+    found = judged("KILL", tmp_path, monkeypatch, film)
     assert found.shown == "NO CONNECTION"
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 1e3 * (STALE_S + 0.3)
@@ -41,16 +48,16 @@ def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read
     assert found.go_shown_while_faulty == 0
 
 
-def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
+def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path, monkeypatch, film):
     """Closed outputs and 1,500 warnings: the loop once ended with the first of them."""
-    found = judged("stdout closed", tmp_path, monkeypatch)
+    found = judged("stdout closed", tmp_path, monkeypatch, film)
     assert found.go > 0
     assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
     assert found.go_shown_while_faulty == 0
 
 
-def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch):
-    found = judged("disk full", tmp_path, monkeypatch)
+def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch, film):
+    found = judged("disk full", tmp_path, monkeypatch, film)
     assert "expected a table that can be written" in found.shown
     assert str(tmp_path) not in found.shown
     assert found.noticed_ms is not None
@@ -64,8 +71,8 @@ def test_the_usual_port_is_the_pages():
     assert system.USUAL_PORT == PAGE_PORT
 
 
-def test_a_port_that_is_taken_is_one_line_and_the_end(tmp_path, monkeypatch):
-    found = judged("port taken", tmp_path, monkeypatch)
+def test_a_port_that_is_taken_is_one_line_and_the_end(tmp_path, monkeypatch, film):
+    found = judged("port taken", tmp_path, monkeypatch, film)
     assert found.ended == "exit 2"
     assert found.shown.startswith("ENDED: softaim: --page 127.0.0.1:")
     assert found.lacks_s is None
