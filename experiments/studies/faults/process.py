@@ -39,7 +39,11 @@ ENDING_S = 0.5
 """So long before the end of its film a run is left to that [s]."""
 ENDS_S = 20.0
 """So long a run may take to end when its film has [s]."""
-SOFTAIM = "from experiments.commands.app import main; main()"
+SOFTAIM = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    "from experiments.commands.app import main; main()"
+)
+"""The program, which Ctrl-C ends though it was begun in the background, where it would be ignored."""
 GONE_S = 3.0
 """So long its other processes may take to end after it [s]."""
 

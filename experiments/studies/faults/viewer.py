@@ -15,8 +15,8 @@ from experiments.studies.faults.world import Motion
 
 POLL_S = 0.02
 """A viewer looks at its clock so often [s]."""
-LOST_S = 5.0
-"""So long a viewer tries to connect [s]."""
+OPENS_S = 30.0
+"""So long a viewer waits for its connection [s]: longer than any run takes to serve it."""
 STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
@@ -62,7 +62,7 @@ class Viewer:
         from websockets.sync.client import connect
 
         try:
-            with connect(STREAM.format(port=self._port), open_timeout=LOST_S, close_timeout=0.1) as stream:
+            with connect(STREAM.format(port=self._port), open_timeout=OPENS_S, close_timeout=0.1) as stream:
                 came_s = time.monotonic()
                 while not self._ended.is_set():
                     try:
