@@ -41,10 +41,15 @@ def test_afterwards_a_line_is_there_at_once(capfd):
 
 
 @pytest.mark.parametrize("fault", [BrokenPipeError(), ValueError("I/O operation on closed file"), None])
-def test_a_line_without_a_reader_is_no_fault(monkeypatch, fault):
+def test_a_line_without_a_reader_is_no_fault(monkeypatch, capfd, fault):
+    """It is lost; nothing is raised, and who reads again is told again."""
+
     class Closed(io.StringIO):
         def write(self, _text):
             raise fault
 
-    monkeypatch.setattr("sys.stderr", None if fault is None else Closed())
-    LOG.warning("to nobody")
+    with monkeypatch.context() as closed:
+        closed.setattr("sys.stderr", None if fault is None else Closed())
+        LOG.warning("to nobody")
+    LOG.warning("to somebody")
+    assert capfd.readouterr().err == "softaim: to somebody\n"
