@@ -69,15 +69,17 @@ class Shows:
         self._dim, self._plan = scene.network.dim, plan
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
-    def prepare(self, frame: Frame | None, n_shown: int) -> None:
-        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none."""
+    def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
+        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none.
+
+        time_s: the frame's, or now, as the source tells time [s]
+        """
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
-        now_s = time.monotonic()
-        time_s = now_s if frame is None else frame.exposure_s
+        since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
         nowhere = TargetEstimate(time_s, np.full(self._dim, np.nan), None, Status.INITIALISING, 0)
         guidance = None if self._plan is None else Guidance(Advice.NO_GUIDANCE, PREPARING)
-        utc_s, events = time_s + time.time() - now_s, list(self._events.lines)
+        utc_s, events = time.time() - since_s, list(self._events.lines)
         counters = LoopFigures(not_used=n_shown, memory_mb=self._memory_mb)
         self.link.publish(
             lambda: state_message(

@@ -37,8 +37,11 @@ SCENE = "scene.toml"
 class Attendant(Publisher, Protocol):
     """Shows a run to those who watch, and does what they ask."""
 
-    def prepare(self, frame: vision.Frame | None, n_shown: int) -> None:
-        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none."""
+    def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
+        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none.
+
+        time_s: the frame's, or now, as the source tells time [s]: the states that follow go on from it
+        """
 
     def attend(self, control: Control) -> None:
         """Do what was asked since the last turn of the loop; it is between two frames."""
@@ -167,7 +170,8 @@ def _prepared(
         if n_shown:  # what is bad input is one line alone
             status.show(PREPARING)
         if viewer is not None:
-            viewer.prepare(frame, n_shown)
+            now_s = time.monotonic() if by_itself is not None or isinstance(frames, LiveMarks) else 0.0
+            viewer.prepare(frame, n_shown, now_s if frame is None else frame.exposure_s)
 
     rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # which writes nothing without a frame
     by_itself = frames if isinstance(frames, vision.LiveFrames) and not frames.waits else None

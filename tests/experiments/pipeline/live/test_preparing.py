@@ -7,8 +7,11 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,9 +20,10 @@ from estimators import Advice
 from experiments.formats.needle_file import read_needle
 from experiments.formats.scenario import read_scenario
 from experiments.log import LOG
+from experiments.pipeline.live.following import live
 from experiments.pipeline.live.preparing import NICENESS, PREPARING, prepared
 from experiments.servers.publisher import Shows
-from experiments.simulation.simulate import scene_of
+from experiments.simulation.simulate import scene_of, simulate
 from tests.experiments.servers.test_publisher import NEEDLE, Link
 from vision import Frame
 
@@ -174,15 +178,51 @@ def test_others_may_compile_while_a_run_is_prepared(kernels):
     assert set(doubled) == {2.0}
 
 
+class Times:
+    """Who watches a run. State: the times that were shown while it was prepared, and then [s]."""
+
+    def __init__(self) -> None:
+        self.before: list[float] = []
+        self.then: list[float] = []
+
+    def prepare(self, _frame: Frame | None, _n_shown: int, time_s: float) -> None:
+        self.before.append(time_s)
+
+    def publish(self, shown, _line) -> None:
+        self.then.append(shown.estimate.time_s)
+
+    def attend(self, _control) -> None:
+        return
+
+
+def times_of(source: Path, out: Path) -> Times:
+    """The times that a live run of a source shows."""
+    times = Times()
+    out.mkdir()
+    live(str(source), None, lambda _scene: nullcontext(out), attendant=lambda _scene, _plan: times)
+    return times
+
+
+def test_a_film_that_has_not_begun_tells_its_own_time(tmp_path):
+    """Nought, from which its states go on: a client that ties times to its own clock by the first keeps that tie."""
+    simulate(read_scenario("webcam").model_copy(update={"duration_s": 0.5}), tmp_path / "rec")
+    times = times_of(tmp_path / "rec", tmp_path / "out")
+    assert set(times.before) == {0.0}
+    assert 0.0 <= min(times.then) <= max(times.then) < 2.0
+
+
 def test_viewers_see_the_picture_why_there_is_nothing_else_and_no_guidance():
     scene = scene_of(read_scenario("webcam"))
     plan, link = read_needle(NEEDLE, scene.target.radius_m, 2), Link()
     with Shows(link, scene, plan, "a test") as shows:  # type: ignore[arg-type]
         frame = Frames().next(0.0)
-        shows.prepare(None, 0)
+        shows.prepare(None, 0, 0.0)
         assert not link.told
-        shows.prepare(frame, 1)
-    state = link.states[-1]
+        shows.prepare(frame, 1, frame.exposure_s)
+    before, state = link.states
+    assert (before["time_s"], state["time_s"]) == (0.0, frame.exposure_s)
+    assert before["utc_s"] == pytest.approx(time.time(), abs=10.0)
+    assert state["utc_s"] == pytest.approx(time.time() - time.monotonic() + frame.exposure_s, abs=10.0)
     assert link.told
     assert link.pictures == [None, frame.image]
     assert (state["status"], state["fault"], state["target_mm"], state["cov_mm2"]) == (

@@ -25,6 +25,7 @@ from experiments.pipeline.live.session import Session
 from experiments.pipeline.track import track
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live.marks.test_replay import Hand
+from tests.experiments.pipeline.live.test_preparing import times_of
 
 ROOT = Path(__file__).parents[5]
 SCENARIO = """version = 1
@@ -103,6 +104,12 @@ def test_frames_without_marks_coast_as_those_of_a_camera_do(tmp_path, recording)
     assert set(rows["status"][(since > 0.0) & (since < 0.99)]) == {"COASTING"}
     assert set(rows["status"][since > 1.01]) == {"LOST"}
     assert session.counters.without_frame == 0
+
+
+def test_marks_that_are_not_played_yet_tell_their_own_time(tmp_path, folder) -> None:
+    times = times_of(folder / "rec", tmp_path / "out")
+    assert set(times.before) == {0.0}
+    assert 0.0 <= min(times.then) <= max(times.then) < 3.0
 
 
 def test_which_names_are_sources_of_marks(tmp_path, folder) -> None:
