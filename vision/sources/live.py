@@ -19,7 +19,7 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import Arrivals, DeviceTimes, ExposureRule, RisingTimes
 from vision.sources.frames import Frame, SourceError, bgr, quiet_opencv
 from vision.sources.settings import DEFAULTS, SourceSettings
-from vision.sources.watchdog import SourceWatchdog
+from vision.sources.watchdog import SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
 """Period of polling, below a frame interval at 30 frames/s: faults are checked for and failed reads tried again; a
@@ -112,6 +112,7 @@ class LiveFrames(Closing):
         self.frames_dropped = 0
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
         self._arrivals = Arrivals(settings)
+        self._sparse = SparsePictures(settings)
         self._readers: list[Reader] = []
         self._origin = origin
         self.waits = waits
@@ -297,9 +298,13 @@ class LiveFrames(Closing):
                 return
             frame = Frame(self._n_frames, times(capture, grabbed_s), image)
             self._arrivals.came(grabbed_s, told=times.told)
+            if self._watch.fault is not None:
+                self._sparse.began_again()
             self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
             if (fault := times.take_fault()) is not None:
                 self._events.append(SourceEvent(grabbed_s, EventKind.CLOCK, fault))
+            if not self._may_repeat:
+                self._events += self._sparse.saw(frame.exposure_s)
             self._n_frames += 1
             self._recent.append(image)
             if not frame.exposure_s > self._last_s:
