@@ -74,7 +74,7 @@ class LiveFrames(Closing):
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
     State, shared with the threads: whether it waits yet; frames that wait, the last pictures, the watchdog, the
-    arrivals, events not yet taken, the readers.
+    arrivals, events not yet taken, the readers and that of the last picture.
     """
 
     def __init__(
@@ -113,7 +113,9 @@ class LiveFrames(Closing):
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
         self._arrivals = Arrivals(settings)
         self._sparse = SparsePictures(settings)
+        self._late_s = 0.0
         self._readers: list[Reader] = []
+        self._reader: Reader | None = None
         self._origin = origin
         self.waits = waits
         if not waits:
@@ -137,7 +139,7 @@ class LiveFrames(Closing):
     @property
     def late_s(self) -> float:
         """By how much pictures may come later than their times say, since a pause [s]."""
-        return self._arrivals.late_s
+        return max(self._arrivals.late_s, self._late_s)
 
     @property
     def uneven(self) -> bool:
@@ -290,6 +292,9 @@ class LiveFrames(Closing):
         with self._changed:
             if not self._wanted(reader):
                 return
+            if self._reader not in (None, reader):
+                self._arrivals.failed()  # of a device opened anew no picture waits
+            self._reader = reader
             for other in self._readers:
                 other.retired = other is not reader
             if not self._may_repeat and any(_equal(one, image) for one in self._recent):
@@ -297,6 +302,7 @@ class LiveFrames(Closing):
                 self._arrivals.came(grabbed_s, told=times.told)
                 return
             frame = Frame(self._n_frames, times(capture, grabbed_s), image)
+            self._late_s = times.late_s
             self._arrivals.came(grabbed_s, told=times.told)
             if self._watch.fault is not None:
                 self._sparse.began_again()

@@ -6,6 +6,7 @@ No threads, no clock.
 from __future__ import annotations
 
 from collections import deque
+from statistics import median_low
 
 import numpy as np
 
@@ -89,13 +90,14 @@ class SparsePictures:
     than once: a rate that wanders has none of half an interval more than usual, and a reader that was late finds the
     pictures that waited, which come in less than half of one. Until none lacks for `settings.even_s` that is one event.
 
-    State: when the last one was exposed [s]; the last intervals [s], and those of late that may tell; when there last
-    was a gap [s], None where pictures are not sparse.
+    State: when the last one was exposed [s], and the last that had not waited; the last intervals [s], and those of late
+    that may tell; when there last was a gap [s], None where pictures are not sparse.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
         self._settings = settings
         self._last_s: float | None = None
+        self._in_step_s = -np.inf
         self._intervals: deque[float] = deque(maxlen=settings.settled_frames)
         self._of_late: deque[float] = deque(maxlen=settings.stuck_frames)
         self._gap_s: float | None = None
@@ -110,12 +112,16 @@ class SparsePictures:
         if before_s is None or not exposure_s > before_s:
             return []
         interval_s, usual_s = exposure_s - before_s, self._usual_s
+        if usual_s is not None and interval_s < 0.5 * usual_s:
+            self._of_late.clear()
+            if exposure_s - self._in_step_s < self._settings.even_s:
+                return []
+        else:
+            self._in_step_s = exposure_s
         self._intervals.append(interval_s)
         if usual_s is None:
             return []
         self._of_late.append(interval_s)
-        if interval_s < 0.5 * usual_s:
-            self._of_late.clear()
         if interval_s > 1.5 * usual_s and self._gap_s is not None:
             self._gap_s = exposure_s
         return self._judged(exposure_s, usual_s)
@@ -141,4 +147,4 @@ class SparsePictures:
     def _usual_s(self) -> float | None:
         """The usual interval [s]; None before half of those of which it is the median came."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
-        return float(np.median(self._intervals)) if known else None
+        return median_low(self._intervals) if known else None

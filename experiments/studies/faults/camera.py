@@ -117,6 +117,17 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ),
     ScriptedFault("late frames", "frames come 50 ms late on average, in bursts, for 2 s", arrivals=_late),
     ScriptedFault("lag", "from now on all frames come 1 s late", FOREVER, arrivals=_lag),
+    ScriptedFault(
+        "blocked, dated",
+        "reads of a camera that tells its times do not come back for 2 s",
+        arrivals=lambda a, rng: _blocked(_told(a, 0.0), rng),
+    ),
+    ScriptedFault(
+        "lag, dated",
+        "from now on all frames of a camera that tells its times come 1 s late",
+        FOREVER,
+        arrivals=lambda a, rng: _lag(_told(a, 0.0), rng),
+    ),
     ScriptedFault("black", "black pictures for 2 s", picture=_black),
     ScriptedFault("overexposed", "white pictures for 2 s", picture=_overexposed),
     ScriptedFault("another size", "pictures of 320 x 240 for 2 s", picture=_resized),

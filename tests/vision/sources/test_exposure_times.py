@@ -77,6 +77,22 @@ def test_a_clock_that_falls_behind_for_good_is_given_up() -> None:
     assert np.abs(said[95:115] - COMPLETE[95:115]).max() < 0.05
 
 
+def test_frames_that_stay_late_may_be_as_late_until_they_come_as_early_as_before() -> None:
+    """From the 60th on 1 s late, from the 180th on no more: by its own times, then by arrival, from 31 on."""
+    late, told = np.concatenate([LATE, LATE]), 50.0 + INTERVAL * np.arange(240)
+    late[60:180] += 1.0
+    rule, device, may_be_s = DeviceTimes(), Device(), []
+    for complete, late_s in zip(told, late, strict=True):
+        device.told_s = complete
+        exposure_s = rule(device, complete + late_s)
+        may_be_s.append(rule.late_s)
+        assert complete - INTERVAL / 2 - 0.01 < exposure_s < complete + 0.03 + rule.late_s
+    assert may_be_s[:90] == [0.0] * 90
+    assert rule.trusts_device
+    np.testing.assert_allclose(may_be_s[90:180], 1.0, atol=0.05)  # though its clock is believed again
+    assert may_be_s[181:] == [0.0] * 59
+
+
 def test_a_clock_that_drifts_is_followed() -> None:
     """1000 parts in a million over 100 s would be 0.1 s off."""
     complete = 50.0 + INTERVAL * np.arange(3000)

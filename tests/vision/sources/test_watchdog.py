@@ -130,8 +130,10 @@ def test_pictures_of_which_every_other_is_lost_are_told_within_three_and_once(un
         # a reader that was late by four intervals, read one that waited, and was late again; then the others
         np.maximum.accumulate(DUE_S + INTERVAL_S * np.where(np.isin(np.arange(360) % 15, (7, 9)), 4.0, 0.0))
         + 1e-5 * np.arange(360),
+        # a queue of 60
+        np.where((np.arange(360) >= 120) & (np.arange(360) < 180), 5.9 + 1e-3 * np.arange(-120, 240), DUE_S),
     ],
-    ids=["wanders", "slows", "trembles", "one in fifty", "one gap", "late reader"],
+    ids=["wanders", "slows", "trembles", "one in fifty", "one gap", "late reader", "long queue"],
 )
 def test_a_rate_that_wanders_a_gap_and_a_late_reader_are_no_lost_pictures(exposures_s: np.ndarray) -> None:
     assert sparse(exposures_s) == []
