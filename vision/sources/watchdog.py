@@ -90,7 +90,7 @@ class SparsePictures:
     than once: a rate that wanders has none of half an interval more than usual, and a reader that was late finds the
     pictures that waited, which come in less than half of one. Until none lacks for `settings.even_s` that is one event.
 
-    State: when the last one was exposed [s], and the last that had not waited; the last intervals [s], and those of late
+    State: when the last one was exposed [s], and the last that had not waited; the last intervals [s], those of late
     that may tell; when there last was a gap [s], None where pictures are not sparse.
     """
 
