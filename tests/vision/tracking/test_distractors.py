@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.real_data import DATA
-from vision import AdaptiveHue, Expected, MarkFinder, MarkHue, Outline, VideoFileFrames
+from vision import AdaptiveHue, Expected, MarkFinder, MarkHue, Outline
 from vision.arrays import Image
 from vision.tracking.distractors import Distractor
 from vision.tracking.settings import FINDER
@@ -49,7 +48,6 @@ def told(pictures: Sequence[Image]) -> list[tuple[int, Distractor]]:
 
 CLOTH = ((560.0, 400.0), 15, RED)
 FIRST = SETTLED + 5
-BALL = DATA / "red-pendulum" / "ball.mp4"
 
 
 @pytest.mark.parametrize(("colour", "like", "hue_deg"), [(RED, "M4", 0.0), (BLUE, "M3", 240.0)])
@@ -128,19 +126,3 @@ def test_nothing_is_told_of_where_nobody_asks() -> None:
     for _ in range(5):
         finder.find(picture(rng, ((380.0, 300.0), 20, RED)), expected())
         assert finder.came == ()
-
-
-@pytest.mark.skipif(not BALL.is_file(), reason=f"no film {BALL}: set SOFTAIM_DATA to the folder of real pictures")
-def test_a_real_ball_its_shadow_and_a_hand_are_nothing() -> None:
-    """The red ball that swings against a wall, as `experiments.studies.real_balls` follows it."""
-    finder, n_found = MarkFinder([MarkHue(0.0)], explain=True), 0
-    at = np.array([87.0, 490.0])
-    with VideoFileFrames(BALL) as film:
-        for frame in film:
-            if frame.index < 28:
-                continue
-            outline = Outline(19.5 * np.eye(2), 0.05, even=False)
-            found = finder.find(frame.image, [Expected("ball", at, 400.0 * np.eye(2), 0.0, outline)])
-            at, n_found = (found[0].detection.center_px, n_found + 1) if found else (at, n_found)
-            assert finder.came == ()
-    assert n_found > 300
