@@ -77,6 +77,20 @@ def test_a_clock_that_falls_behind_for_good_is_given_up() -> None:
     assert np.abs(said[95:115] - COMPLETE[95:115]).max() < 0.05
 
 
+@pytest.mark.parametrize("told_s", [np.nan, 0.0, 1e6])
+def test_a_clock_that_failed_once_is_believed_again(told_s: float) -> None:
+    """From the 31st sane frame after it on; the times of arrival meanwhile."""
+    told, rule, device, trusted = COMPLETE.copy(), DeviceTimes(), Device(), []
+    told[60] = told_s
+    for complete, at in zip(COMPLETE, told, strict=True):
+        device.told_s = at
+        assert abs(rule(device, complete + 0.005) - (complete + 0.005 - INTERVAL / 2)) < 1e-9 or complete == COMPLETE[0]
+        trusted.append(rule.trusts_device)
+    assert trusted[40:60] == [True] * 20
+    assert trusted[60:90] == [False] * 30
+    assert trusted[93:] == [True] * 27
+
+
 def test_frames_that_stay_late_may_be_as_late_until_they_come_as_early_as_before() -> None:
     """From the 60th on 1 s late, from the 180th on no more: by its own times, then by arrival, from 31 on."""
     late, told = np.concatenate([LATE, LATE]), 50.0 + INTERVAL * np.arange(240)
