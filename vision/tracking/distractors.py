@@ -156,7 +156,9 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)
     classes *= free
-    return [
-        np.asarray(cv2.morphologyEx(equal(classes, number), cv2.MORPH_OPEN, SQUARE_2), np.uint8)
-        for number in range(1, len(hues) + 1)
-    ]
+    return [_hanging_together(equal(classes, number)) for number in range(1, len(hues) + 1)]
+
+
+def _hanging_together(samples: Picture) -> Picture:
+    """Those in a square of four; as a rule there are none at all."""
+    return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples
