@@ -13,6 +13,7 @@ Names to start with:
     Expected              where a mark is expected
     Detection             a centre with its covariance
     LostMark, Reason      why a mark was not found
+    Distractor            what came into the picture in a mark's colour and is none
     PlaneCamera           between pixels and the plane
     Board, find_board, calibrate    camera calibration
     synthetic_run         frames of known truth
@@ -121,7 +122,7 @@ from vision.synthetic import (
     synthetic_run,
     tilted_view,
 )
-from vision.tracking import AdaptiveHue, AssociatedMark, LostMark, MarkFinder, associate_marks
+from vision.tracking import AdaptiveHue, AssociatedMark, Distractor, LostMark, MarkFinder, associate_marks
 
 __all__ = [
     "DICTIONARIES",
@@ -142,6 +143,7 @@ __all__ = [
     "Detection",
     "DeviceTimes",
     "Disc",
+    "Distractor",
     "EventKind",
     "EveryFrame",
     "Expected",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -11,7 +12,9 @@ from estimators import FilterSettings, IdentitySwap
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene, network_digest
 from experiments.log import LOG
-from vision import SourceOf
+from vision import Distractor, SourceOf
+
+DISTRACTOR = "distractor"
 
 CONSTANTS = ("simulate", "identify")
 """Steps after which the constants are those of the tissue: its truth was made with them, or they were found."""
@@ -107,6 +110,22 @@ def report_swap(swap: IdentitySwap) -> None:
         "swap",
         f"{', '.join(first)} and {last} were taken for each other since {swap.since_s:.2f} s; undone",
     )
+
+
+def distractor_line(came: Distractor) -> str:
+    """What came into the picture, and what to do about it."""
+    u, v = (round(float(x)) for x in came.center_px)
+    size = "a mark's size" if came.size < 1.5 else f"{came.size:.0f} marks' size"
+    return (
+        f"something of the colour of {came.like}'s mark and of {size} came at ({u}, {v}) px: wipe it off or cover it "
+        "before it reaches that mark, or use marks of another hue"
+    )
+
+
+def report_distractors(time_s: float, came: Sequence[Distractor]) -> None:
+    """Report what came into the picture at this time [s]."""
+    for one in came:
+        report_event(time_s, DISTRACTOR, distractor_line(one))
 
 
 def report_source_events(frames: SourceOf[object]) -> None:

@@ -45,10 +45,12 @@ class Sight:
 
     expected: by node, where its mark was expected [m], (dim,), and the covariance of that [m²], (dim, dim)
     lost: by node, why its mark was not found; None where another tracker looked for it
+    came: what came into the picture in the colour of marks and is none
     """
 
     expected: Mapping[str, tuple[Floats, Floats]]
     lost: Mapping[str, vision.LostMark | None]
+    came: tuple[vision.Distractor, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,7 +151,7 @@ class Line:
         predicted = time.perf_counter()
         marks = self._found(image)
         found = time.perf_counter()
-        sight = self._sight({one.name: one for one in self.finder.lost})
+        sight = self._sight({one.name: one for one in self.finder.lost}, self.finder.came)
         return self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
@@ -161,11 +163,13 @@ class Line:
         sight = self._sight(dict.fromkeys(self._measured - {mark.node for mark in named}))
         return self._estimated(exposure_s, named, 0.0, predicted - began, sight)
 
-    def _sight(self, lost: Mapping[str, vision.LostMark | None]) -> Sight | None:
+    def _sight(
+        self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
+    ) -> Sight | None:
         """What is looked for at the filter's time, where that is to be explained."""
         if not self._explain:
             return None
-        return Sight({node: self._belief(node, self.filter.expected) for node in self._marks}, lost)
+        return Sight({node: self._belief(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
         """Move the filter to this time [s], by way of the fixes that came until then."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from statistics import median_low
 from typing import Any
 
 import cv2
@@ -37,7 +38,10 @@ class DeviceTimes:
     later than that, as from its queue after a pause; a clock that goes back, stands or runs ahead is used no more until
     it is plausible again. Half an interval stands for exposure and read-out, which no device reports.
 
-    State: the device's times and the clock's of the last frames; how many plausible, how many late ones came in a row.
+    late_s: by how much frames may come later than is taken [s]: those that are later than settings.blocked_s for good
+        come from a queue that stays, or the clock was set back meanwhile; 0 once they come as early as before
+    State: that; the device's times and the clock's of the last frames; how many plausible, how many late ones came in a
+    row; how much later the clock's were before [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -46,6 +50,8 @@ class DeviceTimes:
         self._offsets: deque[float] = deque(maxlen=settings.remembered_frames)
         self._device_s = -np.inf
         self._plausible = self._late = 0
+        self._before_s = np.nan
+        self.late_s = 0.0
 
     @property
     def trusts_device(self) -> bool:
@@ -69,6 +75,10 @@ class DeviceTimes:
         if increasing and self.trusts_device and offset_s > lowest_s + most_s and self._late < n_settled:
             self._late += 1
             return
+        if increasing and self.trusts_device and offset_s > lowest_s + self._settings.blocked_s:
+            self._before_s, self.late_s = lowest_s, offset_s - lowest_s
+        elif self.late_s > 0.0 and abs(offset_s - self._before_s) <= most_s:
+            self.late_s = 0.0
         self._late = 0
         if increasing and max(highest_s, offset_s) - min(lowest_s, offset_s) <= most_s:
             self._plausible += 1
@@ -125,6 +135,11 @@ class RisingTimes:
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
+    @property
+    def late_s(self) -> float:
+        """By how much frames may come later than their times say, by the source's own [s]."""
+        return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
+
     def take_fault(self) -> str | None:
         """What was found wrong with the times since this was last asked."""
         fault, self._fault = self._fault, None
@@ -176,7 +191,7 @@ class Arrivals:
     After a pause, a read that did not come back for `settings.blocked_s`, all further pictures may be as late:
     who queued them may have lost none. They may until pictures come far faster than usual and the queue is empty again,
     or a read fails, which it does not where a picture waits. Nothing else in the arrivals tells a source that lags from
-    one that lost pictures.
+    one that lost pictures; its own times do, if they were known before: those that were lost lack in them, too.
     An interval that is no whole number of usual ones is of pictures that waited: those about it are of unknown time.
 
     State: when a picture last came [s], the last intervals [s]; late_s, by how much pictures may come later than is
@@ -194,7 +209,7 @@ class Arrivals:
         """A picture came, new or again; told: the source itself tells when it was exposed."""
         before_s, self._last_s = self._last_s, now_s
         if told:
-            self.late_s, self._uneven_s = 0.0, -np.inf
+            self._uneven_s = -np.inf
         if before_s is None:
             return
         interval_s, s = now_s - before_s, self._settings
@@ -226,4 +241,4 @@ class Arrivals:
     def _usual_s(self) -> float | None:
         """The usual interval [s]; None before half of those of which it is the median came."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
-        return float(np.median(self._intervals)) if known else None
+        return median_low(self._intervals) if known else None

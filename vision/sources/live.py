@@ -19,7 +19,7 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import Arrivals, DeviceTimes, ExposureRule, RisingTimes
 from vision.sources.frames import Frame, SourceError, bgr, quiet_opencv
 from vision.sources.settings import DEFAULTS, SourceSettings
-from vision.sources.watchdog import SourceWatchdog
+from vision.sources.watchdog import SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
 """Period of polling, below a frame interval at 30 frames/s: faults are checked for and failed reads tried again; a
@@ -74,7 +74,7 @@ class LiveFrames(Closing):
 
     A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
     State, shared with the threads: whether it waits yet; frames that wait, the last pictures, the watchdog, the
-    arrivals, events not yet taken, the readers.
+    arrivals, events not yet taken, the readers and that of the last picture.
     """
 
     def __init__(
@@ -112,7 +112,10 @@ class LiveFrames(Closing):
         self.frames_dropped = 0
         self._watch = SourceWatchdog(clock(), settings, may_repeat=may_repeat)
         self._arrivals = Arrivals(settings)
+        self._sparse = SparsePictures(settings)
+        self._late_s = 0.0
         self._readers: list[Reader] = []
+        self._reader: Reader | None = None
         self._origin = origin
         self.waits = waits
         if not waits:
@@ -136,7 +139,7 @@ class LiveFrames(Closing):
     @property
     def late_s(self) -> float:
         """By how much pictures may come later than their times say, since a pause [s]."""
-        return self._arrivals.late_s
+        return max(self._arrivals.late_s, self._late_s)
 
     @property
     def uneven(self) -> bool:
@@ -289,6 +292,9 @@ class LiveFrames(Closing):
         with self._changed:
             if not self._wanted(reader):
                 return
+            if self._reader not in (None, reader):
+                self._arrivals.failed()  # of a device opened anew no picture waits
+            self._reader = reader
             for other in self._readers:
                 other.retired = other is not reader
             if not self._may_repeat and any(_equal(one, image) for one in self._recent):
@@ -296,10 +302,15 @@ class LiveFrames(Closing):
                 self._arrivals.came(grabbed_s, told=times.told)
                 return
             frame = Frame(self._n_frames, times(capture, grabbed_s), image)
+            self._late_s = times.late_s
             self._arrivals.came(grabbed_s, told=times.told)
+            if self._watch.fault is not None:
+                self._sparse.began_again()
             self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
             if (fault := times.take_fault()) is not None:
                 self._events.append(SourceEvent(grabbed_s, EventKind.CLOCK, fault))
+            if not self._may_repeat:
+                self._events += self._sparse.saw(frame.exposure_s)
             self._n_frames += 1
             self._recent.append(image)
             if not frame.exposure_s > self._last_s:

@@ -19,12 +19,13 @@ class SourceSettings:
     slow_intervals: a slow camera is not blocked or frozen before so many of its usual frame intervals [1]; choice
     settled_frames: frames of which the median interval is the usual one, and after which a device's own times are
         trusted if they were plausible in all of them [1]; choice
-    stuck_frames: frames in a row whose stated times do not rise, from which on times of arrival are used [1]; source:
-        a fault is to be noticed within 200 ms or three frames
+    stuck_frames: frames in a row whose stated times do not rise, from which on times of arrival are used, or that came
+        in the time of twice as many, from which on they are sparse [1]; source: a fault is to be noticed within 200 ms
+        or three frames
     clock_error_s: how far a device's times may wander beside the times of arrival [s]; choice
     uneven_s, uneven_share: how far an interval may be from a whole number of usual ones [s], or of the usual one [1],
         whichever is more, for times of arrival to tell when pictures were exposed; choice
-    even_s: so long pictures have to come evenly for that again [s]; choice
+    even_s: so long pictures have to come evenly for that again, and without a gap to be sparse no more [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
     backlog: frames of a device that wait where every frame counts [1]; choice
     sharp_frames: frames taken from a film for a calibration, the sharpest of so many equal parts [1]; choice

@@ -1,8 +1,12 @@
-"""Watchdog of a live source: blocked, frozen, failed or back, from when its reads came back. No threads, no clock."""
+"""Watchdogs of a live source: blocked, frozen, failed or back, from when its reads came back; too few of its pictures.
+
+No threads, no clock.
+"""
 
 from __future__ import annotations
 
 from collections import deque
+from statistics import median_low
 
 import numpy as np
 
@@ -77,3 +81,70 @@ class SourceWatchdog:
             return []
         self.fault = kind
         return [SourceEvent(now_s, kind, text)]
+
+
+class SparsePictures:
+    """Whether pictures are lost between those that come, from when they were exposed: every other one, or more.
+
+    They are once `settings.stuck_frames` came in the time of twice as many, by the usual interval, with a gap more
+    than once: a rate that wanders has none of half an interval more than usual, and a reader that was late finds the
+    pictures that waited, which come in less than half of one. Until none lacks for `settings.even_s` that is one event.
+
+    State: when the last one was exposed [s], and the last that had not waited; the last intervals [s], those of late
+    that may tell; when there last was a gap [s], None where pictures are not sparse.
+    """
+
+    def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
+        self._settings = settings
+        self._last_s: float | None = None
+        self._in_step_s = -np.inf
+        self._intervals: deque[float] = deque(maxlen=settings.settled_frames)
+        self._of_late: deque[float] = deque(maxlen=settings.stuck_frames)
+        self._gap_s: float | None = None
+
+    def began_again(self) -> None:
+        """Pictures come again after a pause, which says nothing of their rate."""
+        self._last_s = None
+
+    def saw(self, exposure_s: float) -> list[SourceEvent]:
+        """A picture was exposed at this time [s]."""
+        before_s, self._last_s = self._last_s, exposure_s
+        if before_s is None or not exposure_s > before_s:
+            return []
+        interval_s, usual_s = exposure_s - before_s, self._usual_s
+        if usual_s is not None and interval_s < 0.5 * usual_s:
+            self._of_late.clear()
+            if exposure_s - self._in_step_s < self._settings.even_s:
+                return []
+        else:
+            self._in_step_s = exposure_s
+        self._intervals.append(interval_s)
+        if usual_s is None:
+            return []
+        self._of_late.append(interval_s)
+        if interval_s > 1.5 * usual_s and self._gap_s is not None:
+            self._gap_s = exposure_s
+        return self._judged(exposure_s, usual_s)
+
+    def _judged(self, now_s: float, usual_s: float) -> list[SourceEvent]:
+        n, late, s = len(self._of_late), self._of_late, self._settings
+        if self._gap_s is not None:
+            if now_s - self._gap_s < s.even_s:
+                return []
+            self._gap_s = None
+            return [SourceEvent(now_s, EventKind.RESUMED, f"every picture comes, {1.0 / usual_s:.0f} a second")]
+        due, gaps = round(sum(late) / usual_s), sum(one > 1.5 * usual_s for one in late)
+        if n < s.stuck_frames or due < 2 * n or gaps < 2:
+            return []
+        self._gap_s = now_s
+        text = (
+            f"{n} pictures came in the time of {due}: the rest is lost on cable or machine, or the camera is slower in "
+            "the dark; give it light, and take load off"
+        )
+        return [SourceEvent(now_s, EventKind.SPARSE, text)]
+
+    @property
+    def _usual_s(self) -> float | None:
+        """The usual interval [s]; None before half of those of which it is the median came."""
+        known = len(self._intervals) >= self._settings.settled_frames // 2
+        return median_low(self._intervals) if known else None

@@ -4,6 +4,7 @@ What may enter: what remembers earlier frames.
 """
 
 from vision.tracking.association import AssociatedMark, associate_marks
+from vision.tracking.distractors import Distractor
 from vision.tracking.finder import MarkFinder
 from vision.tracking.hue_tracking import AdaptiveHue
 from vision.tracking.reasons import LostMark
@@ -11,6 +12,7 @@ from vision.tracking.reasons import LostMark
 __all__ = [
     "AdaptiveHue",
     "AssociatedMark",
+    "Distractor",
     "LostMark",
     "MarkFinder",
     "associate_marks",

@@ -10,6 +10,7 @@ from vision.detection.expected import Expected
 from vision.detection.hue import MarkHue
 from vision.detection.records import HueError
 from vision.tracking.association import AssociatedMark
+from vision.tracking.distractors import Distractor, DistractorWatch
 from vision.tracking.hue_tracking import AdaptiveHue
 from vision.tracking.reasons import LostMark, Rejections, lost_marks
 from vision.tracking.settings import FINDER, FinderSettings
@@ -22,10 +23,10 @@ class MarkFinder:
 
     hues: of the marks, by the nominal hue that `Expected` gives
     settings: of all stages; `settings.stages` names those that run, in their order
-    explain: keep why marks were not found, for `lost`; the marks are the same
+    explain: keep why marks were not found, for `lost`, and what came in their colours, `came`; marks are the same
     Frames are searched around the expected places only, and wholly at the start and when a mark is missing.
     State: colours as followed; appearance models; the names of marks missed in the last frame, None before the first;
-    with explain, that frame's search.
+    with explain, that frame's search, and what is known of things in the marks' colours.
     Raises HueError where marks of one hue differ in their range of colours, ValueError for an unknown stage.
     """
 
@@ -39,6 +40,8 @@ class MarkFinder:
         self._stages = stages_named(settings.stages)
         self._explain = explain
         self._last: Search | None = None
+        self._distractors = DistractorWatch(settings.distractors)
+        self.came: tuple[Distractor, ...] = ()
 
     def find(
         self,
@@ -66,6 +69,9 @@ class MarkFinder:
             stage.run(search)
         self.templates.forget()
         self.missed = {one.name for one in search.missing}
+        if self._explain:
+            now = {nominal: followed.now for nominal, followed in self.hues.items()}
+            self.came = self._distractors.update(frame_bgr, now, expected, search.found)
         for nominal, followed in self.hues.items():
             followed.follow([seen for seen in search.found.values() if seen.hue_deg == nominal])
         self._last = search if self._explain else None

@@ -1,4 +1,4 @@
-"""Settings of the mark finder: association, appearance, templates, candidates and colours that drift."""
+"""Settings of the mark finder: association, appearance, templates, candidates, colours that drift, distractors."""
 
 from __future__ import annotations
 
@@ -146,6 +146,30 @@ class HueTrackingSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class DistractorSettings:
+    """When something in a mark's colour, that is none, is told of.
+
+    spacing: of the places that are looked at [radii of the least mark]; choice
+    most_samples: places that are looked at in a frame, at most [1]; choice: 0.1 ms
+    around: so far about a mark all is taken for it, blurred or lit by it [radii]; choice
+    stands: frames in a row in which it has to be there [1]; source: a fault is to be noticed within three frames
+    settled_frames: first frames in which all that is there is known [1]; choice
+    least: what came by the area of a mark, at least [1]; choice
+    grows: what is there by what was told of before, at least [1]; choice
+    wavers: what came by what was there from the start, at least [1]; choice
+    """
+
+    spacing: float = 0.5
+    most_samples: int = 20_000
+    around: float = 1.5
+    stands: int = 3
+    settled_frames: int = 30
+    least: float = 0.5
+    grows: float = 2.0
+    wavers: float = 0.25
+
+
+@dataclass(frozen=True, slots=True)
 class FinderSettings:
     """Settings of `MarkFinder`, a record for each part of it.
 
@@ -161,6 +185,7 @@ class FinderSettings:
     candidates: CandidateSettings = field(default_factory=CandidateSettings)
     templates: TemplateSettings = field(default_factory=TemplateSettings)
     hue: HueTrackingSettings = field(default_factory=HueTrackingSettings)
+    distractors: DistractorSettings = field(default_factory=DistractorSettings)
 
 
 FINDER = FinderSettings()

@@ -29,7 +29,7 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_event, report_swap
+from experiments.pipeline.events import report_distractors, report_event, report_swap
 from experiments.pipeline.frame_sources import check_size
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s
@@ -182,6 +182,7 @@ class Session:
             self._usable = False
             return None
         self._usable = True
+        report_distractors(self._own_s(exposure_s), () if step.sight is None else step.sight.came)
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from experiments.studies.faults.judge import FOREVER, LASTS_S, ONSET_S
+from experiments.studies.faults.judge import FOREVER, HIDDEN_S, LASTS_S, ONSET_S
 from experiments.studies.faults.scripted import ScriptedFault
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival
 from vision.arrays import Image
@@ -34,7 +34,12 @@ def _frozen(arrivals: list[Arrival], n_pictures: int) -> list[Arrival]:
     return [replace(one, image=before[next(turns) % n_pictures]) if _within(one) else one for one in arrivals]
 
 
-def _dropped(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
+def _every_other(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+    first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
+    return [one for k, one in enumerate(arrivals) if not _within(one) or (k - first) % 2]
+
+
+def _at_random(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
     return [one for one in arrivals if not _within(one) or rng.random() > 0.5]
 
 
@@ -106,9 +111,23 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault(
         "frozen in turn", "two pictures in turn for 2 s", arrivals=lambda arrivals, _rng: _frozen(arrivals, 2)
     ),
-    ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_dropped),
+    ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_every_other),
+    ScriptedFault(
+        "dropped at random", "half of the frames, at random, are lost for 2 s", within_s=HIDDEN_S, arrivals=_at_random
+    ),
     ScriptedFault("late frames", "frames come 50 ms late on average, in bursts, for 2 s", arrivals=_late),
     ScriptedFault("lag", "from now on all frames come 1 s late", FOREVER, arrivals=_lag),
+    ScriptedFault(
+        "blocked, dated",
+        "reads of a camera that tells its times do not come back for 2 s",
+        arrivals=lambda a, rng: _blocked(_told(a, 0.0), rng),
+    ),
+    ScriptedFault(
+        "lag, dated",
+        "from now on all frames of a camera that tells its times come 1 s late",
+        FOREVER,
+        arrivals=lambda a, rng: _lag(_told(a, 0.0), rng),
+    ),
     ScriptedFault("black", "black pictures for 2 s", picture=_black),
     ScriptedFault("overexposed", "white pictures for 2 s", picture=_overexposed),
     ScriptedFault("another size", "pictures of 320 x 240 for 2 s", picture=_resized),

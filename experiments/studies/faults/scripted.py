@@ -15,6 +15,7 @@ from estimators import Advice, AdviceSettings, Insertion, Lesion, Needle, Status
 from experiments.arrays import Floats
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.events import DISTRACTOR, distractor_line
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import ESTIMATES, Session
@@ -142,6 +143,8 @@ class Watching(Publisher):
         if guidance is not None and aborts:
             why = guidance.reason
         cov = estimate.cov
+        sight = None if shown.step is None else shown.step.sight
+        came = [f"{DISTRACTOR}: {distractor_line(one)}" for one in (() if sight is None else sight.came)]
         self.moments.append(
             Moment(
                 now_s - BEGAN_S,
@@ -152,7 +155,7 @@ class Watching(Publisher):
                 np.inf if cov is None else float(np.sqrt(np.linalg.eigvalsh(cov)[-1])),
                 is_wrong(estimate.mean, cov, truth),
                 well=estimate.status is Status.TRACKING and not why,
-                told=self._frames.told(),
+                told="; ".join([*filter(None, [self._frames.told()]), *came]),
                 astray=self.needle is not None and misses(self.needle, truth),
             )
         )

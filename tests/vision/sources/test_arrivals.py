@@ -31,6 +31,13 @@ def test_after_a_pause_all_pictures_may_come_as_late():
     assert after(*resumed, told=True).late_s == 0.0
 
 
+def test_times_that_are_known_after_a_pause_alone_prove_nothing():
+    resumed = EVEN_S[-1] + 1.0 + INTERVAL_S * np.arange(1, 60)
+    arrivals = after(*resumed)
+    arrivals.came(resumed[-1] + INTERVAL_S, told=True)
+    assert arrivals.late_s == pytest.approx(1.0)
+
+
 def test_a_queue_that_was_emptied_after_a_pause_is_late_no_more():
     emptied = EVEN_S[-1] + 1.0 + 1e-3 * np.arange(1, 31)
     assert after(*emptied[:10]).late_s > 0.5

@@ -77,6 +77,36 @@ def test_a_clock_that_falls_behind_for_good_is_given_up() -> None:
     assert np.abs(said[95:115] - COMPLETE[95:115]).max() < 0.05
 
 
+@pytest.mark.parametrize("told_s", [np.nan, 0.0, 1e6])
+def test_a_clock_that_failed_once_is_believed_again(told_s: float) -> None:
+    """From the 31st sane frame after it on; the times of arrival meanwhile."""
+    told, rule, device, trusted = COMPLETE.copy(), DeviceTimes(), Device(), []
+    told[60] = told_s
+    for complete, at in zip(COMPLETE, told, strict=True):
+        device.told_s = at
+        assert abs(rule(device, complete + 0.005) - (complete + 0.005 - INTERVAL / 2)) < 1e-9 or complete == COMPLETE[0]
+        trusted.append(rule.trusts_device)
+    assert trusted[40:60] == [True] * 20
+    assert trusted[60:90] == [False] * 30
+    assert trusted[93:] == [True] * 27
+
+
+def test_frames_that_stay_late_may_be_as_late_until_they_come_as_early_as_before() -> None:
+    """From the 60th on 1 s late, from the 180th on no more: by its own times, then by arrival, from 31 on."""
+    late, told = np.concatenate([LATE, LATE]), 50.0 + INTERVAL * np.arange(240)
+    late[60:180] += 1.0
+    rule, device, may_be_s = DeviceTimes(), Device(), []
+    for complete, late_s in zip(told, late, strict=True):
+        device.told_s = complete
+        exposure_s = rule(device, complete + late_s)
+        may_be_s.append(rule.late_s)
+        assert complete - INTERVAL / 2 - 0.01 < exposure_s < complete + 0.03 + rule.late_s
+    assert may_be_s[:90] == [0.0] * 90
+    assert rule.trusts_device
+    np.testing.assert_allclose(may_be_s[90:180], 1.0, atol=0.05)  # though its clock is believed again
+    assert may_be_s[181:] == [0.0] * 59
+
+
 def test_a_clock_that_drifts_is_followed() -> None:
     """1000 parts in a million over 100 s would be 0.1 s off."""
     complete = 50.0 + INTERVAL * np.arange(3000)

@@ -93,6 +93,23 @@ def test_a_device_that_hangs_is_opened_anew_and_the_old_read_is_not_taken_when_i
         assert next_frame(live).image[0, 0, 0] == 3
 
 
+@pytest.mark.parametrize("anew", [False, True])
+def test_after_a_pause_pictures_may_be_late_but_not_those_of_a_device_opened_anew(anew: bool) -> None:
+    clock, first, other = Clock(), Scripted(), Scripted()
+    with opened(first, other, clock=clock) as live:
+        for k in range(20):
+            clock.now += 0.1
+            first.give(picture(k))
+            next_frame(live)
+        wait_until(lambda: first.waits)
+        clock.now += 2.1
+        assert live.next(0.0) is None
+        wait_until(lambda: other.n_asked)  # both are asked now
+        (other if anew else first).give(picture(20))
+        next_frame(live)
+        assert live.late_s == (0.0 if anew else pytest.approx(2.0))
+
+
 def test_threads_that_hang_are_few() -> None:
     clock = Clock()
     dead = [Scripted(picture(0)), *(Scripted() for _ in range(9))]

@@ -2,9 +2,11 @@
 
 from dataclasses import fields
 
+import numpy as np
 import pytest
 
-from vision import EventKind, SourceSettings, SourceWatchdog
+from vision import EventKind, SourceEvent, SourceSettings, SourceWatchdog
+from vision.sources.watchdog import SparsePictures
 
 SIZE = (64, 48)
 
@@ -91,3 +93,56 @@ def test_another_size_is_told_even_after_a_fault() -> None:
 def test_settings_are_checked(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name}: expected more than 0, found 0"):
         SourceSettings(**{name: 0})
+
+
+INTERVAL_S = 1.0 / 30.0
+DUE_S = INTERVAL_S * np.arange(360)
+
+
+def sparse(exposures_s: np.ndarray) -> list[SourceEvent]:
+    """What is said of pictures that were exposed at these times [s]."""
+    watch = SparsePictures()
+    return [event for exposure_s in exposures_s for event in watch.saw(float(exposure_s))]
+
+
+@pytest.mark.parametrize("until", [180, 360], ids=["for 2 s", "from now on"])
+@pytest.mark.parametrize("every", [2, 3])
+def test_pictures_of_which_every_other_is_lost_are_told_within_three_and_once(until: int, every: int) -> None:
+    """Lost are the pictures from 4 s on but each second or third: a camera that halves its rate in the dark, too."""
+    k = np.arange(len(DUE_S))
+    came = DUE_S[(k < 120) | (k >= until) | ((k - 120) % every == every - 1)]
+    told = sparse(came)
+    assert kinds(told) == [EventKind.SPARSE, EventKind.RESUMED]
+    assert told[0].time_s - 4.0 <= 3 * every * INTERVAL_S
+    assert told[0].text.startswith(f"3 pictures came in the time of {6 if every == 2 else 7}: ")
+    if until == 360:
+        assert told[1].text == f"every picture comes, {30 // every} a second"
+
+
+@pytest.mark.parametrize(
+    "exposures_s",
+    [
+        np.cumsum(INTERVAL_S * (1.0 + 0.4 * np.sin(np.arange(900) / 60.0))),
+        np.cumsum(INTERVAL_S * np.linspace(1.0, 2.5, 600)),
+        np.cumsum(INTERVAL_S * (1.0 + 0.3 * np.random.default_rng(0).normal(size=900)).clip(0.1)),
+        DUE_S[np.random.default_rng(1).random(360) > 0.02],
+        DUE_S[(np.arange(360) < 120) | (np.arange(360) >= 126)],
+        # a reader that was late by four intervals, read one that waited, and was late again; then the others
+        np.maximum.accumulate(DUE_S + INTERVAL_S * np.where(np.isin(np.arange(360) % 15, (7, 9)), 4.0, 0.0))
+        + 1e-5 * np.arange(360),
+        # a queue of 60
+        np.where((np.arange(360) >= 120) & (np.arange(360) < 180), 5.9 + 1e-3 * np.arange(-120, 240), DUE_S),
+    ],
+    ids=["wanders", "slows", "trembles", "one in fifty", "one gap", "late reader", "long queue"],
+)
+def test_a_rate_that_wanders_a_gap_and_a_late_reader_are_no_lost_pictures(exposures_s: np.ndarray) -> None:
+    assert sparse(exposures_s) == []
+
+
+def test_a_pause_says_nothing_of_the_rate() -> None:
+    watch = SparsePictures()
+    for exposure_s in DUE_S[:60]:
+        assert watch.saw(exposure_s) == []
+    for exposure_s in (3.0, 4.0, 5.0, 6.0):
+        watch.began_again()
+        assert watch.saw(exposure_s) == []

@@ -111,6 +111,44 @@ def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_fram
     assert 0.0 <= found[0][0] <= 0.1
 
 
+def test_a_camera_of_which_every_other_frame_is_lost_is_reported_within_three_of_its_frames_and_once():
+    """Two seconds of 180 pictures of 1/30 s, from the fourth on: of a film that is played nobody is told."""
+    rng, fault = np.random.default_rng(1), fault_of("dropped frames")
+    times = INTERVAL_S * np.arange(240)
+    pictures = rng.integers(0, 255, (len(times), 4, 4, 3), dtype=np.uint8)
+    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(pictures, times, strict=True)]
+    told = {}
+    for is_film in (False, True):
+        frames = ScriptedFrames(fault.arrivals(given, rng))
+        frames._may_repeat = is_film
+        told[is_film] = []
+        while not frames.ended:
+            frames.next(0.1)
+            told[is_film] += [(frames.now_s - BEGAN_S - ONSET_S, str(one.kind)) for one in frames.take_events()]
+    assert [kind for _, kind in told[False]] == ["SPARSE", "RESUMED", "ENDED"]
+    assert 0.0 < told[False][0][0] <= 0.2
+    assert [kind for _, kind in told[True]] == ["ENDED"]
+
+
+@pytest.mark.parametrize(
+    ("name", "late_s"), [("blocked", 2.0), ("blocked, dated", 0.0), ("lag", 1.0), ("lag, dated", 1.0)]
+)
+def test_a_camera_that_tells_its_times_proves_after_a_pause_that_nothing_lags(name, late_s):
+    """Of pictures that nothing proves to be of now, each is dated or said to be late by as much as it may be."""
+    rng, fault = np.random.default_rng(1), fault_of(name)
+    times = INTERVAL_S * np.arange(300)
+    pictures = rng.integers(0, 255, (len(times), 4, 4, 3), dtype=np.uint8)
+    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(pictures, times, strict=True)]
+    exposed = {one.tobytes(): BEGAN_S + t for one, t in zip(pictures, times, strict=True)}
+    frames = ScriptedFrames(fault.arrivals(given, rng))
+    while not frames.ended:
+        frame = frames.next(0.1)
+        if frame is not None and frame.index > 0:
+            off_s = frame.exposure_s - exposed[frame.image.tobytes()]
+            assert -0.01 < off_s < frames.late_s + 0.01
+    assert frames.late_s == pytest.approx(late_s, abs=0.05)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["frozen in turn", "16 bit", "all covered"])
 def test_go_is_not_shown_on_a_faulty_estimate(name, tmp_path):

@@ -67,6 +67,16 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     assert found.ended == "exit 2"
 
 
+def test_of_fifty_viewers_those_beyond_are_told_so_and_the_others_see_all_go_on(tmp_path, monkeypatch, film):
+    found = judged("50 viewers", tmp_path, monkeypatch, film)
+    assert found.shown == "to those beyond: 16 clients are connected already"
+    assert found.noticed_ms is not None
+    assert found.go > 0
+    assert found.go_shown_while_faulty == 0
+    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
+    assert found.ended == "exit 0"
+
+
 def test_the_usual_port_is_the_pages():
     assert system.USUAL_PORT == PAGE_PORT
 

@@ -1,0 +1,164 @@
+"""What comes into the picture in a mark's own colour and is no mark: blood, a glove, a red cloth."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, pi
+
+import cv2
+import numpy as np
+
+from vision.arrays import Floats, Image, Picture
+from vision.detection import kernels
+from vision.detection.expected import Expected
+from vision.detection.hue import MarkHue
+from vision.detection.palette import Palette, equal, palette_of
+from vision.detection.records import Detection
+from vision.tracking.settings import FINDER, DistractorSettings
+
+SQUARE_2 = np.ones((2, 2), np.uint8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Distractor:
+    """Something that came, in the colour of marks.
+
+    hue_deg: the nominal hue of these; like: the name of the one that is nearest
+    center_px: the middle of its largest piece [px], (2,); size: what came by the area of a mark [1]
+    """
+
+    hue_deg: float
+    like: str
+    center_px: Floats
+    size: float
+
+
+@dataclass(slots=True, eq=False)
+class _Level:
+    """How much of a hue there is beside its marks [samples].
+
+    known: what was there from the start; of_late: in the last frames; told: how much more than known was told last
+    """
+
+    of_late: deque[float]
+    known: float = 0.0
+    n_seen: int = 0
+    told: float = 0.0
+
+
+class DistractorWatch:
+    """Tells once of what comes newly, or grows to twice, in the colour of a mark, and is as large as one.
+
+    Each frame is sampled, some places across a mark: that finds no mark, and costs a fraction of a search. Samples
+    count that hang together, away from marks; not of a hue of which a mark is not found, for that may be it. What is
+    there in the first frames is known; so is what a range of colours that follows its marks takes in addition.
+    State: the ranges of the frame before; by nominal hue, how much there was.
+    """
+
+    def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
+        self._settings = settings
+        self._hues: tuple[MarkHue, ...] = ()
+        self._levels: dict[float, _Level] = {}
+
+    def update(
+        self,
+        frame_bgr: Image,
+        hues: Mapping[float, MarkHue],
+        expected: Sequence[Expected],
+        found: Mapping[str, Detection],
+    ) -> tuple[Distractor, ...]:
+        """What came, as far as this frame tells.
+
+        hues: what counts as each kind of mark now, by nominal hue; expected: all marks; found: those that were, by name
+        """
+        radii = [_radius_px(one) for one in expected]
+        if not radii or None in radii:
+            return ()
+        sizes = [radius for radius in radii if radius is not None]
+        step = self._step(frame_bgr, min(sizes))
+        part = np.ascontiguousarray(frame_bgr[::step, ::step])
+        free = self._away_from_marks(part.shape[:2], step, expected, sizes, found)
+        now = tuple(hues.values())
+        counted = _counted(part, free, now)
+        before = counted if self._hues in ((), now) else _counted(part, free, self._hues)
+        self._hues = now
+        told = []
+        for k, hue_deg in enumerate(hues):
+            own = [(one, size) for one, size in zip(expected, sizes, strict=True) if one.hue_deg == hue_deg]
+            level = self._levels.setdefault(hue_deg, _Level(deque(maxlen=self._settings.stands)))
+            level.known += float(np.count_nonzero(counted[k])) - float(np.count_nonzero(before[k]))
+            if any(one.name not in found for one, _ in own):
+                level.of_late.clear()
+                continue
+            mark = pi * (min(size for _, size in own) / step) ** 2
+            if self._comes(level, float(np.count_nonzero(counted[k])), mark):
+                told.append(self._distractor(hue_deg, [one for one, _ in own], counted[k], step, level.told / mark))
+        return tuple(told)
+
+    def _step(self, frame_bgr: Image, radius_px: float) -> int:
+        """Every how many pixels one is looked at [px]."""
+        s, (height, width) = self._settings, frame_bgr.shape[:2]
+        return max(1, int(s.spacing * radius_px), ceil((height * width / s.most_samples) ** 0.5))
+
+    def _away_from_marks(
+        self,
+        shape: tuple[int, ...],
+        step: int,
+        expected: Sequence[Expected],
+        sizes: Sequence[float],
+        found: Mapping[str, Detection],
+    ) -> Picture:
+        free = np.ones(shape, np.uint8)
+        for one, size in zip(expected, sizes, strict=True):
+            center = found[one.name].center_px if one.name in found else one.center_px
+            u, v = (round(float(x) / step) for x in center)
+            if abs(u) + abs(v) < 1_000_000:  # an expectation may lie anywhere
+                cv2.circle(free, (u, v), ceil(self._settings.around * size / step), 0, -1)
+        return free
+
+    def _comes(self, level: _Level, n: float, mark: float) -> bool:
+        """Whether by this many samples something came that stands; mark: samples of one mark."""
+        s = self._settings
+        level.of_late.append(n)
+        level.n_seen += 1
+        if level.n_seen <= s.settled_frames:
+            level.known = max(level.known, n)
+            return False
+        if len(level.of_late) < s.stands:
+            return False
+        least, most = min(level.of_late), max(level.of_late)
+        if most < level.known + s.least * mark:
+            level.told = 0.0
+            level.known = most if most < level.known - s.least * mark else level.known
+        if least - level.known < max(s.least * mark, s.grows * level.told, s.wavers * level.known):
+            return False
+        level.told = least - level.known
+        return True
+
+    @staticmethod
+    def _distractor(hue_deg: float, own: Sequence[Expected], counted: Picture, step: int, size: float) -> Distractor:
+        _, _, stats, centers = cv2.connectedComponentsWithStats(counted, connectivity=8)
+        largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+        center_px = step * centers[largest]
+        like = min(own, key=lambda one: float(np.hypot(*(one.center_px - center_px))))
+        return Distractor(hue_deg, like.name, center_px, size)
+
+
+def _radius_px(one: Expected) -> float | None:
+    return None if one.outline is None else (one.outline.area_px / pi) ** 0.5
+
+
+def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
+    """Where samples of each hue hang together, 1, else 0, (h, w) uint8 each."""
+    palette: Palette = palette_of(hues)
+    classes = np.empty(part.shape[:2], np.uint8)
+    kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)
+    classes *= free
+    return [_hanging_together(equal(classes, number)) for number in range(1, len(hues) + 1)]
+
+
+def _hanging_together(samples: Picture) -> Picture:
+    """Those in a square of four; as a rule there are none at all."""
+    return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples
