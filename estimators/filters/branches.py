@@ -13,8 +13,8 @@ from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 
 ALIKE = 0.5
-"""Squared distance of two branches' means, by the sum of their covariances, below which they are one; choice, its cost
-in docs/settings.md."""
+"""Squared distance of two branches' means, by the sum of their covariances, below which they are one; choice:
+together they are then wider than each by a quarter at most."""
 
 Belief = tuple[Floats, Floats, Floats]
 """Mean (n,), covariance (n, n) and columns (n, r)."""
