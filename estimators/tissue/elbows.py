@@ -37,7 +37,7 @@ SHAPES = 16
 
 UNEXPECTED = 0.5
 """Probability of a poke from which on links that turn within an elbow may as well be in another shape [1]; choice: at
-0.1 a frame takes a fifth longer and a tenth fewer are TRACKING, errors and those that are wrong are the same."""
+0.1 a frame takes a fifth longer and a tenth fewer are TRACKING, and about as few of them are wrong."""
 
 FEW = 4
 """Branches up to which others may begin beside them, and which are few enough to say where the tissue is; choice: it
