@@ -22,7 +22,7 @@ class Status(StrEnum):
     """How far an estimate may be relied upon."""
 
     INITIALISING = "INITIALISING"
-    """No marks yet, or the first ones: where the tissue is, but not yet how it moves."""
+    """No marks yet, or the first ones: where the tissue is, but not yet how it moves, or in which of many shapes."""
     TRACKING = "TRACKING"
     """Marks were taken in with this frame."""
     COASTING = "COASTING"

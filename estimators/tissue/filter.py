@@ -15,7 +15,7 @@ from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.target import TargetMap, TargetPoint, target_map
-from estimators.tissue.elbows import branch_at_elbows, find_elbows
+from estimators.tissue.elbows import decide_at_elbows, find_elbows, may_be_otherwise
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
@@ -36,7 +36,7 @@ from estimators.tissue.prediction import (
 )
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
-from estimators.tissue.start import after_divergence, forget, mark_speeds, restart_from_marks, restart_from_shape
+from estimators.tissue.start import after_divergence, forget, restart_from_marks, restart_from_shape, start_beside
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, outliers_of, stack_marks
 
 Shares: TypeAlias = dict[str, float] | None
@@ -55,9 +55,9 @@ class TissueFilter:
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
     points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a
-    loss, `forgotten` in a gap, shapes that are `branched` into at a start where marks leave several, and `pruned` as
-    they decide; open_loop, the covariance that the paper's method would have; marks_scale, factor on the
-    marks' variances; log_likelihood, of the marks of the last update, a rejected one as if at the gate; 0 of those of a
+    loss, `forgotten` in a gap, shapes that are `branched` into where marks leave several, `beside` what is believed,
+    `pruned` and `merged` as they decide; open_loop, the covariance that the paper's method would have; marks_scale,
+    factor on the marks' variances; log_likelihood, of the last marks, a rejected one as if at the gate; 0 of those of a
     start. A call of predict, update or fix that raises leaves all of it as it was.
     """
 
@@ -265,13 +265,14 @@ class TissueFilter:
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
         least, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
-        self.mixture.prune(self.settings.least_odds)
-        branch_at_elbows(self.mixture, self.model.network, self._elbows, self.settings.gate)
+        few = decide_at_elbows(self.mixture, self.model.network, self._elbows, self.settings)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)
-        self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings, blow=blow)
+        self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings, blow=blow, few=few)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
             self._refuted(self.time_s, accepted, stacked)
+        elif self.health.status is Status.TRACKING and may_be_otherwise(self.mixture, self._elbows, self.settings):
+            start_beside((self.mixture, self.model, self.settings), accepted, stacked, (self.time_s, self._seen))
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         self.model_error.learn(accepted, self.mixture, dt, found.nis)
@@ -321,10 +322,9 @@ class TissueFilter:
         """Give up the belief that marks refuted; see `after_divergence`."""
         again = time_s - self._refuted_s <= self.settings.lost_s
         linear, self._refuted_s = self.mixture.move.linear is not None, time_s
-        speeds = mark_speeds(marks, time_s, self._seen, self.settings.leading.poke) if linear else None
         self.repairs["restarted" if again or linear else "inflated"] += 1
-        own = self.mixture, self.model, self.settings
-        after_divergence(own, marks, stacked, speeds=speeds, again=again, start_cov=self._start_cov)
+        own, then = (self.mixture, self.model, self.settings), (time_s, self._seen) if linear else None
+        after_divergence(own, marks, stacked, earlier=then, again=again, start_cov=self._start_cov)
 
     def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
         """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""

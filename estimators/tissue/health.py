@@ -34,13 +34,21 @@ class Health:
 
 
 def after_frame(
-    health: Health, time_s: float, nis: float | None, degrees: int, settings: FilterSettings, blow: float = 0.0
+    health: Health,
+    time_s: float,
+    nis: float | None,
+    degrees: int,
+    settings: FilterSettings,
+    *,
+    blow: float = 0.0,
+    few: bool = True,
 ) -> Health:
     """The health after a frame that brought marks of this NIS and so many coordinates, or none (nis None).
 
-    blow: probability that one has just struck the tissue
+    blow: probability that one has just struck the tissue; few: whether there are few shapes in which it may be
 
-    INITIALISING until marks were taken in for confirm_s: one frame shows no velocity. Then TRACKING with each frame
+    INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity, and whenever they leave many
+    shapes. Then TRACKING with each frame
     that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
     further apart than lost_s but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
     together, or ever new blows are to explain them, in any of these; the filter then starts anew, and after test_s of
@@ -59,7 +67,7 @@ def after_frame(
         return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
-    started = time_s - since_s >= settings.confirm_s
+    started = few and time_s - since_s >= settings.confirm_s
     return replace(known, status=Status.TRACKING if started else Status.INITIALISING)
 
 

@@ -18,16 +18,24 @@ from dynamics import (
     stiffness_matrix,
 )
 from estimators.arrays import Floats
+from estimators.filters.branches import branches_of, follow
 from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import TissueModel, accumulated_noise
+from estimators.tissue.elbows import find_elbows, turned_shapes
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.settings import FilterSettings
+from estimators.tissue.settings import FilterSettings, stationary
 from estimators.tissue.update import StackedMarks
 
 LONG_RUN = 50.0
 """Longest stays in a mode after which the odds are those of the long run: exp(-50) is rounding."""
+
+Earlier = tuple[float, Mapping[str, tuple[float, Floats]]]
+"""A time [s], and by node when its mark was last seen before [s] and where [m], (dim,)."""
+
+BESIDE = 0.05
+"""Odds of a start beside what is believed, by those of that [1]; choice."""
 
 SAME = 1e-3
 """Nodes that move by less than this share of the most are in the same place in two shapes."""
@@ -114,7 +122,8 @@ def restart_from_marks(
     nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
     of the marks, and so are its covariance (Joseph's form) and columns. Where the marks leave several such shapes, an
     elbow to the left or to the right, a branch follows each, at odds by its energy: exp(-E / E0), E0 that of the nodes
-    which differ at a velocity of impulse_m_s.
+    which differ at a velocity of impulse_m_s. So are the shapes to which an elbow of several stiff links turns within
+    itself, for linear motion about one of them tells nothing of the others.
     inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
     unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
     """
@@ -138,10 +147,36 @@ def restart_from_marks(
         for (_, each), one in zip(likely, kept, strict=True)
         if one
     ]
+    odds = odds[kept]
+    elbows = find_elbows(network, list(places)) if mixture.move.linear is not None else ()
+    for elbow in elbows:
+        if elbow.turns:
+            velocity, least = settings.impulse_m_s, settings.least_odds
+            beliefs, odds = turned_shapes(network, elbow, beliefs, velocity=velocity, least=least)
     if len(beliefs) == 1:
         mixture.restart(*beliefs[0])
         return
-    mixture.branch(beliefs, odds[kept])
+    mixture.branch(beliefs, odds)
+
+
+def start_beside(
+    belief: tuple[InteractingMixture, TissueModel, FilterSettings],
+    marks: Sequence[MarkMeasurement],
+    stacked: StackedMarks,
+    earlier: Earlier,
+) -> None:
+    """Follow a start from the marks, where nobody pokes, beside what is believed, at odds of `BESIDE`.
+
+    For links that turn within an elbow, once forces have to explain their marks: a wrong shape is explained so for
+    long. Of two, the one that needs less of them is the more probable, frame by frame.
+    """
+    mixture, model, settings = belief
+    before, speeds = branches_of(mixture), mark_speeds(marks, *earlier, settings.leading.poke)
+    restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds)
+    odds, calm = BESIDE * mixture.branch_odds, stationary(settings.rates)
+    anew = [branch.scaled(own * calm) for branch, own in zip(branches_of(mixture), odds, strict=True)]
+    mixture.repairs["beside"] += 1
+    follow(mixture, [*before, *anew])
 
 
 def _held(
@@ -181,18 +216,19 @@ def after_divergence(
     marks: Sequence[MarkMeasurement],
     stacked: StackedMarks,
     *,
-    speeds: tuple[Floats, Floats] | None,
+    earlier: Earlier | None,
     again: bool,
     start_cov: Floats,
 ) -> None:
     """Inflate the state by start_cov (dim_x, dim_x) after a divergence; restart from the marks after another one.
 
     The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is kept
-    but that the tissue rests as the marks hold it; of a stiff or large body, whose marks' speeds are given, always, for
+    but that the tissue rests as the marks hold it; of a stiff or large body, whose earlier marks are given, always, for
     straight lines to far marks would stretch links, and it then moves as the marks did since they were seen before.
     """
     mixture, model, settings = belief
-    if speeds is not None:
+    if earlier is not None:
+        speeds = mark_speeds(marks, *earlier, settings.leading.poke)
         unseen_s = settings.confirm_s  # it was seen a frame ago
         restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds, unseen_s=unseen_s)
     elif again:

@@ -37,6 +37,13 @@ def test_one_frame_tells_no_velocity():
     assert walked(frames)[0] == ["INITIALISING"] * 3 + ["TRACKING"] * 2
 
 
+def test_many_shapes_are_not_tracked_until_few_are_left():
+    health = tracked()
+    for k, (few, status) in enumerate([(True, "TRACKING"), (False, "INITIALISING"), (True, "TRACKING")]):
+        health = after_frame(health, 1.1 + 0.05 * k, FINE, 6, SETTINGS, few=few)
+        assert health.status.value == status
+
+
 def test_without_marks_it_coasts_then_is_lost_and_starts_again():
     """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, INITIALISING with the next."""
     frames = [(1.05, None), (2.0, None), (2.01, None), (9.0, None), (9.1, FINE), (9.21, FINE), (9.25, None)]
