@@ -35,6 +35,7 @@ from experiments.commands.prepare.new import new
 from experiments.commands.prepare.record import record
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
+from experiments.interrupts import as_interrupts
 from experiments.kernel_cache import keep_kernels
 from experiments.threads import one_thread_each
 
@@ -102,7 +103,8 @@ def main() -> None:
     one_thread_each()
     keep_kernels()
     try:
-        code = app(prog_name="softaim", standalone_mode=False)
+        with as_interrupts():
+            code = app(prog_name="softaim", standalone_mode=False)
     except typer.TyperException as fault:
         _end(one_line(fault, _words(), sys.argv[1:]), 2)
     except (typer.Abort, KeyboardInterrupt):

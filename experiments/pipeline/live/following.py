@@ -17,6 +17,7 @@ import vision
 from experiments.errors import InputError
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from experiments.interrupts import as_interrupts
 from experiments.log import LOG, SHOWN
 from experiments.pipeline.events import report_source_events
 from experiments.pipeline.frame_sources import check_size, open_source
@@ -130,7 +131,8 @@ def live(
             try:
                 if record:
                     control.record(True)
-                follow(session, frames, np.inf if duration_s is None else duration_s, attend=attend)
+                with as_interrupts():
+                    follow(session, frames, np.inf if duration_s is None else duration_s, attend=attend)
             except KeyboardInterrupt:
                 pass  # Ctrl-C is how a live run ends
             except (vision.SourceError, InputError) as error:

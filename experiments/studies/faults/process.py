@@ -25,10 +25,9 @@ from experiments.formats.tables import read_rows
 from experiments.pipeline.live.journal import JOURNAL, Act, read_journal
 from experiments.pipeline.live.session import ADVICE, ESTIMATES
 from experiments.pipeline.recorder import Recorder, join
-from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.scripted import plan_of
 from experiments.studies.faults.viewer import Viewer
-from experiments.studies.faults.world import Motion, drawn, moved, scenario_of, scene_in_view
+from experiments.studies.faults.world import Motion, drawn, scenario_of, scene_in_view, undisturbed
 from vision import Frame, SourceError
 
 FRAME_S = 0.05
@@ -68,7 +67,7 @@ def filmed(seed: int, folder: Path, duration_s: float) -> Film:
     duration_s = float(np.ceil(duration_s))
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
-    motion = moved(scenario, scene.network, lambda network: network, ONSET_S)
+    motion = undisturbed(seed, duration_s)
     rng = np.random.default_rng([seed, 7])
     film = folder / "film"
     recorder = Recorder(film, scene.cameras[0].size_px, "MJPG")

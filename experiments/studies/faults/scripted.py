@@ -32,6 +32,7 @@ from experiments.studies.faults.world import (
     pressed,
     scenario_of,
     scene_in_view,
+    undisturbed,
 )
 from vision.arrays import Image
 
@@ -192,7 +193,10 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
     pushed = None
     if needle is not None and needle.push_N:
         pushed = pressed(scene.network, plan.insertion, lambda time_s: pose(time_s).inserted_m > 0.0, needle.push_N)
-    motion = moved(scenario, scene.network, fault.becomes, ONSET_S, pushed)
+    if pushed is None and fault.becomes is _same_network:
+        motion = undisturbed(seed, duration_s)
+    else:
+        motion = moved(scenario, scene.network, fault.becomes, ONSET_S, pushed)
     frames = ScriptedFrames(_arrivals(fault, scene, motion, seed, duration_s))
     watching = Watching(frames, motion, scene.network.index(scene.target.node))
     clock = partial(getattr, frames, "now_s")

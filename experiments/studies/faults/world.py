@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -110,6 +111,13 @@ def moved(
         positions += [all_positions(body, unpack(x, body.dim)[0]) for x in states[bool(positions) :]]
         state = states[-1]
     return Motion(times, np.array(positions))
+
+
+@lru_cache(maxsize=64)
+def undisturbed(seed: int, duration_s: float) -> Motion:
+    """The phantom's motion where nothing changes it; kept, for most faults are of the same, and it takes its time."""
+    scenario = scenario_of(seed, duration_s)
+    return moved(scenario, scene_in_view(scenario).network, lambda network: network, 0.0)
 
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:

@@ -1,0 +1,71 @@
+"""Ctrl-C while a kernel is called is an interrupt, and no fault of the program."""
+
+import os
+import signal
+import sys
+import threading
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+from numba import njit
+
+from experiments.commands import app
+from experiments.formats.scenario import read_scenario
+from experiments.interrupts import as_interrupts
+from experiments.pipeline.live.following import live
+from experiments.pipeline.live.session import Session
+from experiments.simulation.simulate import simulate
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a signal to itself")
+
+
+@njit(nogil=True)
+def product(x, P):  # type: ignore[no-untyped-def]
+    return x @ P, P @ P
+
+
+def called_until_interrupted() -> None:
+    """Call a kernel again and again; Ctrl-C comes after a moment."""
+    x, P = np.zeros(10), np.eye(10)
+    product(x, P)
+    threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+    while True:
+        product(x, P)
+
+
+@POSIX
+def test_an_interrupt_of_a_kernel_is_one():
+    with pytest.raises(KeyboardInterrupt), as_interrupts():
+        called_until_interrupted()
+
+
+def test_another_fault_of_the_system_stays():
+    with pytest.raises(SystemError, match="another"), as_interrupts():
+        raise SystemError("another")
+
+
+@POSIX
+def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
+    """After five frames: what was estimated until then is told."""
+    simulate(read_scenario("webcam").model_copy(update={"duration_s": 1.0}), tmp_path / "rec")
+    takes, out = Session.take, tmp_path / "out"
+    out.mkdir()
+
+    def take(session: Session, frame, waited_s: float = 0.0) -> bool:
+        if session.counters.frames == 5:
+            called_until_interrupted()
+        return takes(session, frame, waited_s)
+
+    monkeypatch.setattr(Session, "take", take)
+    done = live(str(tmp_path / "rec"), None, lambda _scene: nullcontext(out))
+    assert (done.frames, done.fault) == (5, None)
+
+
+@POSIX
+def test_any_command_says_that_it_was_interrupted(monkeypatch, capsys):
+    monkeypatch.setattr(app, "app", lambda **_kwargs: called_until_interrupted())
+    with pytest.raises(SystemExit) as ended:
+        app.main()
+    assert ended.value.code == app.INTERRUPTED == 130
+    assert capsys.readouterr().err == "softaim: interrupted\n"
