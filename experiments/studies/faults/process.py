@@ -9,9 +9,11 @@ import select
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -62,16 +64,23 @@ class Film:
         return float(self.motion.times_s[-1]) - FRAME_S
 
 
-def filmed(seed: int, folder: Path, duration_s: float) -> Film:
-    """Film it to a folder that exists, for so many whole seconds at least."""
-    duration_s = float(np.ceil(duration_s))
+@cache
+def _films() -> tempfile.TemporaryDirectory[str]:
+    """Where films are, until the process ends."""
+    return tempfile.TemporaryDirectory(prefix="softaim-films-")
+
+
+@cache
+def filmed(seed: int, duration_s: int) -> Film:
+    """Film it for so many seconds; kept, for most faults are of the same films."""
+    folder = Path(tempfile.mkdtemp(dir=_films().name))
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
     motion = undisturbed(seed, duration_s)
     rng = np.random.default_rng([seed, 7])
     film = folder / "film"
     recorder = Recorder(film, scene.cameras[0].size_px, "MJPG")
-    for k in range(int(duration_s / FRAME_S)):
+    for k in range(round(duration_s / FRAME_S)):
         recorder.take(Frame(k, k * FRAME_S, drawn(scene, motion.at(k * FRAME_S), rng)))
     recorder.finish_piece()
     join(film)

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from typing import ClassVar
 
@@ -73,7 +74,7 @@ class SystemFault:
             raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
         onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
         lasts_s = 0.0 if np.isinf(self.lasts_s) else self.lasts_s
-        film = filmed(seed, folder, STARTS_S + onset_s + lasts_s + AFTER_S)
+        film = filmed(seed, ceil(STARTS_S + onset_s + lasts_s + AFTER_S))
         with LiveRun(film, folder) as run:
             self.before(run)
             began_s = time.monotonic()

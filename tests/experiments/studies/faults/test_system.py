@@ -27,7 +27,7 @@ SEED = 7000
 @pytest.fixture(scope="module")
 def film(tmp_path_factory):
     """One for all."""
-    return process.filmed(SEED, tmp_path_factory.mktemp("film"), system.STARTS_S + 4.0)
+    return process.filmed(SEED, round(system.STARTS_S) + 4)
 
 
 def judged(name, folder, monkeypatch, film):
@@ -128,3 +128,9 @@ def test_a_viewer_shows_stale_where_nothing_comes_and_where_what_comes_was_long_
             server.shutdown()
     assert [one.status for one in viewer.moments[:4]] == ["TRACKING", "STALE", "STALE", "STALE"]
     assert [one.advice for one in viewer.moments[:4]] == ["GO", None, None, None]
+
+
+def test_faults_are_of_the_same_film(film):
+    """Which is made once, and is gone with the process."""
+    assert process.filmed(SEED, round(system.STARTS_S) + 4) is film
+    assert film.folder.is_relative_to(process._films().name)
