@@ -225,16 +225,35 @@ def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def schmidt_update(x, P, z, H, R, columns, shared, added_share):  # type: ignore[no-untyped-def]
+def schmidt_update(x, P, z, H, R, columns, shared, added_share, told_mean, told_root):  # type: ignore[no-untyped-def]
     """`joseph_update` where errors of unit variance move the state by columns (n, r) and z by shared (m, r).
 
     K = (P H' + columns C') S^-1 with S = H P H' + C C' + R and C = H columns + shared. [bierman1977]
-    Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain.
+    Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain. At its end nis and
+    log det S once more, by errors of mean told_mean (r,), covariance told_root told_root', (r, any), and H P H' + R.
     """
     C = H @ columns + shared
     HP, HPH = measured(P, H)
     S = HPH + C @ C.T + added_share * (shared @ shared.T) + R
-    return _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T + columns @ C.T, S)
+    found = _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T + columns @ C.T, S)
+    alone = HPH + R
+    if C.shape[1] == 0:
+        return (*found, found[5], found[6], alone)
+    own = C @ told_root
+    return (*found, *_distance(z - H @ x - C @ told_mean, alone + own @ own.T), alone)
+
+
+@njit(cache=True, nogil=True)
+def _distance(y, innovation_cov):  # type: ignore[no-untyped-def]
+    """NIS y' S^-1 y and log det S of an innovation y of covariance S; not numbers where S is not positive definite."""
+    C, definite = chol_lower(0.5 * (innovation_cov + innovation_cov.T))
+    if not definite:
+        return np.nan, np.nan
+    w, log_det = np.empty(len(y)), 0.0
+    for a in range(len(y)):
+        w[a] = (y[a] - np.dot(C[a, :a], w[:a])) / C[a, a]
+        log_det += 2.0 * np.log(C[a, a])
+    return np.dot(w, w), log_det
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from math import isfinite
-from typing import NamedTuple
 
 import filterpy.kalman as filterpy
 import numpy as np
@@ -20,7 +19,6 @@ from estimators.filters.chain import ModeChain
 from estimators.filters.gaussians import corrected_each, nearest_definite
 from estimators.filters.kernels import (
     is_finite,
-    joseph_update,
     measured,
     mixed_each,
     moments_each,
@@ -30,6 +28,7 @@ from estimators.filters.kernels import (
     with_columns,
     with_outliers,
 )
+from estimators.filters.measurement import CommonErrors, Outliers
 from estimators.filters.motion import Cycle, ModeBeliefs, Move, Transition
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
 
@@ -45,17 +44,6 @@ SETTLED = 0.3
 than it is uncertain, another pass is not worth its time."""
 
 
-class Outliers(NamedTuple):
-    """What a part of a measurement, `width` coordinates that come together, may be besides what it claims to be.
-
-    variance: added to that of its noise, in the units of z squared; log_odds: log of how often that is so
-    """
-
-    width: int
-    variance: float
-    log_odds: float
-
-
 class InteractingMixture(filterpy.IMMEstimator):
     """A bank of unscented filters of one state, mixed by how well each explains the measurements.
 
@@ -69,6 +57,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     log_likelihood: of the last measurement
     added_share: see `ADDED_SHARE`
     innovation_columns: (n_modes, m, r): what the directions made of the last innovations
+    common_errors: what innovations tell of the directions: by this, not by their variances, modes are weighed
     x, P: mean and covariance of the whole mixture, what the columns add included
     trace: None, or a list to which each prediction adds its `Transition`
     cycle: the last prediction of a linearised motion that no update has followed yet, else None
@@ -96,7 +85,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.filters: list[UnscentedKalmanFilter]
         self.omega: Floats
         self.cbar: Floats
-        self.innovation_columns = self.columns
+        self.innovation_columns, self.common_errors = self.columns, CommonErrors.unknown(0)
         self.log_likelihood = 0.0
         self.repairs: Counter[str] = Counter()
         self.chain = ModeChain(mu, rates, of_state)
@@ -194,7 +183,7 @@ class InteractingMixture(filterpy.IMMEstimator):
 
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
-        self._ahead = dt
+        self._ahead, self.common_errors = dt, self.common_errors.later(dt)
         self._compute_mixing_probabilities()
         before = self.beliefs()
         xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
@@ -293,21 +282,22 @@ class InteractingMixture(filterpy.IMMEstimator):
         self._relinearise(z, H, R)
         moved = np.zeros((len(z), self.columns.shape[2])) if shared is None else shared
         innovation_columns = H @ self.columns + moved
-        updates = []
+        n, updates, logs, covs = self.considered * moved.shape[1], [], [], []
+        errors = self.common_errors.moved_by(moved[:, :n])
+        told = (errors.mean, errors.root)
         for f, columns, own in zip(self.filters, self.columns, innovation_columns, strict=True):
             R_own, log_odds, widened = R, 0.0, 0.0
             if outliers is not None:
                 R_own, log_odds, widened = with_outliers(f.x, f.P, z, H, R, own, *outliers)
-            if self.considered and columns.shape[1]:
-                found = schmidt_update(f.x, f.P, z, H, R_own, columns, moved, self.added_share)
-            else:
-                found = joseph_update(f.x, f.P, z, H, R_own)
-            *gained, nis, log_det, definite = found
+            found = schmidt_update(f.x, f.P, z, H, R_own, columns[:, :n], moved[:, :n], self.added_share, *told)
+            *gained, nis, log_det, definite, own_nis, own_log_det, cov = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
-            if not (isfinite(nis) and isfinite(log_det)):
+            if not isfinite(nis + log_det + own_nis + own_log_det):
                 raise CovarianceError(f"innovation: expected a finite likelihood, found {nis} and {log_det}")
             updates.append((*gained, nis - 2.0 * log_odds + widened, log_det - widened))
+            logs.append(log_odds - 0.5 * (own_nis + own_log_det))
+            covs.append(cov)
         # nothing changes before the update of every mode is known to succeed
         columns = np.empty_like(self.columns)
         for k, (f, (x, P, y, S, K, nis, log_det)) in enumerate(zip(self.filters, updates, strict=True)):
@@ -315,10 +305,21 @@ class InteractingMixture(filterpy.IMMEstimator):
             f._judge(nis, log_det)
             columns[k] = self.columns[k] - K @ innovation_columns[k]
         self.columns, self.innovation_columns, self.cycle = columns, innovation_columns, None
-        logs = np.array([f.log_likelihood for f in self.filters])
-        self.likelihood = np.exp(logs - logs.max())
-        self.log_likelihood = float(logs.max() + np.log(self.chain.weigh(self.likelihood)))
+        whole, own_logs = np.array([f.log_likelihood for f in self.filters]), np.array(logs)
+        self.log_likelihood = float(whole.max() + np.log(self.mu @ np.exp(whole - whole.max())))
+        if self.n_branches > 1:  # branches, which are shapes, by the whole; it is the forces of modes that errors mimic
+            own_logs += self._of_branches(whole) - self._of_branches(own_logs)
+        self.likelihood = np.exp(own_logs - own_logs.max())
+        self.chain.weigh(self.likelihood)
+        self.common_errors = errors.told([f.y for f in self.filters], covs, innovation_columns[:, :, :n], self.mu)
         self._compute_state_estimate()
+
+    def _of_branches(self, logs: Floats) -> Floats:
+        """Of log likelihoods by all modes, (n_branches n_modes,), that by the branch of each."""
+        own, odds = logs.reshape(self.n_branches, -1), self.mu.reshape(self.n_branches, -1)
+        most = own.max(axis=1)
+        found = most + np.log((odds * np.exp(own - most[:, None])).sum(axis=1) / odds.sum(axis=1))
+        return np.repeat(found, own.shape[1])
 
     def correct(self, z: Floats, H: Floats, R: Floats, *, factor: float) -> None:
         """Take in z = H x + noise as `update_linear` does, but for odds and likelihoods, which stay as they are.

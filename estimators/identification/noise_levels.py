@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -115,9 +116,20 @@ class _Passes:
         """The same where springs may be off by so much."""
         return replace(self, settings=replace(self.settings, strain_sd=strain_sd))
 
-    def by_strain(self, strain_sd: float) -> float:
-        """Of the levels before, where springs may be off by so much."""
-        return self.with_strain(strain_sd)(np.zeros(len(self.start)))
+    def by_strain(self, strain_sd: float, logs: Floats) -> float:
+        """Of these levels, where springs may be off by so much."""
+        return self.with_strain(strain_sd)(logs)
+
+    def likeliest(self, logs: Floats, likelihood: float, workers: Workers) -> tuple[_Passes, float]:
+        """With the likeliest of `STRAINS` and the present strain, by these levels; its likelihood.
+
+        likelihood: of the present strain, by these levels
+        """
+        found = {self.settings.strain_sd: likelihood}
+        others = [strain for strain in STRAINS if strain not in found]
+        found |= zip(others, workers(partial(self.by_strain, logs=logs), others), strict=True)
+        best = max(found, key=lambda strain: found[strain])
+        return self.with_strain(best), found[best]
 
 
 class _Cost:
@@ -219,11 +231,7 @@ def tune_noise(
         run = replace(run, frames=used)
         likelihood_before = likelihood = run(none)
         if stiff:
-            found = {before.strain_sd: likelihood_before}
-            others = [strain for strain in STRAINS if strain not in found]
-            found |= zip(others, workers(run.by_strain, others), strict=True)
-            likeliest = max(STRAINS, key=lambda strain: found[strain])
-            run, likelihood = run.with_strain(likeliest), found[likeliest]
+            run, likelihood = run.likeliest(none, likelihood_before, workers)
         cost = _Cost(run, progress, workers=workers, known={_key(none): likelihood})
         some = liveliest(used, int(PART * len(used)))
         of_part = None
@@ -239,6 +247,8 @@ def tune_noise(
     log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
     try:
         log_sd = _search(cost, of_part, TOLERANCE_OF_STIFF if stiff else TOLERANCE)
+        if stiff:  # once more, for by levels that are too low the springs explain what forces do
+            run, _ = run.likeliest(cost.best, run(cost.best), workers)
     except OutOfTimeError:
         finished = False
     values = start * np.exp(cost.best)

@@ -10,6 +10,7 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from estimators.arrays import Floats
+from estimators.filters.measurement import CommonErrors
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import Cycle
 from estimators.tissue.gate import Outlying
@@ -25,6 +26,7 @@ class MixtureState:
     odds: of the states of the chain in each branch, (n_branches n_states,)
     mean, cov: of the whole mixture, (n,), (n, n); repairs: counts of numerical repairs
     cycle: the prediction that no update has followed yet, of a linearised motion
+    common_errors: what innovations told of the columns' directions
     """
 
     moments: tuple[tuple[Floats, Floats], ...]
@@ -34,6 +36,7 @@ class MixtureState:
     cov: Floats
     repairs: Counter[str]
     cycle: Cycle | None
+    common_errors: CommonErrors
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +72,14 @@ def mixture_state(mixture: InteractingMixture) -> MixtureState:
     """The state of a mixture, for `restore_mixture`; arrays are shared, for updates replace and never write them."""
     moments = tuple((f.x, f.P) for f in mixture.filters)
     return MixtureState(
-        moments, mixture.columns, mixture.chain.odds, mixture.x, mixture.P, mixture.repairs.copy(), mixture.cycle
+        moments,
+        mixture.columns,
+        mixture.chain.odds,
+        mixture.x,
+        mixture.P,
+        mixture.repairs.copy(),
+        mixture.cycle,
+        mixture.common_errors,
     )
 
 
@@ -80,6 +90,7 @@ def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
         f.x, f.P = x, P
     mixture.columns, mixture.x, mixture.P = state.columns, state.mean, state.cov
     mixture.repairs, mixture.cycle = state.repairs.copy(), state.cycle
+    mixture.common_errors = state.common_errors
 
 
 class Restorable(Protocol):

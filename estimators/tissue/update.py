@@ -10,7 +10,8 @@ import numpy as np
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.filters.kernels import block_contributions, inverse_nis_gain
-from estimators.filters.mixture import InteractingMixture, Outliers
+from estimators.filters.measurement import Outliers
+from estimators.filters.mixture import InteractingMixture
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import MarkMeasurement

@@ -113,6 +113,27 @@ def test_a_measurement_decides_between_branches_by_their_likelihoods():
     np.testing.assert_allclose(made.branch_odds, expected / expected.sum(), rtol=1e-12)
 
 
+def test_branches_are_weighed_with_what_is_considered_and_their_modes_without():
+    """Shapes err as constants do, forces of modes must not hide in them. Bayes' rule twice, by SciPy. Rounding."""
+    made, z = branched(LEFT, RIGHT, odds=[0.8, 0.2]), np.array([1.5])
+    for f, x in zip(made.filters, ([-1.0, 0.2], [-0.2, 0.1], [2.0, -0.1], [1.0, 0.3]), strict=True):
+        f.x = np.array(x)
+    whole, alone = (
+        np.array(
+            [
+                multivariate_normal(H @ f.x, H @ (f.P + share * columns @ columns.T) @ H.T + R).pdf(z)
+                for f, columns in zip(made.filters, made.columns, strict=True)
+            ]
+        ).reshape(2, 2)
+        for share in (1.0, 0.0)
+    )
+    made.update_linear(z, H, R)
+    branch = np.array([0.8, 0.2]) * (whole @ MU)
+    mode = MU * alone / (alone @ MU)[:, None]
+    np.testing.assert_allclose(made.branch_odds, branch / branch.sum(), rtol=1e-12)
+    np.testing.assert_allclose(made.mu.reshape(2, 2) / made.branch_odds[:, None], mode, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("odds", "least", "kept"),
     [
@@ -176,18 +197,19 @@ COMMON = np.array([[0.4, -0.7]])
 
 
 @pytest.mark.parametrize("considered", [True, False])
-@pytest.mark.parametrize("shared", [None, COMMON])
+@pytest.mark.parametrize("shared", [None, COMMON, np.array([[0.4, 0.0]])])
 def test_a_measurement_moves_columns_as_schmidts_filter_does(considered, shared):
     """Errors of each mode x - K y, so that columns become C - K (H C + F), P as Joseph's form has it for any gain.
 
     The gain is that of the joint covariance of state and innovation, where the columns are considered, errors common to
-    all measurements counted twice, once as new ones (added_share 1); else Kalman's. By NumPy's inverse, to rounding.
+    all measurements counted twice, once as new ones (added_share 1); else Kalman's. Modes are weighed as if errors that
+    do not move the measurement itself were known. By NumPy's inverse, to rounding.
     """
     made, z = mixture(), np.array([0.8])
     assert made.columns.shape == (2, 2, 1)
     assert (made.considered, made.added_share) == (True, 1.0)
     made.columns, made.considered = ERRORS.copy(), considered
-    prior, densities = np.array([[0.1, 0.2], [0.3, -0.4]]), []
+    prior, densities, known = np.array([[0.1, 0.2], [0.3, -0.4]]), [], []
     for f, x in zip(made.filters, prior, strict=True):
         f.x = x
     F_b = np.zeros((1, 2)) if shared is None else shared
@@ -202,8 +224,10 @@ def test_a_measurement_moves_columns_as_schmidts_filter_does(considered, shared)
         np.testing.assert_allclose(f.P, kept @ kept.T + K @ R @ K.T, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(columns, C - K @ (H @ C + F_b), rtol=1e-12, atol=1e-15)
         densities.append(multivariate_normal(H @ x, S).pdf(z))
+        own = moved * (F_b != 0.0)
+        known.append(multivariate_normal(H @ x, H @ H.T + own @ own.T + R).pdf(z))
     assert made.log_likelihood == pytest.approx(np.log(MU @ densities), rel=1e-12)
-    np.testing.assert_allclose(made.mu, MU * densities / (MU @ densities), rtol=1e-12)
+    np.testing.assert_allclose(made.mu, MU * known / (MU @ known), rtol=1e-12)
     np.testing.assert_allclose(made.innovation_columns, H @ ERRORS + F_b, rtol=1e-14)
 
 

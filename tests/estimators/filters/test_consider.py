@@ -236,7 +236,8 @@ def test_the_update_takes_its_gain_from_the_total():
     (x, *_), (P, *_), (C, *_) = beliefs(rng)
     G, noise, z = rng.normal(size=(2, 4)), np.diag([0.3, 0.7]), rng.normal(size=2)
     T = with_columns(P, C)
-    found = schmidt_update(x, P, z, G, noise, C, np.zeros((2, C.shape[1])), 1.0)
+    r = C.shape[1]
+    found = schmidt_update(x, P, z, G, noise, C, np.zeros((2, r)), 1.0, np.zeros(r), np.zeros((r, 0)))
     S = G @ T @ G.T + noise
     K = T @ G.T @ np.linalg.inv(S)
     keep = np.eye(4) - K @ G

@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from estimators import InteractingMixture, UnscentedKalmanFilter
 from estimators.filters.kernels import with_outliers
-from estimators.filters.mixture import Outliers
+from estimators.filters.measurement import Outliers
 
 X, P = np.zeros(4), np.diag([4.0, 1.0, 2.0, 0.5]) + 0.1
 H, R = np.eye(4), 0.1 * np.eye(4) + 0.01

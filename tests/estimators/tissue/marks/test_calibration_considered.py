@@ -18,6 +18,7 @@ from estimators import (
     mean_bounds,
     predict_fast,
 )
+from estimators.filters import measurement
 from estimators.filters.motion import Move
 from estimators.tissue.gate import squared_distance
 from estimators.tissue.update import stack_marks
@@ -199,7 +200,7 @@ def test_paths_by_tables_know_of_the_calibration(phantom, rest_state, driven, po
     own, sigma = (np.sqrt(np.trace(each, axis1=1, axis2=2)) for each in (covs, exact))
     np.testing.assert_allclose(own / sigma, 1.0, rtol=0, atol=0.1)
     beliefs = tissue.mixture.beliefs()
-    assert np.trace(tissue.target.cov(np.einsum("k,kij->ij", beliefs.mu, beliefs.covs))) < 0.9 * np.trace(covs[0])
+    assert np.trace(tissue.target.cov(np.einsum("k,kij->ij", beliefs.mu, beliefs.covs))) < 0.95 * np.trace(covs[0])
 
 
 def test_a_mark_is_looked_for_where_the_calibration_has_it(phantom, rest_state, driven, poke_forces, marks_of):
@@ -267,3 +268,33 @@ def test_withheld_marks_are_judged_with_it(phantom, rest_state, driven, poke_for
     total = mixture.P[place, place] - columns @ columns.T + together @ together.T + mark.cov
     y = mark.position - mixture.x[place]
     assert checks.checks["M1"].nees == pytest.approx(y @ np.linalg.solve(total, y), rel=1e-9)
+
+
+def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state, driven, poke_forces, marks_of, monkeypatch):
+    """4 s unpoked, marks to 4 mm, the camera off in scale by 3 % and in place by 3 mm an axis.
+
+    Where each frame could have an error of its own a poke is five times as probable, the target half as far off again.
+    """
+    states = driven(phantom, rest_state, poke_forces(phantom, 4.0, np.random.default_rng(3), poked=False))
+    place, about = phantom.coordinates(HIDDEN), phantom.positions.mean(axis=0)
+
+    def followed() -> tuple[float, float]:
+        """Mean probability of a poke, mean error of the target [m]."""
+        tissue, rng = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=3), np.random.default_rng(4)
+        poked, errors = [], []
+        for k, state in enumerate(states[::4]):
+            tissue.predict(k / 30.0)
+            seen = []
+            for mark in marks_of(phantom, state, 4e-3, rng):
+                shared = np.column_stack([0.02 * (mark.position - about), 2e-3 * np.eye(2)])
+                seen.append(replace(mark, position=mark.position + shared @ [1.5, 1.5, 1.5], shared=shared))
+            estimate = tissue.update(seen)
+            poked.append(estimate.poked)
+            errors.append(np.linalg.norm(estimate.mean - state[place]))
+        return float(np.mean(poked)), float(np.mean(errors))
+
+    poked, error = followed()
+    monkeypatch.setattr(measurement, "REMEMBERED_S", 1e-6)
+    poked_anew, error_anew = followed()
+    assert poked < 0.2 * poked_anew
+    assert error < 0.7 * error_anew
