@@ -27,7 +27,7 @@ class DoubtSettings:
 
     away_s: float = 0.2
     improbable: float = 1e-4
-    unbalanced: float = 1e-6
+    unbalanced: float = 1e-4
 
 
 DOUBT = DoubtSettings()
