@@ -3,29 +3,11 @@
 import numpy as np
 import pytest
 
-from dynamics import MassSpringNetwork
 from estimators.process.mechanism import angle_between, turned, turnings
+from tests.estimators.tissue.test_turning_elbows import LENGTHS, links
 
-LENGTHS = np.array([0.09, 0.07, 0.08])
 END = np.array([0.06, -0.12])
 ROWS = np.arange(4)
-
-
-def chain() -> MassSpringNetwork:
-    """Two joints and an end that hang from an anchor."""
-    return MassSpringNetwork(
-        names=("anchor", "first", "second", "end"),
-        positions=np.column_stack([np.zeros(4), np.r_[0.0, -np.cumsum(LENGTHS)]]),
-        masses=np.array([1.0, 0.03, 0.012, 0.02]),
-        fixed=np.arange(4) == 0,
-        drag=np.zeros(4),
-        friction=np.zeros(4),
-        springs=np.array([[0, 1], [1, 2], [2, 3]]),
-        stiffness=np.full(3, 2000.0),
-        rest_lengths=LENGTHS,
-        damping=np.full(3, 0.5),
-        gravity=np.array([0.0, -9.81]),
-    )
 
 
 def shape(angle: float) -> np.ndarray:
@@ -56,7 +38,7 @@ def link_angles(place: np.ndarray) -> np.ndarray:
 def test_the_only_way_to_turn_is_that_of_the_linkage():
     """By differences of the closed form, its fastest link by 1 rad: 1e-7, their error."""
     e, x = 1e-5, state(0.4)
-    (way,) = turnings(chain(), ROWS, x)
+    (way,) = turnings(links(), ROWS, x)
     expected = (state(0.4 + e) - state(0.4 - e))[:6]
     rates = link_angles(state(0.4 + e)[:6]) - link_angles(state(0.4 - e)[:6])
     expected = expected / np.abs(rates).max()
@@ -70,7 +52,7 @@ def test_a_belief_goes_round_the_linkage(angle):
 
     To 10 % of the angle, for steps of 0.1 rad go straight on; to 0.05 mm, and 1 % of speed and spread.
     """
-    network, x = chain(), state(0.4, 2.0)
+    network, x = links(), state(0.4, 2.0)
     (way,) = turnings(network, ROWS, x)
     columns = way[:, None]
     mean, cov, moved = turned(network, ROWS, (x, 1e-4 * columns @ columns.T, columns), angle * way)
@@ -89,7 +71,7 @@ def test_a_belief_goes_round_the_linkage(angle):
 
 def test_there_and_back_is_where_it_was():
     """To the error of the length of its steps, 1 of 26 mm."""
-    network, x = chain(), state(0.4, 2.0)
+    network, x = links(), state(0.4, 2.0)
     (way,) = turnings(network, ROWS, x)
     there, cov, columns = turned(network, ROWS, (x, np.eye(12), np.eye(12)), 0.3 * way)
     (back,) = turnings(network, ROWS, there)
@@ -107,7 +89,7 @@ def lengths_and_rates(x: np.ndarray) -> np.ndarray:
 
 def test_what_is_known_of_lengths_and_rates_turns_along():
     """Of errors in any direction, by central differences: to 1 %, for ends are let move a little to stay solvable."""
-    network, x, e = chain(), state(0.4, 2.0), 1e-5
+    network, x, e = links(), state(0.4, 2.0), 1e-5
     (way,) = turnings(network, ROWS, x)
     columns = np.random.default_rng(0).normal(size=(12, 12))
     mean, _, moved = turned(network, ROWS, (x, np.eye(12), columns), 0.3 * way)
