@@ -142,7 +142,7 @@ def test_a_body_of_a_millimetre_has_marks_and_a_camera(tmp_path) -> None:
         (PLANE, "from,to\nC,C\n", "springs.csv: row 2: to: expected another node than in from, found"),
         (PLANE, "from,to\nA,C\nC,A\n", "springs.csv: row 3: to: expected each pair once, found"),
         (PLANE, "from,to\nA,C\n", 'springs.csv: node "D": expected at least one spring, found none'),
-        (PLANE.replace("0.005", "5.0"), None, "nodes.csv: rest_length A-C: expected to rest"),
+        (PLANE.replace("60,0.005,,0,", "60,5.0,,0,"), None, "nodes.csv: rest_length A-C: expected to rest"),
         (PLANE, "from,to\n", "springs.csv: expected a row for each spring, found none"),
         (PLANE, "from,to,stiffness_N_m\nA,C,0\n", "springs.csv: row 2: stiffness_N_m: expected more than 0, found 0"),
         (
