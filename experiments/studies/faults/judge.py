@@ -63,7 +63,7 @@ class Moment:
         """What was shown of the fault, empty for nothing."""
         if self.well:
             return self.told
-        what = "ABORT" if self.advice == "ABORT" else self.status
+        what = self.advice if self.advice in ("ABORT", "REALIGN") else self.status
         return f"{what}: {self.why}" if self.why else what
 
 

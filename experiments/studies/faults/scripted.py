@@ -140,8 +140,8 @@ class Watching(Publisher):
         measured = len(line.scene.measured_nodes)
         lacking = shown.step is not None and (estimate.marks_used < measured or bool(shown.step.refused))
         why = shown.fault or ("marks lost or refused" if lacking else "")
-        aborts = guidance is not None and guidance.advice is Advice.ABORT
-        if guidance is not None and aborts:
+        inside = self.needle is not None and self.needle.inserted_m > 0.0
+        if guidance is not None and (guidance.advice is Advice.ABORT or (inside and guidance.advice is Advice.REALIGN)):
             why = guidance.reason
         cov = estimate.cov
         sight = None if shown.step is None else shown.step.sight

@@ -190,6 +190,15 @@ def test_what_the_loop_is_told_and_its_filter_may_fail(name, shown, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_needle_that_bends_towards_the_line_is_told_to_realign_before_it_is_told_to_stop(tmp_path):
+    """In this run a hit is a quarter to a half as probable for the first six frames: no GO, and not yet ABORT."""
+    found = fault_of("needle bent").judged(8509, tmp_path, duration_s=7.0)
+    assert found.noticed_ms is not None
+    assert found.noticed_ms <= 200.0
+    assert found.go_shown_while_faulty == 0
+
+
+@pytest.mark.slow
 def test_a_run_is_a_row_of_the_study():
     row = run({"fault": "black", "seed": SEED})
     assert row["go_shown_while_faulty"] == 0
