@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
 from math import isfinite
 
 import filterpy.kalman as filterpy
@@ -17,9 +16,9 @@ import numpy as np
 from estimators.arrays import Floats
 from estimators.filters.chain import ModeChain
 from estimators.filters.gaussians import corrected_each, nearest_definite
+from estimators.filters.iterated import IteratedStart
 from estimators.filters.kernels import (
     is_finite,
-    measured,
     mixed_each,
     moments_each,
     regressions,
@@ -38,10 +37,6 @@ NARROW = 0.05
 ADDED_SHARE = 1.0
 """Share of the variance of z's common errors that gains add as independent; choice, its cost in docs/settings.md.
 Schmidt's gain, 0, is the best of one update, but the next ones have the same error: it relies on them too much."""
-
-SETTLED = 0.3
-"""Standard deviations by which a start may still move for its linearisation to hold; numerical: where it moves by less
-than it is uncertain, another pass is not worth its time."""
 
 
 class InteractingMixture(filterpy.IMMEstimator):
@@ -189,7 +184,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
         if self.move.linear is not None:
             self.chain.odds = self._odds_ahead
-            self._arrive(Cycle(xs, Ps, columns, *self.move.linear(len(xs), dt), about=xs))
+            motion, passes = self.move.linear(len(xs), dt)
+            self._arrive(Cycle(xs, Ps, columns, motion, passes, xs, motion(xs)))
             return
         Qs = np.array([f.Q for f in self.filters])
         n = max(1, int(np.ceil(dt / longest_s - 1e-9)))
@@ -212,7 +208,7 @@ class InteractingMixture(filterpy.IMMEstimator):
 
     def _arrive(self, cycle: Cycle) -> None:
         """Move what a cycle began with to its end, by the motion linearised about `cycle.about`."""
-        found = cycle.motion(cycle.about)
+        found = cycle.found
         xs = found.ends + np.einsum("kij,kj->ki", found.F, cycle.means - cycle.about)
         Ps = found.predicted(cycle.covs)
         self.columns = found.F @ cycle.columns + found.added
@@ -221,31 +217,20 @@ class InteractingMixture(filterpy.IMMEstimator):
         beliefs = ModeBeliefs(self.mu, xs, Ps)
         if self.trace is not None:
             self.trace.append(Transition(self.omega, cycle.means, cycle.covs, found.F, beliefs))
-        self.cycle = replace(cycle, F=found.F, straight=found.straight)
+        self.cycle = cycle
         self._compute_state_estimate(beliefs)
 
     def _relinearise(self, z: Floats, H: Floats, R: Floats) -> None:
         """Repeat the last prediction about the states at its start that z makes the most probable.
 
-        A prediction and an update by Gauss-Newton steps together, for links that turn far within a cycle: about the
-        state before z the motion is that of another shape. Source: [jazwinski1970].
+        For links that turn far within a cycle: about the state before z the motion is that of another shape.
         """
-        while (cycle := self.cycle) is not None and cycle.passes > 1:
-            about, settled = np.empty_like(cycle.means), True
-            for k, (f, mean, P, F) in enumerate(zip(self.filters, cycle.means, cycle.covs, cycle.F, strict=True)):
-                C = self.considered * (H @ self.columns[k])
-                S, cross = measured(f.P, H)[1] + C @ C.T + R, P @ F.T @ H.T + cycle.columns[k] @ C.T
-                about[k] = mean + cross @ np.linalg.solve(S, z - H @ f.x)
-                change = about[k] - cycle.about[k]
-                settled = settled and (
-                    bool((change**2 <= SETTLED**2 * np.maximum(np.diag(P), 0.0)).all())
-                    or bool((np.abs(F @ change) <= cycle.straight).all())
-                )
-            if settled or not np.isfinite(about).all():
-                return
+        if self.cycle is None or self.cycle.passes < 2:
+            return
+        if (found := IteratedStart(self.cycle, z, H, R, considered=self.considered).found()) is not None:
             if self.trace:
                 self.trace.pop()
-            self._arrive(replace(cycle, about=about, passes=cycle.passes - 1))
+            self._arrive(found)
 
     def _moved(self, xs: Floats, Ps: Floats, dt: float) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
         """Sigma points of each mode before and after a step, and their weights; narrow where they must be."""

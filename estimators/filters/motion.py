@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,12 @@ class LinearMotion:
     n_coupled: int
     straight: Floats
 
+    def chosen(self, other: LinearMotion, better: NDArray[np.bool_]) -> LinearMotion:
+        """The motion of the modes where the other is better, (k,), by the other; of the rest by this."""
+        pairs = (self.ends, other.ends), (self.F, other.F), (self.Q, other.Q), (self.added, other.added)
+        ends, F, Q, added = (np.where(better.reshape(-1, *[1] * (own.ndim - 1)), new, own) for own, new in pairs)
+        return LinearMotion(ends, F, Q, added, self.n_coupled, self.straight)
+
     def predicted(self, covs: Floats) -> Floats:
         """F P F' + Q of covariances P, (k, n, n), symmetric to the last bit."""
         t, Ps = self.n_coupled, np.empty_like(covs)
@@ -46,7 +52,7 @@ class Cycle:
     """The last prediction of a linearised motion, kept for the update that follows.
 
     means, covs, columns: of each mode at its start; motion(about (k, n)): the motion linearised there
-    passes: how often at most it may be linearised; about: where it was last; F, straight: as they were found there
+    passes: how often at most it may be linearised; about: where it was last; found: the motion there
     """
 
     means: Floats
@@ -55,8 +61,7 @@ class Cycle:
     motion: Callable[[Floats], LinearMotion]
     passes: int
     about: Floats
-    F: Floats = field(default_factory=lambda: np.empty((0, 0, 0)))
-    straight: Floats = field(default_factory=lambda: np.empty(0))
+    found: LinearMotion
 
 
 @dataclass(frozen=True, slots=True, eq=False)

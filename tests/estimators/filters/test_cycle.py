@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from estimators.filters.mixture import SETTLED, InteractingMixture
+from estimators.filters.iterated import SETTLED
+from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
 from estimators.filters.unscented import UnscentedKalmanFilter
 
@@ -93,6 +94,32 @@ def test_an_update_is_the_most_probable_path_where_the_motion_bends():
     end = turning(best[None]).ends[0, 0]
     assert found[20] == pytest.approx(end, abs=0.01)
     assert abs(found[1] - end) > 0.05
+
+
+def saturating(about):
+    """A place whose end is five times the arc tangent of twice the start, and a rate that stays; no noise."""
+    k, place = len(about), about[:, 0]
+    ends = np.column_stack([5.0 * np.arctan(2.0 * place), about[:, 1]])
+    tangent = np.tile(np.eye(2), (k, 1, 1))
+    tangent[:, 0, 0] = 10.0 / (1.0 + 4.0 * place**2)
+    return LinearMotion(ends, tangent, np.tile(1e-6 * np.eye(2), (k, 1, 1)), np.zeros((k, 2, 0)), 2, np.zeros(2))
+
+
+@pytest.mark.parametrize("direction", [0.0, 3.0, 8.0])
+def test_a_step_that_makes_the_marks_less_probable_is_shortened(direction):
+    """Against a search over starts: from 2 on, whole steps of Gauss-Newton go ever further, to both sides in turn.
+
+    direction: of an error that is considered, by its standard deviation, along the place
+    """
+    mean, z, noise = 2.0, 0.5, 0.25
+    mixture = mixture_of(lambda about: replace(saturating(about), added=np.zeros((2, 2, 1))), passes=30)
+    mixture.restart(np.array([mean, 0.0]), np.diag([4.0, 1.0]), np.array([[direction], [0.0]]))
+    mixture.predict(DT)
+    mixture.update_linear(np.array([z]), H, np.array([[noise]]))
+    places = np.linspace(-1.0, 3.0, 400_001)
+    costs = (places - mean) ** 2 / (4.0 + direction**2) + (5.0 * np.arctan(2.0 * places) - z) ** 2 / (noise + 1e-6)
+    best = places[np.argmin(costs)]
+    assert mixture.x[0] == pytest.approx(5.0 * np.arctan(2.0 * best), abs=4e-3)
 
 
 def test_only_the_update_after_a_prediction_repeats_it():
