@@ -96,22 +96,28 @@ def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
     assert variances[1] <= 0.0917**2 / 2.0
 
 
-@pytest.mark.parametrize(("strain_sd", "off_mm"), [(0.0, 2.0), (0.01, 3.0)])
-def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_sd, off_mm):
-    """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 2 mm of the joint.
+@pytest.mark.parametrize("strain_sd", [0.0, 0.01])
+def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_sd):
+    """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 4 mm of the joint.
 
-    What is left of a mark's noise at the joint is below that of the mark; 1,400 mm with the growth. Where lengths may
-    be off by 1 %, 0.9 mm, marks weigh less.
+    Root mean square of twelve runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by what a mark
+    is off, along the links, and across them by little more: the covariance says so, 2 being its share of an error.
     """
-    rest, rng = rest_shape(two_links), np.random.default_rng(0)
-    tissue = TissueFilter(two_links, "joint", ["end"], FilterSettings(strain_sd=strain_sd))
-    for k in range(60):
-        tissue.predict(k / 100.0)
-        noise = np.array([0.0, 0.5e-3]) if k == 0 else rng.normal(0.0, 0.5e-3, 2)
-        estimate = tissue.update([MarkMeasurement("end", rest[2] + noise, 0.5e-3**2 * np.eye(2))])
-        assert np.linalg.norm(estimate.mean - rest[1]) < 0.02
-    assert np.linalg.norm(estimate.mean - rest[1]) < 1e-3 * off_mm
-    assert estimate.status is Status.TRACKING
+    rest, squares, shares = rest_shape(two_links), [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        tissue = TissueFilter(two_links, "joint", ["end"], FilterSettings(strain_sd=strain_sd))
+        for k in range(60):
+            tissue.predict(k / 100.0)
+            noise = np.array([0.0, 0.5e-3]) if k == 0 else rng.normal(0.0, 0.5e-3, 2)
+            estimate = tissue.update([MarkMeasurement("end", rest[2] + noise, 0.5e-3**2 * np.eye(2))])
+            off = estimate.mean - rest[1]
+            assert np.linalg.norm(off) < 0.04
+        squares.append(off @ off)
+        shares.append(off @ np.linalg.solve(estimate.cov, off))
+        assert estimate.status is Status.TRACKING
+    assert np.sqrt(np.mean(squares)) < 4e-3
+    assert np.mean(shares) < mean_bounds(2, 12, 0.999)[1]
 
 
 def test_a_mark_far_off_at_the_start_moves_the_target_no_further(phantom, rest_state, marks_of, hidden):
