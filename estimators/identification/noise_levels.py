@@ -157,6 +157,11 @@ class _Cost:
     def __call__(self, logs: Floats) -> float:
         return self.each([logs])[0]
 
+    @property
+    def likelihood(self) -> float:
+        """Log likelihood of the levels of the least cost."""
+        return prior_cost(self.best) - self.least
+
     def each(self, places: Sequence[Floats]) -> list[float]:
         """Of several levels. Raises OutOfPassesError after those for which passes are left."""
         new = [logs for logs in places if _key(logs) not in self._known]
@@ -247,10 +252,11 @@ def tune_noise(
     log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
     try:
         log_sd = _search(cost, of_part, TOLERANCE_OF_STIFF if stiff else TOLERANCE)
+        likelihood = cost.likelihood
         if stiff:  # once more, for by levels that are too low the springs explain what forces do
-            run, _ = run.likeliest(cost.best, run(cost.best), workers)
+            run, likelihood = run.likeliest(cost.best, likelihood, workers)
     except OutOfTimeError:
-        finished = False
+        likelihood, finished = cost.likelihood, False
     values = start * np.exp(cost.best)
     advance(1.0)
     return TuningResult(
@@ -259,7 +265,7 @@ def tune_noise(
         NAMES,
         values,
         log_sd,
-        prior_cost(cost.best) - cost.least,
+        likelihood,
         likelihood_before,
         len(used),
         finished and len(used) == len(frames),
