@@ -21,7 +21,7 @@ from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
-RESTARTS = ("restarted", "inflated", "forgotten", "branched", "pruned")
+RESTARTS = ("restarted", "inflated", "forgotten", "branched", "beside", "merged", "pruned")
 """Repairs of a filter across which nothing is known backwards."""
 
 CERTAIN = 1.0 - 1e-12
@@ -74,10 +74,10 @@ class ForwardPass:
         mixture.trace = []
         try:
             self.tissue.predict(time_s)
+            estimate = update()
             cycles = tuple(mixture.trace)
         finally:
             mixture.trace = None
-        estimate = update()
         restarts = sum(self.tissue.repairs[kind] for kind in RESTARTS)
         restarted = first or restarts != self._restarts
         self._restarts = restarts

@@ -36,7 +36,7 @@ SHAPES = 16
 """Shapes of an elbow that are followed at most; choice: each costs as much as a filter of its own."""
 
 UNEXPECTED = 0.5
-"""Probability of a poke from which on links that turn within an elbow may as well be in another shape [1]; choice: at
+"""Probability of a poke from which on links about an elbow may as well be in another shape [1]; choice: at
 0.1 a frame takes a fifth longer and a tenth fewer are TRACKING, and about as few of them are wrong."""
 
 FEW = 4
@@ -152,11 +152,24 @@ def decide_at_elbows(
     return mixture.n_branches <= FEW
 
 
-def may_be_otherwise(mixture: InteractingMixture, elbows: Sequence[Elbow], settings: FilterSettings) -> bool:
-    """Whether forces that nobody expects explain the marks of links which turn within an elbow, and few branches do."""
-    if mixture.n_branches > FEW or not any(elbow.turns for elbow in elbows) or mixture.move.linear is None:
+def may_turn(mixture: InteractingMixture, network: MassSpringNetwork, elbows: Sequence[Elbow], gate: float) -> bool:
+    """Whether an elbow may be on its other side by the next marks, up to this squared distance; as predicted."""
+    if mixture.n_branches > 1 or mixture.move.linear is None:
         return False
-    return settings.poked_share(mixture.mu) > UNEXPECTED
+    return any(mirror_at(network, elbow, mixture.x, mixture.P).squared_distance < gate for elbow in elbows)
+
+
+def may_be_otherwise(
+    mixture: InteractingMixture, elbows: Sequence[Elbow], settings: FilterSettings, *, over: bool = False
+) -> bool:
+    """Whether links about an elbow may be in another shape than any of the few that are followed.
+
+    As where forces that nobody expects explain their marks, or where it may have turned `over` since the frame before
+    and is followed on one side.
+    """
+    if mixture.n_branches > FEW or not elbows or mixture.move.linear is None:
+        return False
+    return (over and mixture.n_branches == 1) or settings.poked_share(mixture.mu) > UNEXPECTED
 
 
 def _is_barred(network: MassSpringNetwork, mean: Floats, other: Floats) -> bool:

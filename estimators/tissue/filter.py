@@ -15,7 +15,7 @@ from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.target import TargetMap, TargetPoint, target_map
-from estimators.tissue.elbows import decide_at_elbows, find_elbows, may_be_otherwise
+from estimators.tissue.elbows import decide_at_elbows, find_elbows, may_be_otherwise, may_turn
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
@@ -243,16 +243,15 @@ class TissueFilter:
             raise ValueError("update: expected predict(time_s) before, found no time")
         check_marks(marks, self._places, self.model)
         dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
-        if self._updated_s is not None and dt > 0.0:
-            self._before_s = self._updated_s
+        self._before_s = self._before_s if self._updated_s is None or dt <= 0.0 else self._updated_s
         self._updated_s = self.time_s
         if self.marks_scale.scale != 1.0:
             marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
         starting = self.health.since_s is None or self.health.status is Status.LOST
         gated = self._gated(self.time_s, marks, starting=starting)
         accepted, self.log_likelihood = gated.accepted, gated.log_likelihood
-        seen = {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven}
-        self.open_loop.take(min(dt, self._forget_s), seen)
+        driven = {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven}
+        self.open_loop.take(min(dt, self._forget_s), driven)
         if not accepted:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
             return self._estimate(self.time_s, 0, None)
@@ -262,6 +261,8 @@ class TissueFilter:
             self._start(self.time_s, accepted, stacked)
             self.model_error.learn(accepted, self.mixture, 0.0, None)
             return self._estimate(self.time_s, len(accepted), found.nis)
+        belief = self.mixture, self.model, self.settings
+        over = may_turn(self.mixture, self.model.network, self._elbows, self.settings.gate)
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
         least, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
@@ -271,13 +272,13 @@ class TissueFilter:
         self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings, blow=blow, few=few)
         if self.health.status is Status.DIVERGED and not self.health.innovations:
             self._refuted(self.time_s, accepted, stacked)
-        elif self.health.status is Status.TRACKING and may_be_otherwise(self.mixture, self._elbows, self.settings):
-            start_beside((self.mixture, self.model, self.settings), accepted, stacked, (self.time_s, self._seen))
+        elif self.health.status is Status.TRACKING and may_be_otherwise(belief[0], self._elbows, belief[2], over=over):
+            start_beside(belief, accepted, stacked, (self.time_s, self._seen))
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         self.model_error.learn(accepted, self.mixture, dt, found.nis)
-        shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
-        return self._estimate(self.time_s, len(accepted), found.nis, shares)
+        own = float(np.trace(self.target.cov(self.mixture.P)))
+        return self._estimate(self.time_s, len(accepted), found.nis, information_shares(accepted, found, own))
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -312,8 +313,7 @@ class TissueFilter:
 
     def _start(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
         """Start from the first marks, or again from those after a loss."""
-        if self.health.since_s is not None:
-            self.repairs["restarted"] += 1
+        self.repairs["restarted"] += int(self.health.since_s is not None)
         restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked)
         self._seen_s, self._seen = dict.fromkeys(self._marked, time_s), {m.node: (time_s, m.position) for m in marks}
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)

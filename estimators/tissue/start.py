@@ -167,8 +167,8 @@ def start_beside(
 ) -> None:
     """Follow a start from the marks, where nobody pokes, beside what is believed, at odds of `BESIDE`.
 
-    For links that turn within an elbow, once forces have to explain their marks: a wrong shape is explained so for
-    long. Of two, the one that needs less of them is the more probable, frame by frame.
+    For links about an elbow, once forces have to explain their marks: a wrong shape is explained so for long. Of two,
+    the one that needs less of them is the more probable, frame by frame.
     """
     mixture, model, settings = belief
     before, speeds = branches_of(mixture), mark_speeds(marks, *earlier, settings.leading.poke)

@@ -14,6 +14,7 @@ from estimators import (
     fixed_interval,
     predict_fast,
 )
+from estimators.smoothing.smoother import ForwardPass
 from estimators.tissue.elbows import find_elbows, mirror_at
 
 LENGTHS = np.array([0.09, 0.07])
@@ -42,7 +43,9 @@ def links() -> MassSpringNetwork:
     )
 
 
-def swing(angles: tuple[float, float], rates: tuple[float, float], seconds: float) -> np.ndarray:
+def swing(
+    angles: tuple[float, float], rates: tuple[float, float], seconds: float, frames_per_s: float = FRAMES_PER_S
+) -> np.ndarray:
     """Joint and end at each frame [m], (n_frames, 2, 2), of rigid links let go at angles from straight down [rad]."""
     (l1, l2), (m1, m2) = LENGTHS, MASSES
 
@@ -58,16 +61,18 @@ def swing(angles: tuple[float, float], rates: tuple[float, float], seconds: floa
         )
         return np.r_[va, vb, np.linalg.solve(inertia, force)]
 
-    times = np.arange(round(seconds * FRAMES_PER_S)) / FRAMES_PER_S
+    times = np.arange(round(seconds * frames_per_s)) / frames_per_s
     solved = solve_ivp(rate, (0.0, times[-1]), [*angles, *rates], t_eval=times, rtol=1e-9, atol=1e-10)
     a, b = solved.y[:2]
     joint = LENGTHS[0] * np.column_stack([np.sin(a), -np.cos(a)])
     return np.stack([joint, joint + LENGTHS[1] * np.column_stack([np.sin(b), -np.cos(b)])], axis=1)
 
 
-def frames_of(truth: np.ndarray, seed: int) -> list[tuple[float, list[MarkMeasurement]]]:
+def frames_of(
+    truth: np.ndarray, seed: int, frames_per_s: float = FRAMES_PER_S
+) -> list[tuple[float, list[MarkMeasurement]]]:
     seen = truth[:, 1] + np.random.default_rng(seed).normal(0.0, MARK_SD, (len(truth), 2))
-    return [(k / FRAMES_PER_S, [MarkMeasurement("end", place, MARK_SD**2 * np.eye(2))]) for k, place in enumerate(seen)]
+    return [(k / frames_per_s, [MarkMeasurement("end", place, MARK_SD**2 * np.eye(2))]) for k, place in enumerate(seen)]
 
 
 SWINGS = {
@@ -95,6 +100,21 @@ def test_the_joint_is_found_whichever_way_it_bends(name):
             far.append(error @ np.linalg.solve(estimate.cov, error))
     assert np.median(errors[50:]) < 2e-3
     assert max(far, default=0.0) < 25.0
+
+
+def test_links_that_pass_each_other_between_two_frames_are_followed_to_the_other_side():
+    """At 32 frames/s they turn by up to 40° in between. As above; taken for the wrong side, 14 were so far off."""
+    truth = swing((1.5, -1.0), (0.0, 4.0), 12.0, 31.6)
+    tissue, far, errors = TissueFilter(links(), "joint", ["end"]), [], []
+    for (time_s, marks), (joint, _) in zip(frames_of(truth, 1, 31.6), truth, strict=True):
+        tissue.predict(time_s)
+        estimate = tissue.update(marks)
+        error = estimate.mean - joint
+        errors.append(np.linalg.norm(error))
+        if estimate.status is Status.TRACKING and errors[-1] > 0.01:
+            far.append(error @ np.linalg.solve(estimate.cov, error))
+    assert max(far, default=0.0) < 25.0
+    assert np.mean(errors[16:]) < 5e-3
 
 
 def test_two_sides_are_of_one_mixture_in_every_output():
@@ -157,7 +177,7 @@ def test_a_snapshot_keeps_both_sides():
         tissue.predict(time_s)
         found[k] = tissue.update(marks)
     counts = [len(one.mixture.moments) for one in kept.values()]
-    assert {3, 6} == set(counts)
+    assert {3, 6} <= set(counts)
     for start in (counts.index(6), counts.index(6) - 1, len(counts) - 1):
         tissue.restore(kept[start])
         for k in range(start, min(start + 5, len(frames))):
@@ -175,6 +195,26 @@ def test_a_smoother_goes_on_where_sides_come_and_go():
     assert tissue.repairs["branched"] >= 1
     errors = [np.linalg.norm(one.mean - joint) for one, (joint, _) in zip(smoothed, truth, strict=True)]
     assert np.median(errors[50:]) < 2e-3
+
+
+def test_a_smoother_goes_back_by_the_motion_that_the_update_linearised_again():
+    """Of links that turn fast, each frame's transition is that of the filter after its update, to the last bit."""
+    truth = swing(*SWINGS["through the stretched links"], 0.5)
+    passage, alone, again = (
+        ForwardPass(TissueFilter(links(), "joint", ["end"])),
+        TissueFilter(links(), "joint", ["end"]),
+        0,
+    )
+    for time_s, marks in frames_of(truth, 0):
+        step = passage.take(time_s, marks)
+        alone.mixture.trace = []
+        alone.predict(time_s)
+        before = alone.mixture.trace[-1].F if alone.mixture.trace else None
+        alone.update(marks)
+        if step.cycles:
+            np.testing.assert_array_equal(step.cycles[-1].F, alone.mixture.trace[-1].F)
+            again += not np.array_equal(before, alone.mixture.trace[-1].F)
+    assert again > 5
 
 
 def test_a_node_between_others_that_pull_is_no_elbow_to_choose():
