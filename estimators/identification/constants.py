@@ -23,7 +23,13 @@ from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
 from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import Optimum, from_starts, gauss_newton, starts
 from estimators.identification.stretch import liveliest
-from estimators.identification.withheld import principal_directions, withheld_target
+from estimators.identification.withheld import (
+    ALL_RESOLVED,
+    against_hands,
+    is_elastic,
+    principal_directions,
+    withheld_target,
+)
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
@@ -140,9 +146,12 @@ def identify_constants(
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
     calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
-    dt = frame_interval(frames) if is_linear(network, len(marked)) else 0.0
+    elastic = is_elastic(network, len(marked))
+    if elastic:
+        calm = against_hands(calm, network)
+    dt = frame_interval(frames) if is_linear(network, len(marked)) and not elastic else ALL_RESOLVED
     sd = group_prior_sd(network, groups, prior_sd, dt)
-    problem = Problem(network, groups, sd, (tuple(marked), target), calm, limit)
+    problem = Problem(network, groups, sd, (tuple(marked), target), calm, limit, elastic)
     try:
         return _identified(problem, frames[first:], chosen, workers, advance)
     except OutOfTimeError:
@@ -191,7 +200,9 @@ def _searched(
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
     led_to = workers(partial(problem.followed, screened, supposed), starts(spread, n_starts))
     found = from_starts(counted(optimum) for optimum in led_to)
-    before, best = found[0].at_start, max(found, key=lambda one: one.log_posterior)
+    # counted as often, of composite likelihoods the highest is the best
+    times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
+    before, best = found[0].at_start, max(found, key=lambda one: replace(one, times=times).log_posterior)
     n_agreeing = sum(best.agrees(one) for one in found)
     if not np.isfinite(best.log_posterior):
         raise IdentificationError("expected constants under which the filter stays finite, found none")

@@ -41,6 +41,7 @@ class Pass:
     scores: gradient of the log likelihood by each direction, frame by frame, (n_frames, n)
     information: its Fisher information, (n, n); log_likelihood: of all marks, rejected ones as if at the gate
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
+    composite: whether the log likelihood is a sum over frames that are not independent of each other
     """
 
     scores: Floats
@@ -48,6 +49,7 @@ class Pass:
     log_likelihood: float
     nis: Floats
     dof: Floats
+    composite: bool = False
 
     @property
     def gradient(self) -> Floats:
@@ -102,7 +104,7 @@ def _linear_pass(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    linear = likeliest_start(network, uncertainty, frames, marked, settings)
+    linear = likeliest_start(network, uncertainty, frames, marked, settings, frame_s=frame_interval(frames))
     n = linear.columns.shape[1]
     information, log_likelihood = np.zeros((n, n)), 0.0
     scores, nis, dof = [], [], []
@@ -130,25 +132,28 @@ def likeliest_start(
     frames: Frames,
     marked: Sequence[str],
     settings: FilterSettings,
+    *,
+    frame_s: float,
 ) -> LinearFilter:
     """A linear filter at the first frame, in the shape from which the next ones are the most likely.
 
+    frame_s: see `LinearFilter`
     Raises CovarianceError where the first frame has no marks.
     """
-    dt, first = frame_interval(frames), frames[0][1]
+    first = frames[0][1]
     if not first:
         raise CovarianceError("start: expected marks in the first frame, found none")
     shapes = first_shapes(network, first)
     none = ParameterUncertainty(uncertainty.parameters, np.zeros((0, len(uncertainty.parameters))))
 
     def likelihood(shape: Floats) -> float:
-        tried = LinearFilter(network, marked, settings, none, dt)
+        tried = LinearFilter(network, marked, settings, none, frame_s)
         tried.start(shape, first)
         found = (tried.advance(step, marks) for step, marks in steps(frames[:DECIDING]))
         return sum(one.log_likelihood for one in found if one is not None)
 
     shape = max(shapes, key=likelihood) if len(shapes) > 1 else shapes[0]
-    linear = LinearFilter(network, marked, settings, uncertainty, dt)
+    linear = LinearFilter(network, marked, settings, uncertainty, frame_s)
     linear.start(shape, first)
     return linear
 

@@ -85,7 +85,7 @@ class _Step:
 class LinearFilter:
     """Extended Kalman filter of a network: white forces on every node, stronger ones on marked nodes in poked frames.
 
-    frame_s: usual interval of the frames [s]: links that these do not resolve are `quasi_static`
+    frame_s: usual interval of the frames [s]: links that these do not resolve are `quasi_static`; 0: none are
     State: x (n_state,), P (n_state, n_state), columns (n_state, n): sensitivity of the error of x to each direction of
     the uncertainty of constants, which are taken as exact; and the last linearisation.
     """
@@ -154,17 +154,21 @@ class LinearFilter:
         if poked:
             P = P + step.poked
             inverse = _inverse_root(P[np.ix_(rows, rows)] + R)
+        found = _normalised(inverse, y, columns[rows], poked=poked)
         gain = (inverse @ P[rows]).T @ inverse
-        innovation_columns = columns[rows]
         self.x = x + gain @ y
-        self.columns = columns - gain @ innovation_columns
+        self.columns = columns - gain @ columns[rows]
         # Joseph's form: of what marks leave almost nothing of, a difference is rounding
         kept = P - gain @ P[rows]
         kept = kept - kept[:, rows] @ gain.T + gain @ R @ gain.T
         self.P = 0.5 * (kept + kept.T)
-        normalised = inverse @ y
-        log = np.log(np.diag(inverse)).sum() - 0.5 * (normalised @ normalised + len(y) * np.log(2.0 * np.pi))
-        return NormalisedInnovation(normalised, inverse @ innovation_columns, float(log), poked)
+        return found
+
+    def innovation(self, marks: Sequence[MarkMeasurement]) -> NormalisedInnovation:
+        """Of marks that are not taken in. Raises CovarianceError where there is no finite one."""
+        z, rows, R = self._stack(marks)
+        inverse = _inverse_root(self.P[np.ix_(rows, rows)] + R)
+        return _normalised(inverse, z - self.x[rows], self.columns[rows], poked=False)
 
     def _stack(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, list[int], Floats]:
         rows = [i for mark in marks for i in self._rows[mark.node]]
@@ -216,6 +220,13 @@ class LinearFilter:
         step = _Step(F, calm, poked, integral[:, half:] * self._inverse_mass)
         self._about = round(dt, 9), apart, step
         return step
+
+
+def _normalised(inverse: Floats, y: Floats, columns: Floats, *, poked: bool) -> NormalisedInnovation:
+    """Of an innovation y (m,), sensitivities columns (m, n), and W (m, m) with W S W' = 1."""
+    normalised = inverse @ y
+    log = np.log(np.diag(inverse)).sum() - 0.5 * (normalised @ normalised + len(y) * np.log(2.0 * np.pi))
+    return NormalisedInnovation(normalised, inverse @ columns, float(log), poked)
 
 
 def quasi_static(network: MassSpringNetwork, dt: float) -> MassSpringNetwork:

@@ -23,7 +23,7 @@ from estimators.identification.groups import (
 )
 from estimators.identification.search import Optimum, followed
 from estimators.identification.stretch import affordable, frame_seconds
-from estimators.identification.withheld import Withheld, withheld_target
+from estimators.identification.withheld import Withheld, withheld_pass, withheld_target
 from estimators.tissue.settings import FilterSettings
 
 SLOWING = "damping", "drag", "friction"
@@ -46,6 +46,7 @@ class Problem:
     """What is sought in a recording: factors of groups of constants, as theta (n,), logs in prior standard deviations.
 
     sd: prior standard deviation of each log, (n,); nodes: those that may be poked, and the target
+    elastic: whether constants are sought by what marked nodes tell of the others, see `withheld_pass`
     """
 
     network: MassSpringNetwork
@@ -54,6 +55,7 @@ class Problem:
     nodes: tuple[tuple[str, ...], str]
     settings: FilterSettings
     budget: Budget
+    elastic: bool = False
 
     def model(self, theta: Floats) -> MassSpringNetwork:
         """The network at a point."""
@@ -96,7 +98,8 @@ class Problem:
     def at(self, theta: Floats, frames: Frames) -> Pass:
         """The filter that does not know the forces through frames. Raises OutOfTimeError."""
         model = self.model(theta)
-        return pass_through(model, self.prior(model), frames, self.nodes, self.settings, self.budget)
+        passed = withheld_pass if self.elastic else pass_through
+        return passed(model, self.prior(model), frames, self.nodes, self.settings, self.budget)
 
     def under(self, theta: Floats, frames: Frames, forces: Forces) -> Pass:
         """The filter that knows them. Raises OutOfTimeError."""

@@ -32,6 +32,21 @@ class ResidualTest:
     explained: bool
 
 
+def times_counted(found: Pass) -> float:
+    """How many times over a composite log likelihood counts what frames tell, at least 1; 1 of any other.
+
+    The largest ratio, over directions, of the long-run covariance of the scores to the information that is claimed, a
+    prior of unit variance beside both. By that it is divided, as if so many frames were one. Source: [pauli2011].
+    Differs from it: the mean ratio there; one direction may be told by nothing but the model's errors.
+    """
+    n_frames, n = found.scores.shape
+    if not found.composite or n_frames < 3 or not n:
+        return 1.0
+    inverse = np.linalg.inv(np.linalg.cholesky(found.information + np.eye(n)))
+    J = long_run_covariance(found.scores, int(np.sqrt(n_frames))) + np.eye(n)
+    return max(1.0, float(np.linalg.eigvalsh(inverse @ J @ inverse.T)[-1]))
+
+
 def residual_covariance(
     found: Pass, prior_precision: Floats, information: Floats | None = None
 ) -> tuple[Floats, ResidualTest]:
@@ -41,7 +56,7 @@ def residual_covariance(
     The sandwich H^-1 (H + excess) H^-1, H the information with the prior's. The excess is what the long-run covariance
     of the scores, with Bartlett's weights, so that correlated innovations count for fewer, has beyond that of white
     innovations. Source: [newey1987]. It is none along directions in which sampling alone may make as much
-    [davidson2001].
+    [davidson2001]. Of a composite likelihood its information, divided, takes the place of all that.
     """
     H = (found.information if information is None else information) + prior_precision
     n_frames, n = found.scores.shape
@@ -49,6 +64,8 @@ def residual_covariance(
         return np.asarray(np.linalg.inv(H), dtype=np.float64), ResidualTest(
             float("nan"), 1.0, n_frames, float(n_frames), explained=True
         )
+    if found.composite:
+        return _of_composite(found, prior_precision)
     n_lags = int(np.sqrt(n_frames))
     dof = float(found.dof.sum())
     size = float(found.nis.sum()) / dof
@@ -68,6 +85,18 @@ def residual_covariance(
     worst = float(np.linalg.eigvals(cov @ H).real.max()) if too_large or inflated.max() > 1.0 else 1.0
     test = ResidualTest(size, float(np.sqrt(worst)), int(dof), dof / worst, explained=worst == 1.0)
     return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
+
+
+def _of_composite(found: Pass, prior_precision: Floats) -> tuple[Floats, ResidualTest]:
+    times = times_counted(found)
+    cov = np.linalg.inv(found.information / times + prior_precision)
+    worst = float(np.linalg.eigvals(cov @ (found.information + prior_precision)).real.max())
+    dof = float(found.dof.sum())
+    size, n_effective = float(found.nis.sum()) / dof, dof / times
+    explained = bool(size <= chi2.isf(LEVEL, n_effective) / n_effective)
+    return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), ResidualTest(
+        size, float(np.sqrt(worst)), int(dof), n_effective, explained
+    )
 
 
 def long_run_covariance(series: Floats, n_lags: int) -> Floats:

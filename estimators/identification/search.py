@@ -11,6 +11,7 @@ from scipy.stats import qmc
 from estimators.arrays import Floats
 from estimators.identification.budget import OutOfTimeError
 from estimators.identification.filter_pass import Pass
+from estimators.identification.residuals import times_counted
 
 MOST_PASSES = 12
 """Limit of the iteration: Gauss-Newton needs three to five passes; choice, its cost in docs/settings.md."""
@@ -46,6 +47,7 @@ class Optimum:
 
     at_start: the pass where it began; passes: how many in all
     converged: whether the last step was below noise; in_time: whether it came to its end
+    times: how many times over the log likelihood counts what frames tell, see `times_counted` [1]
     """
 
     theta: Floats
@@ -54,16 +56,17 @@ class Optimum:
     passes: int
     converged: bool
     in_time: bool = True
+    times: float = 1.0
 
     @property
     def log_posterior(self) -> float:
         """Up to a constant; 0 for the prior at its mean."""
-        return self.found.log_likelihood - 0.5 * float(self.theta @ self.theta)
+        return self.found.log_likelihood / self.times - 0.5 * float(self.theta @ self.theta)
 
     @property
     def precision(self) -> Floats:
         """Inverse covariance by Fisher information and prior, (n, n)."""
-        return self.found.information + np.eye(len(self.theta))
+        return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
         """Whether another search has found the same within `AGREEING` standard errors of this one."""
@@ -86,26 +89,26 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
     pass ends.
     """
     first = at(start)
-    best = Optimum(start, first, first, 1, converged=False)
+    best = Optimum(start, first, first, 1, converged=False, times=times_counted(first))
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
-            move = np.linalg.solve(best.precision, best.found.gradient - best.theta)
+            move = np.linalg.solve(best.precision, best.found.gradient / best.times - best.theta)
             error = np.sqrt(np.diag(np.linalg.inv(best.precision)))
             if np.abs(move / error).max() < CONVERGED:
                 return replace(best, converged=True)
             whole = 1.0 if best.passes < FULL_STEPS else 0.5
-            slack = SLACK * float(best.found.dof.sum())
+            slack = 0.0 if best.found.composite else SLACK * float(best.found.dof.sum())
             step = min(whole, LONGEST_MOVE / float(np.abs(move * unit).max()))
             tried = best
             for passes in range(best.passes + 1, MOST_PASSES + 1):
                 theta = best.theta + step * move
-                tried = Optimum(theta, at(theta), first, passes, converged=False)
+                tried = replace(best, theta=theta, found=at(theta), passes=passes)
                 if tried.log_posterior >= best.log_posterior - slack:
                     break
                 step *= 0.5
             if tried.log_posterior < best.log_posterior - slack:
                 return replace(best, passes=tried.passes)
-            best = tried
+            best = replace(tried, times=times_counted(tried.found))
     except OutOfTimeError:
         return replace(best, in_time=False)
     return best

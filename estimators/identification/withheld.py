@@ -1,19 +1,91 @@
-"""The target of a recording without its mark: how well constants predict it, and which of their errors it shows."""
+"""Marks of a recording that are withheld: how well constants predict them, and which of their errors they show."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
+from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
-from estimators.identification.filter_pass import Frames, is_linear, likeliest_start, steps
+from estimators.identification.filter_pass import (
+    Frames,
+    Pass,
+    failed_pass,
+    frame_interval,
+    is_linear,
+    likeliest_start,
+    steps,
+)
+from estimators.process.linear_motion import GRAVITY
 from estimators.process.target import target_map
 from estimators.tissue.filter import TissueFilter
+from estimators.tissue.model import restoring_acceleration
 from estimators.tissue.settings import FilterSettings
+
+ELASTIC = 5.0
+"""Restoring acceleration by that of gravity above which springs, not weight, hold a body's shape [1]; choice: 1.5 to 35
+tell the same bodies of the zoo apart."""
+
+
+ALL_RESOLVED = 0.0
+"""Interval of the frames [s] by which no spring is a rigid link: those of an elastic body hands stretch slowly."""
+
+
+def is_elastic(network: MassSpringNetwork, n_marked: int) -> bool:
+    """Whether a stiff or large network is a body that its weight would bend by less than a fifth of its length.
+
+    What bends it are hands then, and only the ratio of their unknown force to its stiffness shows.
+    """
+    return is_linear(network, n_marked) and restoring_acceleration(network) > ELASTIC * GRAVITY
+
+
+def against_hands(settings: FilterSettings, network: MassSpringNetwork) -> FilterSettings:
+    """These settings with pokes as strong as hands that bend an elastic body."""
+    strong = settings.for_stiff_or_large(restoring_acceleration(network))
+    return replace(strong, poked=strong.leading)
+
+
+def withheld_pass(
+    network: MassSpringNetwork,
+    uncertainty: ParameterUncertainty,
+    frames: Frames,
+    nodes: tuple[Sequence[str], str],
+    settings: FilterSettings,
+    budget: Budget,
+) -> Pass:
+    """What the linear filter of the marked nodes' marks tells of all others, whose marks it never takes in.
+
+    The log likelihood is that of each frame by itself: composite. Raises OutOfTimeError.
+    """
+    marked = nodes[0]
+    taken = [(time_s, [mark for mark in marks if mark.node in marked]) for time_s, marks in frames]
+    first = next((k for k, (_, seen) in enumerate(taken) if seen), 0)  # from which the filter starts
+    n = len(uncertainty.directions)
+    information, log_likelihood = np.zeros((n, n)), 0.0
+    scores, nis, dof = [], [], []
+    try:
+        linear = likeliest_start(network, uncertainty, taken[first:], marked, settings, frame_s=ALL_RESOLVED)
+        for (dt, seen), (_, marks) in zip(steps(taken[first:]), frames[first + 1 :], strict=True):
+            budget.check()
+            linear.advance(dt, seen)
+            withheld = [mark for mark in marks if mark.node not in marked]
+            if withheld:
+                one = linear.innovation(withheld)
+                log_likelihood += one.log_likelihood
+                information += one.T.T @ one.T
+                scores.append(one.T.T @ one.y)
+                nis.append(float(one.y @ one.y))
+                dof.append(float(len(one.y)))
+    except (CovarianceError, np.linalg.LinAlgError):
+        return failed_pass(n)
+    if not np.isfinite(log_likelihood):
+        return failed_pass(n)
+    told = np.array(scores).reshape(len(scores), n)
+    return Pass(told, information, log_likelihood, np.array(nis), np.array(dof), composite=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +152,8 @@ def _by_linear_filter(
 ) -> Iterator[tuple[Floats, Floats]]:
     """As `_by_tissue_filter`."""
     target = target_map(network, nodes[1])
-    linear = likeliest_start(network, uncertainty, frames, nodes[0], settings)
+    frame_s = ALL_RESOLVED if is_elastic(network, len(nodes[0])) else frame_interval(frames)
+    linear = likeliest_start(network, uncertainty, frames, nodes[0], settings, frame_s=frame_s)
     yield target.position(linear.x), target.linear(linear.columns)
     for dt, marks in steps(frames):
         linear.advance(dt, marks)

@@ -101,7 +101,8 @@ def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
         gravity=0.0,
     )
     marked = tuple(f"n{i}" for i in np.flatnonzero(seen))
-    return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
+    kinds = _kinds(grid, springs, spacing)
+    return Body(network, times, places, marked, MARK_SD_M * scale.size, at_rest=True, kinds=kinds)
 
 
 def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
