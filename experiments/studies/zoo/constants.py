@@ -65,9 +65,10 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
     return fit_rest_lengths(wrong, network.positions) if body.at_rest else wrong
 
 
-def identified(body: Body, case: Case, rng: np.random.Generator) -> Assumed:
+def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Assumed:
     """Constants fitted on another recording of the same body in which every node is seen; raises NotIdentifiedError.
 
+    seconds: processor time that it may take [s]
     It starts from stiffnesses and dashpots that are wrong kind by kind, masses are known. Rest lengths are fitted, too,
     where they do not follow from the drawing.
     """
@@ -94,7 +95,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator) -> Assumed:
             prior_sd=prior,
             spring_groups=body.kinds,
             settings=FilterSettings(led_nodes=body.led),
-            budget=Budget(BUDGET_S, time.process_time),
+            budget=Budget(seconds, time.process_time),
         )
     except (IdentificationError, NetworkError, CovarianceError, np.linalg.LinAlgError) as error:
         raise NotIdentifiedError(f"not identified: {error}") from error
