@@ -44,18 +44,22 @@ class IteratedStart:
         self._z, self._H, self._R, self._considered = z, H, R, considered
         self._cycle, self._k = cycle, len(cycle.means)
         n_columns = cycle.columns.shape[2]
-        at_rest = _Start(np.zeros(cycle.means.shape[1]), np.zeros(n_columns), 0.0)
-        self._starts = [self._judged(j, at_rest, cycle.found) for j in range(self._k)]
+        self._starts = [_Start(np.zeros(cycle.means.shape[1]), np.zeros(n_columns), np.inf)] * self._k
         self._targets: list[_Start | None] = [None] * self._k
         self._shares = np.ones(self._k)
 
     def found(self) -> Cycle | None:
         """The cycle, linearised about these starts; None where it may stay as it is."""
         given = self._cycle
-        for _ in range(given.passes - 1):
-            trials = [self._trial(j) or own for j, own in enumerate(self._starts)]
+        for n_before in range(given.passes - 1):
+            moves = [self._trial(j) for j in range(self._k)]
+            if not any(moves):
+                break
+            if n_before == 0:
+                self._starts = [self._judged(j, own, given.found) for j, own in enumerate(self._starts)]
+            trials = [move or own for move, own in zip(moves, self._starts, strict=True)]
             about = np.array([self._place(j, trial) for j, trial in enumerate(trials)])
-            if trials == self._starts or not np.isfinite(about).all():
+            if not np.isfinite(about).all():
                 break
             motion = given.motion(about)
             judged = [self._judged(j, trial, motion) for j, trial in enumerate(trials)]
