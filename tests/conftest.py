@@ -1,9 +1,10 @@
-"""For all tests: examples of property-based ones, the order in which workers take tests, and what is left to collect.
+"""For all tests: examples of property-based ones, the workers' order, what is left to collect, and Ctrl-C.
 
 Property-based tests draw the same examples in every run, so that a red run is a changed line.
 """
 
 import gc
+import signal
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,12 @@ HERE = Path(__file__).parent
 VISION = HERE / "vision"
 LONGEST = (HERE / "experiments/studies/test_readme.py", HERE / "experiments/pipeline/test_identify.py")
 """Files of half a minute and more."""
+
+
+def pytest_configure() -> None:
+    """Hear Ctrl-C, too, where a shell runs the tests in the background: it starts those with it ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

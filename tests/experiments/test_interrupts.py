@@ -5,7 +5,6 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import nullcontext
 
 import numpy as np
@@ -25,14 +24,6 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a signal to itself")
 @njit(nogil=True)
 def product(x, P):  # type: ignore[no-untyped-def]
     return x @ P, P @ P
-
-
-@pytest.fixture(autouse=True)
-def _heard() -> Iterator[None]:
-    """Tests that run in the background, where a shell has Ctrl-C ignored, hear it as well."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def called_until_interrupted() -> None:

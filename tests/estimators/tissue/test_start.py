@@ -100,8 +100,8 @@ def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
 def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_sd):
     """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 4 mm of the joint.
 
-    Root mean square of twelve runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by what a mark
-    is off, along the links, and across them by little more: the covariance says so, 2 being its share of an error.
+    Root mean square of twelve runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by little more
+    than a mark is off, and the covariance says so.
     """
     rest, squares, shares = rest_shape(two_links), [], []
     for seed in range(12):
