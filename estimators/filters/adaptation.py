@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from estimators.arrays import Floats
@@ -31,11 +33,26 @@ class VarianceScale:
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
         """The scale after an innovation (m,), dt [s] after the last; part and rest, (m, m), of its covariance."""
         scaled = self.scale * part
-        share = np.linalg.solve(rest + scaled, np.column_stack([scaled, innovation]))
-        along = share[:, :-1]
-        score = 0.5 * float(innovation @ np.linalg.solve(rest + scaled, scaled @ share[:, -1]) - np.trace(along))
+        root = np.linalg.cholesky(rest + scaled)
+        share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)
+        return self.learn_whitened(np.linalg.solve(root, innovation), share, dt)
+
+    def learn_whitened(
+        self, innovation: Floats, share: Floats, dt: float, earlier: Sequence[tuple[float, Floats]] = ()
+    ) -> float:
+        """The same of a whitened innovation (m,) and of the share (m, m) of its covariance, 1, that the part has.
+
+        earlier: whitened innovations, (m,) each, that count beside it, and the weights of their products with it [1]
+        """
+        summed, products = innovation.copy(), 1.0
+        for weight, one in earlier:
+            summed += 2.0 * weight * one
+            products += 2.0 * weight**2
+        # the products of independent innovations add to the variance of the score, and nothing to its mean
+        score = 0.5 * float(innovation @ share @ summed - np.trace(share)) / products
         kept = float(np.exp(-dt / self.forget_s))
-        self.information = kept * self.information + (1.0 - kept) * self._start + 0.5 * float(np.sum(along * along.T))
+        gained = 0.5 * float(np.sum(share * share.T)) / products
+        self.information = kept * self.information + (1.0 - kept) * self._start + gained
         # a step of one in the logarithm at most: far from the maximum the score gives the direction, not the distance
         step = float(np.clip(score / self.information, -1.0, 1.0))
         self.scale = float(np.clip(self.scale * np.exp(step), *self.bounds))

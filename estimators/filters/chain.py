@@ -107,6 +107,23 @@ class ModeChain:
         modes = joint.sum(axis=0)
         return states, modes, joint / modes
 
+    def begun(self, weights: Floats, onset: Floats) -> Floats:
+        """Variances that forces which have just begun add to each mode's mix, (n_branches n_modes, n).
+
+        weights: of `ahead`; onset: variances of each mode's forces in the state, (n_modes, n). Who enters a mode whose
+        forces vary more than those of the mode before has the rest of their variance at once.
+        """
+        k, n = self.n_modes, self.n_branches
+        own = weights.reshape(n, k, n, k)[range(n), :, range(n)]
+        return np.asarray(np.einsum("bij,ijn->bjn", own, rising(onset)).reshape(n * k, -1))
+
+    def of_branches(self, logs: Floats) -> Floats:
+        """Of log likelihoods by all modes, (n_branches n_modes,), that by the branch of each."""
+        own, odds = logs.reshape(self.n_branches, -1), self.mode_odds.reshape(self.n_branches, -1)
+        most = own.max(axis=1)
+        found = most + np.log((odds * np.exp(own - most[:, None])).sum(axis=1) / odds.sum(axis=1))
+        return np.repeat(found, own.shape[1])
+
     def weigh(self, likelihoods: Floats) -> float:
         """Take in how likely a measurement was by each mode, (n_branches n_modes,); the likelihood of it by all."""
         posterior = self.odds * likelihoods[self._modes]
@@ -123,3 +140,8 @@ class ModeChain:
                 self._transitions.clear()
             known = self._transitions[key] = small_expm(self.rates * key)
         return known
+
+
+def rising(variances: Floats) -> Floats:
+    """By how much variances, (k, n), are larger in j than in i, where they are: (k, k, n), i first."""
+    return np.asarray(np.maximum(variances - variances[:, None], 0.0))

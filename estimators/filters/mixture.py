@@ -29,6 +29,7 @@ from estimators.filters.kernels import (
 )
 from estimators.filters.measurement import CommonErrors, Outliers
 from estimators.filters.motion import Cycle, ModeBeliefs, Move, Transition
+from estimators.filters.noise_level import NoiseLevel
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
 
 NARROW = 0.05
@@ -54,6 +55,8 @@ class InteractingMixture(filterpy.IMMEstimator):
     innovation_columns: (n_modes, m, r): what the directions made of the last innovations
     common_errors: what innovations tell of the directions: by this, not by their variances, modes are weighed
     x, P: mean and covariance of the whole mixture, what the columns add included
+    onset: None, or variances by the forces of each mode, (n_modes, n), which begin at full strength: `ModeChain.begun`
+    level: None, or the level of the process noise, which is then learnt; of modes that move by sigma points
     trace: None, or a list to which each prediction adds its `Transition`
     cycle: the last prediction of a linearised motion that no update has followed yet, else None
     repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`;
@@ -88,6 +91,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         super().__init__(list(filters), self.mu, np.eye(len(filters)))
         self.move = Move(self._one_by_one) if move is None else move
         self.trace: list[Transition] | None = None
+        self.onset: Floats | None = None
+        self.level: NoiseLevel | None = None
         self.cycle: Cycle | None
         self._scale = self.filters[0]._scale
         self._make_room()
@@ -144,6 +149,12 @@ class InteractingMixture(filterpy.IMMEstimator):
         for i, f in enumerate(self.filters):
             f.x, f.P = beliefs[i // k][0].copy(), beliefs[i // k][1].copy()
         self.columns = np.repeat([columns for _, _, columns in beliefs], k, axis=0)
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self.cycle = None
+        if self.level is not None:
+            self.level.forget()
         self._compute_state_estimate()
 
     def prune(self, least: float) -> None:
@@ -162,19 +173,22 @@ class InteractingMixture(filterpy.IMMEstimator):
             self._make_room()
             self._compute_state_estimate()
 
-    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
+    def restart(
+        self, mean: Floats, cov: Floats, columns: Floats | None = None, first: tuple[Floats, Floats] | None = None
+    ) -> None:
         """Give every mode the same belief, in one branch: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
 
-        The odds of the modes stay. Without columns, those of the first mode.
+        The odds of the modes stay. Without columns, those of the first mode. first: mean and covariance of that one
         """
         if self.n_branches > 1:
             self.chain.branch(np.ones(1))
             self._make_room()
         for f in self.filters:
             f.x, f.P = mean.copy(), cov.copy()
-        own = self.columns[0] if columns is None else columns
-        self.columns, self.cycle = np.tile(own, (len(self.filters), 1, 1)), None
-        self._compute_state_estimate()
+        if first is not None:
+            self.filters[0].x, self.filters[0].P = first
+        self.columns = np.tile(self.columns[0] if columns is None else columns, (len(self.filters), 1, 1))
+        self._begin_anew()
 
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
@@ -182,20 +196,25 @@ class InteractingMixture(filterpy.IMMEstimator):
         self._compute_mixing_probabilities()
         before = self.beliefs()
         xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
+        mixes = xs, Ps
+        if self.onset is not None:
+            Ps = Ps + self.chain.begun(self.omega, self.onset)[:, :, None] * np.eye(xs.shape[1])
         if self.move.linear is not None:
             self.chain.odds = self._odds_ahead
             motion, passes = self.move.linear(len(xs), dt)
-            self._arrive(Cycle(xs, Ps, columns, motion, passes, xs, motion(xs)))
+            self._arrive(Cycle(xs, mixes[1], Ps, columns, motion, passes, xs, motion(xs)))
             return
         Qs = np.array([f.Q for f in self.filters])
-        n = max(1, int(np.ceil(dt / longest_s - 1e-9)))
-        mixes, F = (xs, Ps), np.tile(np.eye(xs.shape[1]), (len(xs), 1, 1))
+        n, F = max(1, int(np.ceil(dt / longest_s - 1e-9))), np.tile(np.eye(xs.shape[1]), (len(xs), 1, 1))
         for _ in range(n):
             points, moved, weights = self._moved(xs, Ps, dt / n)
             if columns.shape[2] and self.move.columns is not None:
                 columns = self.move.columns(xs, columns, dt / n)
             if self.trace is not None:
                 F = regressions(points, moved) @ F
+            if self.level is not None:
+                own = slice(k := int(self.cbar.argmax()), k + 1)
+                self.level.predicted(regressions(points[own], moved[own])[0], dt / n)
             xs, Ps = moments_each(moved, *weights, Qs)
         if self.trace is not None:
             self.trace.append(Transition(self.omega, *mixes, F, ModeBeliefs(self.cbar, xs, Ps)))
@@ -216,7 +235,7 @@ class InteractingMixture(filterpy.IMMEstimator):
             f.x, f.P = x, P
         beliefs = ModeBeliefs(self.mu, xs, Ps)
         if self.trace is not None:
-            self.trace.append(Transition(self.omega, cycle.means, cycle.covs, found.F, beliefs))
+            self.trace.append(Transition(self.omega, cycle.means, cycle.mixed, found.F, beliefs))
         self.cycle = cycle
         self._compute_state_estimate(beliefs)
 
@@ -293,18 +312,14 @@ class InteractingMixture(filterpy.IMMEstimator):
         whole, own_logs = np.array([f.log_likelihood for f in self.filters]), np.array(logs)
         self.log_likelihood = float(whole.max() + np.log(self.mu @ np.exp(whole - whole.max())))
         if self.n_branches > 1:  # branches, which are shapes, by the whole; it is the forces of modes that errors mimic
-            own_logs += self._of_branches(whole) - self._of_branches(own_logs)
+            own_logs += self.chain.of_branches(whole) - self.chain.of_branches(own_logs)
         self.likelihood = np.exp(own_logs - own_logs.max())
         self.chain.weigh(self.likelihood)
+        if self.level is not None:
+            f = self.filters[int(self.mu.argmax())]
+            self.level.learn((f.y, f.S, f.K), H)
         self.common_errors = errors.told([f.y for f in self.filters], covs, innovation_columns[:, :, :n], self.mu)
         self._compute_state_estimate()
-
-    def _of_branches(self, logs: Floats) -> Floats:
-        """Of log likelihoods by all modes, (n_branches n_modes,), that by the branch of each."""
-        own, odds = logs.reshape(self.n_branches, -1), self.mu.reshape(self.n_branches, -1)
-        most = own.max(axis=1)
-        found = most + np.log((odds * np.exp(own - most[:, None])).sum(axis=1) / odds.sum(axis=1))
-        return np.repeat(found, own.shape[1])
 
     def correct(self, z: Floats, H: Floats, R: Floats, *, factor: float) -> None:
         """Take in z = H x + noise as `update_linear` does, but for odds and likelihoods, which stay as they are.

@@ -51,11 +51,13 @@ class LinearMotion:
 class Cycle:
     """The last prediction of a linearised motion, kept for the update that follows.
 
-    means, covs, columns: of each mode at its start; motion(about (k, n)): the motion linearised there
+    means, covs, columns: of each mode at its start; mixed: covariances before forces set in; motion(about (k, n)): the
+        motion linearised there
     passes: how often at most it may be linearised; about: where it was last; found: the motion there
     """
 
     means: Floats
+    mixed: Floats
     covs: Floats
     columns: Floats
     motion: Callable[[Floats], LinearMotion]

@@ -165,7 +165,8 @@ def _quiet_part(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, 
     first, second = (np.einsum("ks,s...->k...", shares, each) for each in (now.first, now.second))
     away = np.einsum("kdi,ki->kd", own.quiet, first)
     moments = np.einsum("kdi,kij,kej->kde", own.quiet, second, own.quiet, optimize=True)
-    covs = moments - away[:, :, None] * away[:, None, :] + own.quiet_noise
+    noise = own.quiet_noise + (now.level - 1.0) * own.quiet_white
+    covs = moments - away[:, :, None] * away[:, None, :] + noise
     if now.forced.shape[2]:
         columns = np.einsum("kdi,ks,sir->kdr", own.quiet, shares, now.columns, optimize=True)
         covs += forced_cov(columns, now.forced)

@@ -145,7 +145,7 @@ def identify_constants(
     chosen = IdentificationSettings() if search is None else search
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
-    calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf)
+    calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf, white_bounds=(1.0, 1.0))
     elastic = is_elastic(network, len(marked))
     if elastic:
         calm = against_hands(calm, network)

@@ -229,7 +229,8 @@ def tune_noise(
     model = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model
     stiff = model.stiff
     frames = liveliest(frames, MOST_OF_STIFF // model.dim_x if stiff else MOST_FRAMES)
-    run = _Passes(network, (tuple(marked), target), uncertainty, before, start, frames, limit)
+    fixed = replace(before, white_bounds=(1.0, 1.0))  # a level that adapts says nothing of what it began with
+    run = _Passes(network, (tuple(marked), target), uncertainty, fixed, start, frames, limit)
     try:
         frame_s = frame_seconds(lambda some: replace(run, frames=some)(none), frames, limit)
         used = affordable(frames, frame_s, FEW_PASSES, limit)
@@ -260,7 +261,7 @@ def tune_noise(
     values = start * np.exp(cost.best)
     advance(1.0)
     return TuningResult(
-        with_noise_levels(run.settings, values),
+        replace(with_noise_levels(run.settings, values), white_bounds=before.white_bounds),
         float(values[2]),
         NAMES,
         values,

@@ -116,7 +116,7 @@ class TissueModel:
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownForce | None = None
         self._asked: tuple[Sequence[ForceMode], tuple[Floats, Floats, Floats]] | None = None
-        self._noises: tuple[float, Sequence[ForceMode], list[Floats]] | None = None
+        self._noises: tuple[float, Sequence[ForceMode], list[tuple[Floats, Floats]]] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
         self.uncertainty = uncertainty
         self.n_constants = 0 if uncertainty is None else len(uncertainty.directions)
@@ -232,10 +232,7 @@ class TissueModel:
         """
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
-        q, v = np.arange(half), np.arange(half, n)
-        white = self.white_noise(mode) ** 2
-        Q[q, q], Q[v, v] = white * dt**3 / 3.0, white * dt
-        Q[q, v] = Q[v, q] = white * dt**2 / 2.0
+        _add_flight(Q, self.white_noise(mode) ** 2, dt)
         poke = np.array([_poke_noise(dt, sd, lasting) for sd, lasting in zip(*self.force_noise(mode), strict=True)])
         rows, mass = self.poked_rows, self.mass[self.poked_rows]
         places = (rows, half + rows, n + np.arange(len(rows)))
@@ -248,16 +245,22 @@ class TissueModel:
             Q[self.bias_rows, self.bias_rows] = slow * np.eye(self.network.dim)
         return Q
 
-    def noise_of_modes(self, dt: float, modes: Sequence[ForceMode]) -> list[Floats]:
-        """As `noise`, (dim_x, dim_x), for each of these modes; those asked for last are kept.
+    def noise_of_modes(self, dt: float, modes: Sequence[ForceMode]) -> list[tuple[Floats, Floats]]:
+        """As `noise`, (dim_x, dim_x), for each of these modes, and the part that is `ForceMode.white`.
 
-        To a nanosecond: frames at one rate differ by rounding, and their noise does not.
+        Those asked for last are kept. To a nanosecond: frames at one rate differ by rounding, and their noise does not.
         """
         key = round(dt, 9)
         if self._noises is None or self._noises[0] != key or self._noises[1] is not modes:
-            by_mode = {mode: self.noise(dt, mode) for mode in set(modes)}
+            by_mode = {mode: (self.noise(dt, mode), self.white_part(dt, mode)) for mode in set(modes)}
             self._noises = key, modes, [by_mode[mode] for mode in modes]
         return self._noises[2]
+
+    def white_part(self, dt: float, mode: ForceMode) -> Floats:
+        """Of `noise`, (dim_x, dim_x), what `ForceMode.white` makes."""
+        Q = np.zeros((self.dim_x, self.dim_x))
+        _add_flight(Q, np.full(len(self.mass), mode.white**2), dt)
+        return Q
 
     def among_columns(self, shared: Floats) -> Floats:
         """What a calibration moves marks by, (m, n_calibration), after the columns of constants, which move none."""
@@ -284,6 +287,16 @@ class TissueModel:
                 A[row, row] = -1.0 / self.bias.lasting_s
                 density[row, row] = 2.0 * self.bias.sd_m**2 / self.bias.lasting_s
         return A, density
+
+
+def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
+    """Add what accelerations of these densities, (half,), make of places and velocities in a step of dt [s]."""
+    q = np.arange(len(white))
+    v = len(white) + q
+    Q[q, q] += white * dt**3 / 3.0
+    Q[v, v] += white * dt
+    Q[q, v] += white * dt**2 / 2.0
+    Q[v, q] += white * dt**2 / 2.0
 
 
 def _without_growth(by_mass: Floats, mass: Floats) -> Floats:

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from dynamics import SAME_STEP, SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
+from estimators.filters.chain import rising
 from estimators.filters.exponential import small_expm
 from estimators.process.target import TargetMap
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.prediction import reported
+from estimators.tissue.prediction import onset_of, reported
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made, each twice the last; choice, its cost in docs/settings.md."""
@@ -42,21 +43,24 @@ class SpeedTables:
 
     first: what the first moment in each state of the chain makes of the target's mean, (n_times dim, n_states dim_x)
     second: what its second moment, the lower triangle, makes of the target's, (n_times pairs, n_states n_low)
-    noise: and what the odds of now do, (n_times pairs, n_states)
+    noise: and what the odds of now do, (n_times pairs, n_states), at the stated level of white noise
+    white: what that level's share of it is, (n_times pairs, n_states)
     pushed: by how much forces on the free coordinates, held in each of the cycles ahead, move the target [m/N],
         (n_times dim, (n_times - 1) n_free dim)
     step: what a cycle without forces makes of the network's state about rest, (n_state, n_state)
     quiet: what so many cycles in which nobody pokes make of the target's mean, (n_times, dim, dim_x)
-    quiet_noise: and what they add to its covariance [m²], (n_times, dim, dim)
+    quiet_noise: and what they add to its covariance [m²], (n_times, dim, dim); quiet_white: the share of white noise
     """
 
     first: Floats
     second: Floats
     noise: Floats
+    white: Floats
     pushed: Floats
     step: Floats
     quiet: Floats
     quiet_noise: Floats
+    quiet_white: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,6 +141,7 @@ class MomentsNow:
     time_s: of the belief [s]; odds (n_states,); first (n_states, dim_x), second (n_states, dim_x, dim_x): moments
     columns (n_states, dim_x, r): of the error, what directions that are considered make of it
     forced: what their forces will have made of the target until each time of the tables, (n_times, dim, r)
+    level: factor on the variance of white noise [1]
     """
 
     time_s: float
@@ -146,6 +151,7 @@ class MomentsNow:
     second: Floats
     columns: Floats
     forced: Floats
+    level: float
 
 
 def moments_now(tables: FastPredictionTables, tissue: TissueFilter) -> MomentsNow:
@@ -178,7 +184,8 @@ def _moments_of(tables: FastPredictionTables, tissue: TissueFilter, time_s: floa
         return np.asarray(np.einsum("bs,bs...->s...", odds, own_modes))
 
     forced = _forced(tables, own, tissue, mixture.x[:n] - tables.rest)
-    return MomentsNow(time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced)
+    level = 1.0 if mixture.level is None else mixture.level.scale
+    return MomentsNow(time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced, level)
 
 
 def moments_ahead(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, Floats]:
@@ -186,7 +193,8 @@ def moments_ahead(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats
     dim, k = len(tables.target.constant), tables.n_times
     low = _lower(now.first.shape[1])
     away = (now.tables.first @ now.first.ravel()).reshape(k, dim)
-    moments = now.tables.second @ now.second[:, low[0], low[1]].ravel() + now.tables.noise @ now.odds
+    noise = now.tables.noise @ now.odds + (now.level - 1.0) * (now.tables.white @ now.odds)
+    moments = now.tables.second @ now.second[:, low[0], low[1]].ravel() + noise
     a, b = _lower(dim)
     covs = np.empty((k, dim, dim))
     covs[:, a, b] = moments.reshape(k, len(a)) - away[:, a] * away[:, b]
@@ -249,16 +257,17 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
     M = small_expm(settings.rates * cycle)
     rate = state_matrix(model.network, shape, speed_m_s=speed)
     Fs, Qs = [], []
-    for mode in forces:
+    for mode, noises in zip(forces, model.noise_of_modes(cycle / n_steps, forces), strict=True):
         A, _ = model.linearised(shape, mode)
         A[:n, :n] = rate
-        F, Q = small_expm(A * cycle / n_steps), model.noise(cycle / n_steps, mode)
+        F, Q = small_expm(A * cycle / n_steps), np.array(noises)
         total = np.zeros_like(Q)
         for _ in range(n_steps):
             total = F @ total @ F.T + Q
         Fs.append(np.linalg.matrix_power(F, n_steps))
         Qs.append(total)
     F_each, Q_each = np.array(Fs)[of_state], np.array(Qs)[of_state]
+    begun = rising(onset_of(model, forces)[of_state])
     matrix = tissue.target.matrix
     dim = len(matrix)
     y = np.zeros((len(of_state), dim, model.dim_x))
@@ -266,21 +275,23 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
     pairs = list(zip(*_lower(dim), strict=True))
     Y = np.array([[np.outer(own[a], own[b]) for a, b in pairs] for own in y])
     Y = 0.5 * (Y + Y.swapaxes(2, 3))
-    c = np.zeros((len(of_state), len(pairs)))
+    c = np.zeros((2, len(of_state), len(pairs)))
     low = _lower(model.dim_x)
     twice = np.where(low[0] == low[1], 1.0, 2.0)
     first, second, noise = [y], [Y[..., low[0], low[1]] * twice], [c]
     for _ in range(n_times - 1):
-        c = M @ (np.einsum("jpab,jab->jp", Y, Q_each) + c)
+        c = M @ (np.einsum("jpab,jwab->wjp", Y, Q_each) + c)
         y = np.einsum("ij,jda->ida", M, y @ F_each)
-        Y = np.einsum("ij,jpab->ipab", M, F_each.swapaxes(1, 2)[:, None] @ Y @ F_each[:, None])
+        Y_before = F_each.swapaxes(1, 2)[:, None] @ Y @ F_each[:, None]
+        c[0] += np.einsum("ij,ijn,jpnn->ip", M, begun, Y_before)
+        Y = np.einsum("ij,jpab->ipab", M, Y_before)
         first.append(y)
         second.append(Y[..., low[0], low[1]] * twice)
         noise.append(c)
     firsts = np.array(first).swapaxes(1, 2).reshape(n_times * dim, -1)
     seconds = np.array(second).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
-    noises = np.array(noise).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
-    quiet, quiet_noise = [y_now := first[0][0]], [np.zeros((dim, dim))]
+    noises, whites = np.array(noise).swapaxes(0, 1).swapaxes(2, 3).reshape(2, n_times * len(pairs), -1)
+    quiet, quiet_noise = [y_now := first[0][0]], [np.zeros((2, dim, dim))]
     for _ in range(n_times - 1):
         quiet_noise.append(quiet_noise[-1] + y_now @ Qs[0] @ y_now.T)
         quiet.append(y_now := y_now @ Fs[0])
@@ -288,10 +299,11 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
         firsts,
         seconds,
         noises,
+        whites,
         _answers(rate, model.mass, tissue.target, cycle, n_times),
         small_expm(rate * cycle),
         np.array(quiet),
-        np.array(quiet_noise),
+        *np.array(quiet_noise).swapaxes(0, 1),
     )
 
 

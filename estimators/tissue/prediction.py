@@ -15,6 +15,7 @@ from estimators.filters.gaussians import corrected_each, moment_matched
 from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
+from estimators.filters.noise_level import NoiseLevel
 from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.process.known_force import ForceHistory, KnownForce
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
@@ -103,7 +104,19 @@ def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequen
     motion = MotionOfModes(model, modes)
     linear = LinearisedCycles(LinearisedTissue(model), modes) if is_linearised(model) else None
     move = Move(motion.points, motion.columns, model.turned, linear)
-    return InteractingMixture(filters, stationary(settings.rates), settings.rates, move, settings.of_state)
+    mixture = InteractingMixture(filters, stationary(settings.rates), settings.rates, move, settings.of_state)
+    mixture.onset = onset_of(model, modes)
+    if linear is None and settings.white_bounds != (1.0, 1.0):
+        mixture.level = NoiseLevel(settings.white_bounds, model.dim_x)
+    return mixture
+
+
+def onset_of(model: TissueModel, modes: Sequence[ForceMode]) -> Floats:
+    """Variance of each state by the forces of each mode, (n_modes, dim_x): of the pokes alone."""
+    found = np.zeros((len(modes), model.dim_x))
+    for own, mode in zip(found, modes, strict=True):
+        own[model.pokes] = (model.force_noise(mode)[0] * model.mass[model.poked_rows]) ** 2
+    return found
 
 
 def advance(
@@ -120,8 +133,12 @@ def advance(
     step = dt / n / model.stepper.n_steps(dt / n)
     own = in_branches(modes, len(mixture.filters))
     if mixture.move.linear is None:
-        for f, Q in zip(mixture.filters, model.noise_of_modes(step, own), strict=True):
-            f.Q = Q
+        noises = model.noise_of_modes(step, own)
+        level = 1.0 if mixture.level is None else mixture.level.scale
+        for f, (Q, white) in zip(mixture.filters, noises, strict=True):
+            f.Q = Q if level == 1.0 else Q + (level - 1.0) * white
+        if mixture.level is not None:
+            mixture.level.added = noises[0][1]
     model.push = push
     try:
         for _ in range(n):

@@ -13,6 +13,7 @@ from estimators.arrays import Floats
 from estimators.filters.measurement import CommonErrors
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import Cycle
+from estimators.filters.noise_level import LevelState
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 from estimators.tissue.model_error import Shown
@@ -27,6 +28,7 @@ class MixtureState:
     mean, cov: of the whole mixture, (n,), (n, n); repairs: counts of numerical repairs
     cycle: the prediction that no update has followed yet, of a linearised motion
     common_errors: what innovations told of the columns' directions
+    level: of the process noise; None where it is not learnt
     """
 
     moments: tuple[tuple[Floats, Floats], ...]
@@ -37,6 +39,7 @@ class MixtureState:
     repairs: Counter[str]
     cycle: Cycle | None
     common_errors: CommonErrors
+    level: LevelState | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +83,7 @@ def mixture_state(mixture: InteractingMixture) -> MixtureState:
         mixture.repairs.copy(),
         mixture.cycle,
         mixture.common_errors,
+        None if mixture.level is None else mixture.level.state,
     )
 
 
@@ -91,6 +95,8 @@ def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
     mixture.columns, mixture.x, mixture.P = state.columns, state.mean, state.cov
     mixture.repairs, mixture.cycle = state.repairs.copy(), state.cycle
     mixture.common_errors = state.common_errors
+    if mixture.level is not None and state.level is not None:
+        mixture.level.resume(state.level)
 
 
 class Restorable(Protocol):

@@ -161,7 +161,7 @@ class ForcedFilter:
         x, P, columns = before.x[None], before.P[None], before.columns[None]
         F = np.eye(model.dim_x)
         n_steps = model.stepper.n_steps(dt)
-        Q = model.noise_of_modes(dt / n_steps, mode)[0][None]
+        Q = model.noise_of_modes(dt / n_steps, mode)[0][0][None]
         for _ in range(n_steps):
             points, definite = symmetric_points_each(x, P, self.scale)
             if not definite.all():

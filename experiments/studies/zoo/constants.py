@@ -85,7 +85,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     names = other.marked + other.hidden
     seen = measured(other, names, case.seed + OTHER_RECORDING)
     frames = [(float(time_s), marks) for time_s, marks in zip(other.times_s, seen, strict=True)]
-    prior = {kind: sd for kind, sd in PRIOR_SD.items() if kind != "rest_length" or not body.at_rest}
+    prior = {kind: sd for kind, sd in PRIOR_SD.items() }
     try:
         found = identify_constants(
             start,

@@ -107,3 +107,16 @@ def test_transitions_of_ever_new_times_need_no_ever_more_memory():
         made.ahead(0.01 + 1e-4 * k)
     assert len(made._transitions) <= KEPT
     np.testing.assert_allclose(made.ahead(0.02)[0], ODDS @ expm(0.02 * RATES), rtol=1e-12)
+
+
+def test_forces_that_begin_have_their_full_variance_at_once():
+    """Two modes in two branches by definition: who enters the strong mode gets what is missing, others nothing."""
+    rates = np.array([[-2.0, 2.0], [3.0, -3.0]])
+    chain = ModeChain([0.9, 0.1], rates)
+    chain.branch(np.array([0.6, 0.4]))
+    _, _, weights = chain.ahead(0.1)
+    found = chain.begun(weights, np.array([[1.0, 0.0], [5.0, 2.0]]))
+    M = expm(0.1 * rates)
+    entering = 0.9 * M[0, 1] / (0.9 * M[0, 1] + 0.1 * M[1, 1])
+    wanted = [[0.0, 0.0], [4.0 * entering, 2.0 * entering]]
+    np.testing.assert_allclose(found, wanted * 2, rtol=1e-9, atol=1e-12)

@@ -34,7 +34,7 @@ def test_what_is_taken_apart_and_put_together_is_as_before():
     odds, now, columns = made.chain.odds.copy(), made.beliefs(), made.columns.copy()
     parts = branches_of(made)
     still = LinearMotion(now.means, now.covs, now.covs, columns, 2, np.zeros(now.means.shape[1]))
-    made.cycle = Cycle(now.means, now.covs, columns, never, 1, now.means, still)
+    made.cycle = Cycle(now.means, now.covs, now.covs, columns, never, 1, now.means, still)
     follow(made, parts[::-1])
     assert made.n_branches == 2
     assert made.cycle is None  # what was predicted is not what is followed

@@ -66,6 +66,7 @@ def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phanto
     knowing.predict(tissue.time_s)
     for own, f in zip(knowing.mixture.filters, tissue.mixture.filters, strict=True):
         own.x, own.P = f.x, f.P
+    knowing.mixture.level.resume(tissue.mixture.level.state)
     quiet = np.isin(np.arange(len(settings.modes)), settings.quiet_modes)
     knowing.mixture.mu = np.where(quiet, tissue.mixture.mu, 0.0) / tissue.mixture.mu[quiet].sum()
     path = path_by_tables(tables, tissue)

@@ -77,7 +77,8 @@ def test_the_level_that_made_the_marks_is_found(tuned):
 
 def test_the_levels_found_are_more_probable_than_those_before_and_than_their_neighbours(pair, frames, tuned):
     def at(values):
-        tissue = TissueFilter(pair, "far", ("near",), with_noise_levels(FilterSettings(), values))
+        settings = with_noise_levels(FilterSettings(white_bounds=(1.0, 1.0)), values)
+        tissue = TissueFilter(pair, "far", ("near",), settings)
         return log_likelihood(tissue, with_scaled_noise(frames, values[2]))
 
     assert tuned.log_likelihood == pytest.approx(at(tuned.values), rel=1e-9)

@@ -154,7 +154,7 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
     found = ours.update(marks_of(phantom, rest_state, MARK_SD, np.random.default_rng(2), nodes=("M3",)))
     assert found.status is Status.INITIALISING
     assert ours.repairs == {"restarted": 1}
-    assert np.linalg.eigvalsh(found.cov)[-1] < 1.2 * largest[-1]  # one mark, and no memory of before
+    assert np.linalg.eigvalsh(found.cov)[-1] < 1.5 * largest[-1]  # one mark, and no memory of before, nor of a tremor
 
 
 def test_time_does_not_go_back(phantom):

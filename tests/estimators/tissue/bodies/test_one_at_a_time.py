@@ -65,7 +65,7 @@ def test_pokes_come_as_often_as_with_one_poked_mode():
 
 
 def test_marks_are_looked_for_as_if_poked(phantom, rest_state, marks_of):
-    """Rest, marks of 1 mm, then 0.1 s without: 2 mm tell a node that may be poked meanwhile from one that is not."""
+    """Rest, marks of 1 mm, then 0.1 s without: 3.4 mm tell a node that may be poked meanwhile from one that is not."""
     tissue = TissueFilter(phantom, HIDDEN, OUTER, ONE)
     for k in range(30):
         tissue.predict(k * FRAME_S)
@@ -75,7 +75,7 @@ def test_marks_are_looked_for_as_if_poked(phantom, rest_state, marks_of):
         rows = phantom.coordinates(node)
         sigma = np.sqrt(np.trace(tissue.expected(node)[1]))
         between = np.sqrt(np.trace(tissue.mixture.filters[1].P[rows, rows]))
-        assert between < 2e-3 < sigma
+        assert between < 3.4e-3 < sigma
 
 
 def test_pokes_are_followed_and_never_refused(phantom, rest_state, driven, poke_forces, marks_of):
