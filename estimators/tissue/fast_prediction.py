@@ -290,20 +290,22 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
         noise.append(c)
     firsts = np.array(first).swapaxes(1, 2).reshape(n_times * dim, -1)
     seconds = np.array(second).swapaxes(1, 2).reshape(n_times * len(pairs), -1)
-    noises, whites = np.array(noise).swapaxes(0, 1).swapaxes(2, 3).reshape(2, n_times * len(pairs), -1)
+    of_odds = np.array(noise).swapaxes(0, 1).swapaxes(2, 3).reshape(2, n_times * len(pairs), -1)
     quiet, quiet_noise = [y_now := first[0][0]], [np.zeros((2, dim, dim))]
     for _ in range(n_times - 1):
         quiet_noise.append(quiet_noise[-1] + y_now @ Qs[0] @ y_now.T)
         quiet.append(y_now := y_now @ Fs[0])
+    quiet_noises = np.array(quiet_noise)
     return SpeedTables(
         firsts,
         seconds,
-        noises,
-        whites,
+        of_odds[0],
+        of_odds[1],
         _answers(rate, model.mass, tissue.target, cycle, n_times),
         small_expm(rate * cycle),
         np.array(quiet),
-        *np.array(quiet_noise).swapaxes(0, 1),
+        quiet_noises[:, 0],
+        quiet_noises[:, 1],
     )
 
 

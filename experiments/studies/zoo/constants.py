@@ -10,7 +10,6 @@ import numpy as np
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, fit_rest_lengths
 from estimators import CovarianceError, FilterSettings, IdentificationError, MarkMeasurement, identify_constants
 from estimators.identification.budget import Budget
-from estimators.identification.constants import PRIOR_SD
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
 from experiments.studies.zoo.case import Case
@@ -69,8 +68,8 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     """Constants fitted on another recording of the same body in which every node is seen; raises NotIdentifiedError.
 
     seconds: processor time that it may take [s]
-    It starts from stiffnesses and dashpots that are wrong kind by kind, masses are known. Rest lengths are fitted, too,
-    where they do not follow from the drawing.
+    It starts from stiffnesses and dashpots that are wrong kind by kind, masses are known. Rest lengths are fitted, too:
+    those that follow from a drawing at rest do so by the wrong stiffnesses.
     """
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])
@@ -85,14 +84,12 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     names = other.marked + other.hidden
     seen = measured(other, names, case.seed + OTHER_RECORDING)
     frames = [(float(time_s), marks) for time_s, marks in zip(other.times_s, seen, strict=True)]
-    prior = {kind: sd for kind, sd in PRIOR_SD.items() }
     try:
         found = identify_constants(
             start,
             frames,
             body.marked,
             body.hidden[0],
-            prior_sd=prior,
             spring_groups=body.kinds,
             settings=FilterSettings(led_nodes=body.led),
             budget=Budget(seconds, time.process_time),
