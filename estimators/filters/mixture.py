@@ -173,20 +173,16 @@ class InteractingMixture(filterpy.IMMEstimator):
             self._make_room()
             self._compute_state_estimate()
 
-    def restart(
-        self, mean: Floats, cov: Floats, columns: Floats | None = None, first: tuple[Floats, Floats] | None = None
-    ) -> None:
+    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
         """Give every mode the same belief, in one branch: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
 
-        The odds of the modes stay. Without columns, those of the first mode. first: mean and covariance of that one
+        The odds of the modes stay. Without columns, those of the first mode.
         """
         if self.n_branches > 1:
             self.chain.branch(np.ones(1))
             self._make_room()
         for f in self.filters:
             f.x, f.P = mean.copy(), cov.copy()
-        if first is not None:
-            self.filters[0].x, self.filters[0].P = first
         self.columns = np.tile(self.columns[0] if columns is None else columns, (len(self.filters), 1, 1))
         self._begin_anew()
 

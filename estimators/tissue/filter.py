@@ -314,7 +314,7 @@ class TissueFilter:
     def _start(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
         """Start from the first marks, or again from those after a loss."""
         self.repairs["restarted"] += int(self.health.since_s is not None)
-        restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked, at_rest=True)
+        restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked)
         self._seen_s, self._seen = dict.fromkeys(self._marked, time_s), {m.node: (time_s, m.position) for m in marks}
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 

@@ -114,7 +114,6 @@ def restart_from_marks(
     inflation: float = 1.0,
     speeds: tuple[Floats, Floats] | None = None,
     unseen_s: float | None = None,
-    at_rest: bool = False,
 ) -> None:
     """Set every mode to the tissue at rest with its marked nodes fixed where they are seen.
 
@@ -127,7 +126,6 @@ def restart_from_marks(
     itself, for linear motion about one of them tells nothing of the others.
     inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
     unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
-    at_rest: whether the mode in which nobody has poked for long supposes no such pokes, where it is one of its own
     """
     network, places = model.network, {mark.node: mark.position for mark in marks}
     try:
@@ -156,10 +154,7 @@ def restart_from_marks(
             velocity, least = settings.impulse_m_s, settings.least_odds
             beliefs, odds = turned_shapes(network, elbow, beliefs, velocity=velocity, least=least)
     if len(beliefs) == 1:
-        calm, given = replace(settings, poked=settings.quiet), None
-        if at_rest and settings.led is None:  # of a body that is led a mode shares both
-            given = _held(model, calm, shape, stacked=stacked, inflation=inflation, speeds=speeds)[:2]
-        mixture.restart(*beliefs[0], given)
+        mixture.restart(*beliefs[0])
         return
     mixture.branch(beliefs, odds)
 

@@ -104,7 +104,9 @@ def checked(
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
     seen, unfound = _seen(scene, rest, recording, sd_mm)
-    line = Line(scene, baseline=False)
+    # marks that stand still would teach it that nothing trembles, while bounds are for the noise that is stated
+    stated = replace(scene.settings, white_bounds=(1.0, 1.0))
+    line = Line(replace(scene, settings=stated), baseline=False)
     estimate = _after_rest(line, seen, interval_s, lambda share: advance(0.1 + 0.6 * share))
     settings, model = line.filter.settings, line.filter.model
     covs = {mark.node: mark.cov for mark in seen}

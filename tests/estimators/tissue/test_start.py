@@ -200,25 +200,3 @@ def test_what_was_seen_a_moment_ago_starts_less_uncertain(phantom, rest_state, m
         found.append((ours.mixture.x, np.sqrt(np.trace(ours.mixture.P[10:12, 10:12]))))
     np.testing.assert_allclose(found[1][0], found[0][0], rtol=0, atol=1e-12)
     assert found[1][1] < 0.8 * found[0][1]
-
-
-def test_a_start_of_still_marks_is_surer_of_rest_than_one_of_moving_marks(phantom, rest_state, marks_of, hidden):
-    """Marks of 4 mm. Still: the mode in which nobody poked for long believes rest, rightly. Moving: it is given up.
-
-    Truth of the second: all swings at 0.5 m/s, as far as in a tenth of a second it goes straight on.
-    """
-    still, moving = [], []
-    for seed in range(20):
-        for speed, found in ((0.0, still), (0.5, moving)):
-            rng = np.random.default_rng(seed)
-            ours = TissueFilter(phantom, HIDDEN, OUTER)
-            for k in range(4):
-                state = rest_state.copy()
-                state[:8:2] += speed * k / 30.0
-                ours.predict(k / 30.0)
-                estimate = ours.update(marks_of(phantom, state, MARK_SD, rng))
-            found.append((ours.mixture.mu[0], np.trace(estimate.cov), np.linalg.norm(estimate.mean - state[hidden])))
-    assert np.mean([mu for mu, _, _ in still]) > 0.6
-    assert np.mean([mu for mu, _, _ in moving]) < 0.1
-    assert np.mean([cov for _, cov, _ in still]) < 0.5 * np.mean([cov for _, cov, _ in moving])
-    assert np.mean([error for _, _, error in still]) < 2.5e-3

@@ -57,7 +57,7 @@ def test_figures_of_a_run_are_told_by_kind():
     good = told["phantom quiet for good"]
     assert (good["swaps"], good["late_most"]) == (1, 0)
     assert (good["runs_wrong_in_the_end"], good["runs_wrong_in_the_end_else"]) == (0, 1)
-    assert good["end_mm"] == pytest.approx(good["end_mm_unswapped"])
+    assert good["end_mm"] == pytest.approx(good["end_mm_unswapped"], rel=0.02)
     assert good["end_mm_else"] > 3 * good["end_mm"]
     assert told["phantom quiet a while"]["swaps"] == 2
 

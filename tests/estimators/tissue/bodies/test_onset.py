@@ -54,6 +54,6 @@ def test_the_level_of_the_noise_is_learnt(phantom, rest_state, driven, poke_forc
         found[tremor] = tissue.mixture.level.scale
         assert (normalised_error_squared(errors, covs)[30:] < 5.991).mean() > 0.85
         if tremor == 0.0:
-            assert np.trace(covs[-1]) < 0.7 * np.trace(covs[60])
+            assert np.trace(covs[-1]) < 0.7 * np.trace(covs[20])
     assert found[0.0] < 0.5
     assert found[0.17] > 4.0
