@@ -11,10 +11,10 @@ from estimators.filters.adaptation import VarianceScale
 
 COLOUR_S = 4.0 / 30.0
 """Over so long innovations are summed, so that errors which last count as they add up [s]; choice: one by one those of
-a model with wrong constants look half as large as what the unseen part of the tissue is off by."""
+a model with wrong constants say less than what is not seen is off by, see docs/decisions.md."""
 
 INFORMATION = 4.0
-"""How many independent coordinates the stated level is worth [1]; choice: some two seconds of a quiet phantom."""
+"""How many independent coordinates the stated level is worth [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,7 +25,7 @@ def followed(phantom, states, marks_of, sd, seed):
 def test_a_push_that_begins_at_once_is_followed_from_the_first_frame(phantom, rest_state, driven, marks_of):
     """9 m/s² on M4 from 0.5 s on, marks of 0.5 mm: after two frames it is a poke, and the hidden mass never 3 mm off.
 
-    Truth by DOP853. Where forces grow from nought, as they do while they last, it was 5.5 mm off beside it.
+    Truth by DOP853.
     """
     forces = np.zeros((120, len(phantom.free), 2))
     node = phantom.free.tolist().index(phantom.index("M4"))
