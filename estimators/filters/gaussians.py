@@ -30,18 +30,28 @@ def moment_matched(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats
     return mean, 0.5 * (cov + cov.T)
 
 
-def corrected_each(
-    beliefs: tuple[Floats, Floats, Floats], z: Floats, H: Floats, R: Floats, factor: float
+def inflated_each(
+    weights: Floats, beliefs: tuple[Floats, Floats, Floats], factor: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Several beliefs after z = H x + noise, z (m,), H (m, n), R (m, m), covariances then inflated by a factor [1].
+    """Several beliefs, as in `corrected_each`, of weights (k,); the covariance of the mixture is so many times that."""
+    xs, Ps, columns = beliefs
+    mean = weights @ xs
+    return mean + np.sqrt(factor) * (xs - mean), factor * Ps, np.sqrt(factor) * columns
+
+
+def corrected_each(
+    beliefs: tuple[Floats, Floats, Floats], z: Floats, H: Floats, R: Floats, *, trust: float = 1.0
+) -> tuple[Floats, Floats, Floats]:
+    """Several beliefs after z = H x + noise, z (m,), H (m, n), R (m, m).
 
     beliefs, given and returned: means (k, n), covariances (k, n, n), and columns (k, n, r) of considered errors of unit
     variance, which enter the gain and are no part of the covariances
+    trust: the gain is that of covariances so many times smaller [1]; those returned are of the errors that it leaves
     """
     xs, Ps, columns = beliefs
     HP, C = H @ Ps, H @ columns
     S = HP @ H.T + R
-    K = np.linalg.solve(S + C @ C.swapaxes(1, 2), HP + C @ columns.swapaxes(1, 2)).swapaxes(1, 2)
+    K = np.linalg.solve(S + C @ C.swapaxes(1, 2) + (trust - 1.0) * R, HP + C @ columns.swapaxes(1, 2)).swapaxes(1, 2)
     beside = K @ (0.5 * S @ K.swapaxes(1, 2) - HP)  # Joseph's form: (1 - K H) P (1 - K H)' + K R K', less P
     ahead = xs + np.einsum("kni,ki->kn", K, z - xs @ H.T)
-    return ahead, factor * (Ps + (beside + beside.swapaxes(1, 2))), np.sqrt(factor) * (columns - K @ C)
+    return ahead, Ps + (beside + beside.swapaxes(1, 2)), columns - K @ C

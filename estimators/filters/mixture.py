@@ -15,7 +15,7 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.chain import ModeChain
-from estimators.filters.gaussians import corrected_each, nearest_definite
+from estimators.filters.gaussians import corrected_each, inflated_each, nearest_definite
 from estimators.filters.iterated import IteratedStart
 from estimators.filters.kernels import (
     is_finite,
@@ -317,14 +317,16 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.common_errors = errors.told([f.y for f in self.filters], covs, innovation_columns[:, :, :n], self.mu)
         self._compute_state_estimate()
 
-    def correct(self, z: Floats, H: Floats, R: Floats, *, factor: float) -> None:
+    def correct(self, z: Floats, H: Floats, R: Floats, *, factor: float, trust: float) -> None:
         """Take in z = H x + noise as `update_linear` does, but for odds and likelihoods, which stay as they are.
 
-        z (m,), H (m, dim_x), R (m, m); factor: on the covariance thereafter [1], that of the whole mixture
+        z (m,), H (m, dim_x), R (m, m); factor: on the covariance of the whole mixture before [1]; trust: as in
+        `corrected_each`
         """
         now = self.beliefs()
-        xs, Ps, self.columns = corrected_each((now.means, now.covs, self.columns), z, H, R, factor)
-        for f, x, P in zip(self.filters, now.mu @ xs + np.sqrt(factor) * (xs - now.mu @ xs), Ps, strict=True):
+        inflated = inflated_each(now.mu, (now.means, now.covs, self.columns), factor)
+        xs, Ps, self.columns = corrected_each(inflated, z, H, R, trust=trust)
+        for f, x, P in zip(self.filters, xs, Ps, strict=True):
             f.x, f.P = x, P
         self._compute_state_estimate()
 

@@ -53,17 +53,39 @@ def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
 class Shown:
     """What the marks until now have shown of the model's error.
 
-    inflation: factor on covariances, from 1 to the square of test_sigmas: NIS by its degrees of freedom, which rises
-        at once and is forgotten in remember_s [1]. Source: [mehra1970]
-    field_scale: factor on the field's covariance, by which its distance from the filter's hidden nodes is explained [1]
+    inflation: factor on the filter's covariances, from 1 to the square of test_sigmas: NIS by its degrees of freedom,
+        which rises at once and is forgotten in remember_s [1]. Source: [mehra1970]
+    filter_scale, field_scale: factors on the covariances of filter and field by which the distance of the filter's
+        hidden nodes from the field is explained, the filter's by up to the inflation, then the field's [1]
     means, covs: of the field at the free nodes by the last marks [m], (n_free, dim), and the covariance of each of its
         axes [m²], (n_free, n_free); None where the last marks tell of none
     """
 
     inflation: float = 1.0
+    filter_scale: float = 1.0
     field_scale: float = 1.0
     means: Floats | None = None
     covs: Floats | None = None
+
+
+def likeliest_scale(distances: Floats, cov: Floats, beside: Floats, most: float) -> float:
+    """Factor on covariances, 1 to most, that with those beside them best explains distances, by Newton's method.
+
+    distances (k, dim), cov and beside (k, dim, dim)
+    """
+    scale = 1.0
+    for _ in range(NEWTON):
+        scaled = scale * cov
+        S = beside + scaled
+        share, weighed = np.linalg.solve(S, scaled), np.linalg.solve(S, distances[..., None])
+        # score and information of the logarithm of the scale
+        score = 0.5 * (float((weighed.swapaxes(1, 2) @ scaled @ weighed).sum()) - float(np.einsum("kii->", share)))
+        information = 0.5 * float(np.einsum("kij,kji->", share, share)) + ROUNDING * distances.size
+        step = float(np.clip(score / information, -1.0, 1.0))
+        scale = min(max(1.0, scale * float(np.exp(step))), most)
+        if abs(step) < ROUNDING:
+            break
+    return scale
 
 
 class ModelError:
@@ -104,11 +126,11 @@ class ModelError:
         if nis is not None:
             ratio = min(nis / (len(marks) * self._network.dim), self._settings.test_sigmas**2)
             inflation = max(1.0, ratio, inflation + share * (ratio - inflation))
-        scale, found = self.shown.field_scale, self._through(self._field, marks)
+        scales, found = (self.shown.filter_scale, self.shown.field_scale), self._through(self._field, marks)
         if found is not None:
-            now = self._likeliest_scale(mixture, {mark.node for mark in marks}, *found)
-            scale += share * (now - scale)
-        self.shown = Shown(inflation, scale, *(found or (None, None)))
+            now = self._likeliest_scales(mixture, {mark.node for mark in marks}, *found, inflation)
+            scales = (scales[0] + share * (now[0] - scales[0]), scales[1] ** (1.0 - share) * now[1] ** share)
+        self.shown = Shown(inflation, *scales, *(found or (None, None)))
 
     def _through(self, field: Field, marks: Sequence[MarkMeasurement]) -> tuple[Floats, Floats] | None:
         """Mean [m], (n_free, dim), and covariance of each axis [m²], (n_free, n_free), of the field by these marks."""
@@ -124,31 +146,23 @@ class ModelError:
         mean, cov = found
         return network.positions[network.free] + mean[network.free], cov[np.ix_(network.free, network.free)]
 
-    def _likeliest_scale(self, mixture: InteractingMixture, marked: set[str], means: Floats, covs: Floats) -> float:
-        """Factor on the field's covariance, 1 or more, that best explains where the filter has the hidden nodes."""
+    def _likeliest_scales(
+        self, mixture: InteractingMixture, marked: set[str], means: Floats, covs: Floats, inflation: float
+    ) -> tuple[float, float]:
+        """Factors on the covariances of filter and field that best explain where the filter has the hidden nodes.
+
+        What innovations license is the filter's own error first, up to the inflation; the rest is the field's.
+        """
         network, dim = self._network, self._network.dim
         hidden = [k for k, node in enumerate(network.free) if network.names[node] not in marked]
         if not hidden:
-            return self.shown.field_scale
+            return self.shown.filter_scale, self.shown.field_scale
         rows = np.array(hidden)[:, None] * dim + np.arange(dim)
         distance = mixture.x[rows] - means[hidden]
         own = mixture.P[rows[:, :, None], rows[:, None, :]]
         field = np.maximum(np.diag(covs)[hidden], 0.0)[:, None, None] * np.eye(dim)
-        scale = 1.0
-        for _ in range(NEWTON):
-            of_field = scale * field
-            S = own + of_field
-            share, weighed = np.linalg.solve(S, of_field), np.linalg.solve(S, distance[..., None])
-            # score and information of the logarithm of the scale
-            score = 0.5 * (
-                float((weighed.swapaxes(1, 2) @ of_field @ weighed).sum()) - float(np.einsum("kii->", share))
-            )
-            information = 0.5 * float(np.einsum("kij,kji->", share, share)) + ROUNDING * len(hidden) * dim
-            step = float(np.clip(score / information, -1.0, 1.0))
-            scale = max(1.0, scale * float(np.exp(step)))
-            if abs(step) < ROUNDING:
-                break
-        return scale
+        of_filter = likeliest_scale(distance, own, field, inflation)
+        return of_filter, likeliest_scale(distance, field, of_filter * own, np.inf)
 
     def of_target(self, target: TargetMap) -> tuple[Floats, Floats]:
         """Where the field has the target [m], (dim,), and the covariance of that [m²], (dim, dim).
@@ -162,9 +176,13 @@ class ModelError:
         cov = self._settings.in_common * shown.field_scale * np.einsum("anb,nm,cmb->ac", nodes, shown.covs, nodes)
         return target.position(shown.means.ravel()), cov
 
-    def factor(self, target: TargetMap, cov: Floats) -> float:
-        """The inflation of a target's covariance [m²], (dim, dim), which does not take it beyond the body's reach."""
+    def factors(self, target: TargetMap, cov: Floats) -> tuple[float, float]:
+        """The inflation of a target's covariance [m²], (dim, dim), which does not take it beyond the body's reach.
+
+        And how far the filter's place is trusted beside that where it is weighed against the field's: `corrected_each`.
+        """
         dim = self._network.dim
         weights = np.abs(target.matrix[0].reshape(-1, dim)[:, 0])
         farthest = float(weights @ self._reach) ** 2 / (dim + 2)
-        return max(1.0, min(self.shown.inflation, farthest / float(np.linalg.eigvalsh(cov)[-1])))
+        factor = max(1.0, min(self.shown.inflation, farthest / float(np.linalg.eigvalsh(cov)[-1])))
+        return factor, max(1.0, factor / self.shown.filter_scale)

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.gaussians import corrected_each, moment_matched
+from estimators.filters.gaussians import corrected_each, inflated_each, moment_matched
 from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
@@ -156,15 +156,12 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
     """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
     if not model_error.is_looked_for:
         return target.position(mixture.x), target.cov(mixture.P)
-    mean, cov = _with_field(mixture, target, model_error)
-    return mean, model_error.factor(target, cov) * cov
-
-
-def _with_field(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> tuple[Floats, Floats]:
     modes = mixture.beliefs()
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
+    factor, trust = model_error.factors(target, target.cov(mixture.P))
+    inflated = inflated_each(modes.mu, own, factor)
     place, cov = model_error.of_target(target)
-    corrected = corrected_each(own, place, np.eye(len(target.constant))[: len(place)], cov, 1.0)
+    corrected = corrected_each(inflated, place, np.eye(len(target.constant))[: len(place)], cov, trust=trust)
     means, covs, columns = mixed_each(modes.mu[:, None], *corrected)
     return means[0], with_columns(covs[0], columns[0])
 
@@ -183,8 +180,8 @@ def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelE
         place, cov = model_error.of_target(target)
         H = np.zeros((len(place), len(mixture.x)))
         H[:, : target.matrix.shape[1]] = target.matrix[: len(place)]
-        factor = model_error.factor(target, _with_field(mixture, target, model_error)[1])
-        mixture.correct(place - target.constant[: len(place)], H, cov, factor=factor)
+        factor, trust = model_error.factors(target, target.cov(mixture.P))
+        mixture.correct(place - target.constant[: len(place)], H, cov, factor=factor, trust=trust)
         yield
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -42,7 +43,8 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     lengths = scale.size * np.array(LINKS_M[:n_links])
     masses = scale.m * np.array(MASSES_KG[:n_links])
     hinge = HINGE_N_M_S * scale.m * scale.size**2 / scale.swing
-    model, data = compiled(_chain_xml(lengths, masses, hinge, _stretch("0 0 1", scale)))
+    stretch = _stretch("0 0 1", scale, LINK_N_M * scale.k, LINK_N_S_M * scale.c)
+    model, data = compiled(_chain_xml(lengths, masses, hinge, stretch))
     turning = np.array([k for k in range(model.njnt) if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE])
     data.qpos[turning] = rng.uniform(-1.5, 1.5, n_links)
     data.qvel[turning] = rng.normal(0.0, SPEED_RAD_S / scale.swing, n_links)
@@ -68,14 +70,11 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     return Body(network, times, anchored, (f"n{n_links}",), MARK_SD_M * scale.size, in_line=True)
 
 
-def _stretch(axis: str, scale: Scale) -> str:
-    """A joint along the link where its stiffness matters."""
+def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
+    """A joint along the link of this stiffness [N/m] and damping [N s/m], where they matter."""
     if scale.stiffness == scale.mass == 1.0:
         return ""
-    return (
-        f'<joint type="slide" axis="{axis}" stiffness="{LINK_N_M * scale.k}" damping="{LINK_N_S_M * scale.c}"'
-        ' springref="0"/>'
-    )
+    return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'
 
 
 def _step_s(scale: Scale, longest_s: float) -> float:
@@ -99,11 +98,20 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
     """A cable of twelve segments in space, one end held, the other led by a hand; its middle hidden.
 
     speed: of the hand, factor; at 1 it moves at up to 1 m/s
+    Springs against bending resist stretching, too: where links stretch, those of the truth do as both kinds together.
     """
     rng = np.random.default_rng([seed, 0])
     n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m
     bend, slow = BEND_N_M * scale.k * scale.size**2, BEND_N_M_S * scale.c * scale.size**2
-    model, data = compiled(_cable_xml(length, mass, (bend, slow), _stretch("1 0 0", scale)))
+    # energy of a joint bent by b, k_b b² / 2, as that of a spring over two segments, shortened by L b² / 4
+    over_two = 16.0 * bend / (length * BEND_RAD) ** 2
+    stiffness = np.r_[np.full(n, LINK_N_M * scale.k), np.full(n - 1, over_two)]
+    damping = np.r_[np.full(n, LINK_N_S_M * scale.c), np.full(n - 1, over_two * slow / bend)]
+    stretches = [
+        _stretch("1 0 0", scale, k + along * over_two, c + along * over_two * slow / bend)
+        for k, c, along in zip(stiffness[:n], damping[:n], [2.0, *[4.0] * (n - 2), 2.0], strict=True)
+    ]
+    model, data = compiled(_cable_xml(length, mass, (bend, slow), stretches))
     hand = _HandPath(rng, n * length, speed / scale.swing, 1.5 * scale.swing)
     before = 2.0 * max(1.0, scale.swing)
     times = np.arange(round(before * 33) + round(33 * seconds)) / 33.0
@@ -122,8 +130,6 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
     )[round(before * 33) :]
     times = np.arange(len(places)) / 33.0
     pairs = [(i, i + 1) for i in range(n)] + [(i, i + 2) for i in range(n - 1)]
-    # energy of a joint bent by b, k_b b² / 2, as that of a spring over two segments, shortened by L b² / 4
-    over_two = 16.0 * bend / (length * BEND_RAD) ** 2
     network = MassSpringNetwork(
         names=node_names(n + 1),
         positions=places[0],
@@ -132,9 +138,9 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
         drag=np.full(n + 1, DRAG_N_S_M * scale.c),
         friction=np.zeros(n + 1),
         springs=np.array(pairs),
-        stiffness=np.r_[np.full(n, LINK_N_M * scale.k), np.full(n - 1, over_two)],
+        stiffness=stiffness,
         rest_lengths=np.r_[np.full(n, length), np.full(n - 1, 2.0 * length)],
-        damping=np.r_[np.full(n, LINK_N_S_M * scale.c), np.full(n - 1, over_two * slow / bend)],
+        damping=damping,
         gravity=np.array([0.0, 0.0, -GRAVITY_M_S2]),
     )
     marked = tuple(f"n{i}" for i in range(1, n + 1) if i not in HIDDEN_OF_CABLE)
@@ -162,9 +168,9 @@ class _HandPath:
         return np.asarray((1.0 - rise) * self.straight + rise * swaying)
 
 
-def _cable_xml(length: float, mass: float, bend: tuple[float, float], stretch: str) -> str:
+def _cable_xml(length: float, mass: float, bend: tuple[float, float], stretches: Sequence[str]) -> str:
     opened, closed = "", ""
-    for k in range(SEGMENTS):
+    for k, stretch in enumerate(stretches):
         opened += (
             f'<body pos="{length if k else 0} 0 0"><joint type="ball" stiffness="{bend[0]}" damping="{bend[1]}"/>'
             f'{stretch}<geom type="capsule" fromto="0 0 0 {length} 0 0" size="{0.04 * length}" mass="{mass}"/>'

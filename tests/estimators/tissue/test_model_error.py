@@ -7,9 +7,9 @@ import pytest
 
 from dynamics import build_network, four_mass_phantom
 from estimators import MarkMeasurement, TissueFilter, fast_prediction_tables, predict_fast
-from estimators.filters.gaussians import corrected_each
+from estimators.filters.gaussians import corrected_each, inflated_each
 from estimators.process.target import target_map
-from estimators.tissue.model_error import ModelError
+from estimators.tissue.model_error import ModelError, likeliest_scale
 
 NAMES = tuple(f"n{k}" for k in range(11))
 HIDDEN = ("n4", "n5", "n6")
@@ -66,19 +66,43 @@ def followed(seed=0, n=60, **noise):
 
 
 def test_a_correction_is_the_kalman_update_of_a_state_with_its_considered_errors():
-    """By the joint state of x and the errors, whose gain is kept at nought; the factor then scales all of it."""
+    """By the joint state of x and the errors, whose gain is kept at nought; inflated before, all of it is larger."""
     rng = np.random.default_rng(1)
     x, C, A = rng.normal(size=5), rng.normal(size=(5, 2)), rng.normal(size=(5, 5))
     P, H, R, z = A @ A.T, rng.normal(size=(2, 5)), np.diag([0.3, 0.5]), rng.normal(size=2)
+    inflated = inflated_each(np.ones(1), (x[None], P[None], C[None]), 1.7)
+    P, C = 1.7 * P, np.sqrt(1.7) * C
     S = H @ (P + C @ C.T) @ H.T + R
     K = (P + C @ C.T) @ H.T @ np.linalg.inv(S)
     keep = np.eye(5) - K @ H
-    xs, Ps, columns = corrected_each((x[None], P[None], C[None]), z, H, R, 1.7)
+    xs, Ps, columns = corrected_each(inflated, z, H, R)
     np.testing.assert_allclose(xs[0], x + K @ (z - H @ x), rtol=1e-10)
-    np.testing.assert_allclose(Ps[0], 1.7 * (keep @ P @ keep.T + K @ R @ K.T), rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(columns[0], np.sqrt(1.7) * keep @ C, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(Ps[0], keep @ P @ keep.T + K @ R @ K.T, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(columns[0], keep @ C, rtol=1e-10, atol=1e-12)
     total = Ps[0] + columns[0] @ columns[0].T
-    np.testing.assert_allclose(total, 1.7 * keep @ (P + C @ C.T), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(total, keep @ (P + C @ C.T), rtol=1e-9, atol=1e-12)
+
+
+def test_a_place_that_is_trusted_more_keeps_the_covariance_of_the_errors_that_are_left():
+    """The gain is that of a covariance 1.7 times smaller, the covariance Joseph's of the one that was given."""
+    rng = np.random.default_rng(2)
+    x, A, H = rng.normal(size=4), rng.normal(size=(4, 4)), rng.normal(size=(2, 4))
+    P, R, z = A @ A.T, np.diag([0.4, 0.2]), rng.normal(size=2)
+    K = P / 1.7 @ H.T @ np.linalg.inv(H @ P @ H.T / 1.7 + R)
+    keep = np.eye(4) - K @ H
+    xs, Ps, _ = corrected_each((x[None], P[None], np.zeros((1, 4, 0))), z, H, R, trust=1.7)
+    np.testing.assert_allclose(xs[0], x + K @ (z - H @ x), rtol=1e-10)
+    np.testing.assert_allclose(Ps[0], keep @ P @ keep.T + K @ R @ K.T, rtol=1e-10, atol=1e-12)
+
+
+def test_the_likeliest_scale_is_that_of_the_distances_between_its_bounds():
+    """Of 4,000 distances drawn with a covariance nine times the stated, by sampling error 3 %; and at the bounds."""
+    rng = np.random.default_rng(3)
+    cov, none = np.tile(np.eye(2), (4000, 1, 1)), np.zeros((4000, 2, 2))
+    far = 3.0 * rng.normal(size=(4000, 2))
+    assert likeliest_scale(far, cov, none, np.inf) == pytest.approx(9.0, rel=0.05)
+    assert likeliest_scale(far, cov, none, 4.0) == 4.0
+    assert likeliest_scale(0.1 * far, cov, none, np.inf) == 1.0
 
 
 def test_a_field_through_the_marks_helps_where_springs_do_not_explain_the_body():
