@@ -46,7 +46,7 @@ def test_links_of_a_scaled_chain_stretch_by_what_hangs_on_them():
     """Each link by the weight below it, m g / k."""
     scale = Scale(stiffness=0.1)
     lengths, masses = np.array([0.09, 0.07]), np.array(MASSES_KG[:2])
-    model, data = compiled(_chain_xml(lengths, masses, 1e-5, _stretch("0 0 1", scale)))
+    model, data = compiled(_chain_xml(lengths, masses, 1e-5, _stretch("0 0 1", scale, 0.1 * LINK_N_M, 0.2)))
     settled(model, data, seconds=2.0, step_s=5e-4, kept=0.99)
     hanging = np.array([masses.sum(), masses[1]]) * 9.81 / (0.1 * LINK_N_M)
     ends = np.r_[0.0, -data.geom_xpos[:, 2]]
