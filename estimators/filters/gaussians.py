@@ -33,7 +33,7 @@ def moment_matched(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats
 def inflated_each(
     weights: Floats, beliefs: tuple[Floats, Floats, Floats], factor: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Several beliefs, as in `corrected_each`, of weights (k,); the covariance of the mixture is so many times that."""
+    """Several beliefs as in `corrected_each`, weights (k,), with the mixture's covariance times a factor [1]."""
     xs, Ps, columns = beliefs
     mean = weights @ xs
     return mean + np.sqrt(factor) * (xs - mean), factor * Ps, np.sqrt(factor) * columns
