@@ -82,6 +82,15 @@ def follow(mixture: InteractingMixture, branches: Sequence[Branch]) -> None:
     mixture.x, mixture.P = xs[0], with_columns(Ps[0], mean_columns[0])
 
 
+def prune(mixture: InteractingMixture, least: float) -> None:
+    """Give up branches that are less probable than this, but for the most probable; counted as `pruned`."""
+    odds = mixture.branch_odds
+    kept = odds >= min(least, float(odds.max()))
+    if not kept.all():
+        mixture.repairs["pruned"] += int((~kept).sum())
+        follow(mixture, [branch for branch, one in zip(branches_of(mixture), kept, strict=True) if one])
+
+
 def merge_alike(mixture: InteractingMixture) -> None:
     """Merge branches that have come to the same belief; counted as `merged`."""
     if mixture.n_branches == 1:

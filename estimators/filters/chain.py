@@ -80,12 +80,6 @@ class ModeChain:
         self._set_branches(len(odds))
         self.odds = np.asarray(np.kron(odds / np.sum(odds), states), dtype=np.float64)
 
-    def keep(self, kept: NDArray[np.bool_]) -> None:
-        """Give up the other branches, (n_branches,)."""
-        odds = self.odds.reshape(self.n_branches, -1)[kept].ravel()
-        self._set_branches(int(kept.sum()))
-        self.odds = odds / odds.sum()
-
     def _set_branches(self, n: int) -> None:
         self._modes = (self.n_modes * np.arange(n)[:, None] + self.of_state).ravel()
         self._members = np.eye(n * self.n_modes)[:, self._modes]

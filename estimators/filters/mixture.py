@@ -56,7 +56,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     common_errors: what innovations tell of the directions: by this, not by their variances, modes are weighed
     x, P: mean and covariance of the whole mixture, what the columns add included
     onset: None, or variances by the forces of each mode, (n_modes, n), which begin at full strength: `ModeChain.begun`
-    level: None, or the level of the process noise, which is then learnt; of modes that move by sigma points
+    level: None, or the level of the process noise, which is then learnt
     trace: None, or a list to which each prediction adds its `Transition`
     cycle: the last prediction of a linearised motion that no update has followed yet, else None
     repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`;
@@ -93,6 +93,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.trace: list[Transition] | None = None
         self.onset: Floats | None = None
         self.level: NoiseLevel | None = None
+        self.white: Floats  # of each step, added to the covariance of the first filter
         self.cycle: Cycle | None
         self._scale = self.filters[0]._scale
         self._make_room()
@@ -157,22 +158,6 @@ class InteractingMixture(filterpy.IMMEstimator):
             self.level.forget()
         self._compute_state_estimate()
 
-    def prune(self, least: float) -> None:
-        """Give up branches that are less probable than this."""
-        if self.n_branches == 1:
-            return
-        odds = self.branch_odds
-        kept = odds >= min(least, float(odds.max()))
-        gone = int((~kept).sum())
-        if gone:
-            self.repairs["pruned"] += gone
-            own = np.repeat(kept, self.chain.n_modes)
-            self.filters = [f for f, one in zip(self.filters, own, strict=True) if one]
-            self.columns = self.columns[own]
-            self.chain.keep(kept)
-            self._make_room()
-            self._compute_state_estimate()
-
     def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
         """Give every mode the same belief, in one branch: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
 
@@ -189,6 +174,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
         self._ahead, self.common_errors = dt, self.common_errors.later(dt)
+        self._noted()
         self._compute_mixing_probabilities()
         before = self.beliefs()
         xs, Ps, columns = mixed_each(self.omega, before.means, before.covs, self.columns)
@@ -197,8 +183,9 @@ class InteractingMixture(filterpy.IMMEstimator):
             Ps = Ps + self.chain.begun(self.omega, self.onset)[:, :, None] * np.eye(xs.shape[1])
         if self.move.linear is not None:
             self.chain.odds = self._odds_ahead
-            motion, passes = self.move.linear(len(xs), dt)
-            self._arrive(Cycle(xs, mixes[1], Ps, columns, motion, passes, xs, motion(xs)))
+            motion, passes = self.move.linear(len(xs), dt, self.noise_level)
+            first = int(self.cbar.argmax())
+            self._arrive(Cycle(xs, mixes[1], Ps, columns, motion, passes, xs, motion(xs), dt, first))
             return
         Qs = np.array([f.Q for f in self.filters])
         n, F = max(1, int(np.ceil(dt / longest_s - 1e-9))), np.tile(np.eye(xs.shape[1]), (len(xs), 1, 1))
@@ -210,7 +197,7 @@ class InteractingMixture(filterpy.IMMEstimator):
                 F = regressions(points, moved) @ F
             if self.level is not None:
                 own = slice(k := int(self.cbar.argmax()), k + 1)
-                self.level.predicted(regressions(points[own], moved[own])[0], dt / n)
+                self.level.predicted(regressions(points[own], moved[own])[0], self.white, dt / n)
             xs, Ps = moments_each(moved, *weights, Qs)
         if self.trace is not None:
             self.trace.append(Transition(self.omega, *mixes, F, ModeBeliefs(self.cbar, xs, Ps)))
@@ -220,6 +207,16 @@ class InteractingMixture(filterpy.IMMEstimator):
         # filterpy moves mu only in update; between two updates the prior is the one that the rates give
         self.chain.odds = self._odds_ahead
         self._compute_state_estimate()
+
+    @property
+    def noise_level(self) -> float:
+        """The factor on the variances of white noise [1]."""
+        return 1.0 if self.level is None else self.level.scale
+
+    def _noted(self) -> None:
+        """Have the level know of the last prediction of a linearised motion, which stays as it is from now on."""
+        if self.level is not None and self.cycle is not None:
+            self.level.predicted(*self.cycle.of_first)
 
     def _arrive(self, cycle: Cycle) -> None:
         """Move what a cycle began with to its end, by the motion linearised about `cycle.about`."""
@@ -281,6 +278,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         """
         self._relinearise(z, H, R)
         moved = np.zeros((len(z), self.columns.shape[2])) if shared is None else shared
+        self._noted()
         innovation_columns = H @ self.columns + moved
         n, updates, logs, covs = self.considered * moved.shape[1], [], [], []
         errors = self.common_errors.moved_by(moved[:, :n])

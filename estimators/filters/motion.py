@@ -16,6 +16,7 @@ class LinearMotion:
     """Motion of k modes to first order about states: x -> ends + F (x - about) + noise.
 
     ends (k, n): of the states themselves; F, Q (k, n, n); added (k, n, r): to what F makes of the columns
+    white (k, n, m): a root of the part of Q that is white noise
     n_coupled: states from this one on are moved by themselves alone: their rows of F have no entry off the diagonal
     straight (n,): how far an end may be from `ends` for F to hold there; 0 where that is not known
     """
@@ -24,14 +25,16 @@ class LinearMotion:
     F: Floats
     Q: Floats
     added: Floats
+    white: Floats
     n_coupled: int
     straight: Floats
 
     def chosen(self, other: LinearMotion, better: NDArray[np.bool_]) -> LinearMotion:
         """The motion of the modes where the other is better, (k,), by the other; of the rest by this."""
-        pairs = (self.ends, other.ends), (self.F, other.F), (self.Q, other.Q), (self.added, other.added)
-        ends, F, Q, added = (np.where(better.reshape(-1, *[1] * (own.ndim - 1)), new, own) for own, new in pairs)
-        return LinearMotion(ends, F, Q, added, self.n_coupled, self.straight)
+        own, new = ((each.ends, each.F, each.Q, each.added, each.white) for each in (self, other))
+        picked = (np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a) for a, b in zip(own, new, strict=True))
+        ends, F, Q, added, white = picked
+        return LinearMotion(ends, F, Q, added, white, self.n_coupled, self.straight)
 
     def predicted(self, covs: Floats) -> Floats:
         """F P F' + Q of covariances P, (k, n, n), symmetric to the last bit."""
@@ -54,6 +57,7 @@ class Cycle:
     means, covs, columns: of each mode at its start; mixed: covariances before forces set in; motion(about (k, n)): the
         motion linearised there
     passes: how often at most it may be linearised; about: where it was last; found: the motion there
+    seconds: how long it is [s]; first: the most probable mode at its end
     """
 
     means: Floats
@@ -64,6 +68,14 @@ class Cycle:
     passes: int
     about: Floats
     found: LinearMotion
+    seconds: float
+    first: int
+
+    @property
+    def of_first(self) -> tuple[Floats, Floats, float]:
+        """Of the most probable mode F (n, n), and what white noise added to its covariance, (n, n); seconds."""
+        root = self.found.white[self.first]
+        return self.found.F[self.first], root @ root.T, self.seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,14 +85,15 @@ class Move:
     points(points (k, n_points, n), dt): where they are dt [s] later, of the same shape
     columns(means (k, n), columns (k, n, r), dt): what the columns make of the means' errors dt [s] later
     turned(points): which modes have points where the model must not be asked, (k,)
-    linear(k, dt): where sigma points are not to be used, the motion of k modes over the next dt [s] by the states about
-        which it is linearised, and in how many passes at most an update may ask for it
+    linear(k, dt, level): where sigma points are not to be used, the motion of k modes over the next dt [s] by the
+        states about which it is linearised, white noise having this factor on its variance, and in how many passes at
+        most an update may ask for it
     """
 
     points: Callable[[Floats, float], Floats]
     columns: Callable[[Floats, Floats, float], Floats] | None = None
     turned: Callable[[Floats], NDArray[np.bool_]] | None = None
-    linear: Callable[[int, float], tuple[Callable[[Floats], LinearMotion], int]] | None = None
+    linear: Callable[[int, float, float], tuple[Callable[[Floats], LinearMotion], int]] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

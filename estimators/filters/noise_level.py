@@ -8,12 +8,13 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.adaptation import VarianceScale
+from estimators.filters.kernels import measured
 
 COLOUR_S = 4.0 / 30.0
 """Over so long innovations are summed, so that errors which last count as they add up [s]; choice: one by one those of
 a model with wrong constants say less than what is not seen is off by, see docs/decisions.md."""
 
-INFORMATION = 4.0
+INFORMATION = 2.0
 """How many independent coordinates the stated level is worth [1]; choice."""
 
 
@@ -41,14 +42,13 @@ class NoiseLevel:
     covariance, lags weighed by Bartlett's triangle over `COLOUR_S`: of white innovations it is the same.
     Source: [titterington1984]; long-run covariance [newey1987].
 
-    bounds: of the factor; n: of the state; added: what a step adds to the covariance at the stated level, (n, n); set
-        by whoever predicts
+    bounds: of the factor; n: of the state; colour_s: in place of `COLOUR_S`
     State: `state`.
     """
 
-    def __init__(self, bounds: tuple[float, float], n: int) -> None:
+    def __init__(self, bounds: tuple[float, float], n: int, colour_s: float = COLOUR_S) -> None:
+        self._colour_s = colour_s
         self._factor = VarianceScale(bounds, start_information=INFORMATION)
-        self.added = np.zeros((n, n))
         self._sensitivity, self._passed_s = np.zeros((n, n)), 0.0
         self._earlier: tuple[tuple[float, Floats, Floats], ...] = ()
 
@@ -72,21 +72,25 @@ class NoiseLevel:
         """The belief is another from now on, one to which the level has added nothing yet."""
         self._sensitivity, self._earlier = np.zeros_like(self._sensitivity), ()
 
-    def predicted(self, F: Floats, dt: float) -> None:
-        """The state was moved by F, (n, n), over a step of dt [s], and noise was added."""
-        D = F @ self._sensitivity @ F.T + self.scale * self.added
+    def predicted(self, F: Floats, added: Floats, dt: float) -> None:
+        """The state was moved by F, (n, n), over a step of dt [s], and white noise added to its covariance, (n, n)."""
+        D = F @ self._sensitivity @ F.T + added
         self._sensitivity, self._passed_s = 0.5 * (D + D.T), self._passed_s + dt
 
     def learn(self, innovation: tuple[Floats, Floats, Floats], H: Floats) -> None:
         """Take in an innovation y (m,), its covariance S (m, m) and its gain K (n, m), of a measurement H (m, n)."""
         y, S, K = innovation
-        part = H @ self._sensitivity @ H.T
+        across, part = measured(self._sensitivity, H)
         root = np.linalg.cholesky(S)
         white = np.linalg.solve(root, y)
         ages = [(age + self._passed_s, one, earlier) for age, one, earlier in self._earlier]
-        lags = [(1.0 - age / COLOUR_S, earlier) for age, one, earlier in ages if np.array_equal(one, H)]
+        ages = [each for each in ages if each[0] < self._colour_s]
+        lags = [(1.0 - age / self._colour_s, earlier) for age, one, earlier in ages if np.array_equal(one, H)]
         share = np.linalg.solve(root, np.linalg.solve(root, part).T)
-        self._factor.learn_whitened(white, share, self._passed_s, [lag for lag in lags if lag[0] > 0.0])
-        keep = np.eye(len(K)) - K @ H
-        self._sensitivity, self._passed_s = keep @ self._sensitivity @ keep.T, 0.0
-        self._earlier = ((0.0, H, white), *(one for one in ages if one[0] < COLOUR_S))
+        # no more than all can come of the noise: then the belief was changed by something else meanwhile
+        whole = max(1.0, float(np.diag(share).max()))
+        share = share / whole
+        self._factor.learn_whitened(white, share, self._passed_s, lags)
+        taken = K @ (across - 0.5 * part @ K.T)
+        self._sensitivity, self._passed_s = (self._sensitivity - taken - taken.T) / whole, 0.0
+        self._earlier = ((0.0, H, white), *ages)

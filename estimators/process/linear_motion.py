@@ -73,30 +73,36 @@ class LinearisedTissue:
         if self._once:
             self._straight[:half], self._straight[half:] = TURNED * np.median(model.network.rest_lengths), np.inf
 
-    def __call__(self, about: Floats, dt: float, modes: Sequence[ForceMode], push: KnownForce | None) -> LinearMotion:
-        """From states about these means (n_modes, dim_x), dt [s] later, under the forces of these modes and a push."""
+    def __call__(
+        self, about: Floats, dt: float, modes: Sequence[ForceMode], push: KnownForce | None, level: float = 1.0
+    ) -> LinearMotion:
+        """From states about these means (n_modes, dim_x), dt [s] later, under the forces of these modes and a push.
+
+        level: factor on the variances of the modes' white noise [1]
+        """
         n_steps = 1
         if not self._once:
             n_steps = max(1, int(np.ceil(dt / LONGEST_STEP * (1.0 - SAME_STEP))))
         h = dt / n_steps
-        F, Q, shifts, now = self._step(about, h, modes, push)
+        F, Q, shifts, white, now = self._step(about, h, modes, push, level)
         for _ in range(n_steps - 1):
-            own, noise, shift, now = self._step(now, h, modes, push)
+            own, noise, shift, root, now = self._step(now, h, modes, push, level)
             F, Q, shifts = own @ F, own @ Q @ own.swapaxes(1, 2) + noise, own @ shifts + shift
-        return LinearMotion(now, F, Q, shifts, self.model.network.n_state, self._straight)
+            white = np.concatenate((own @ white, root), axis=2)
+        return LinearMotion(now, F, Q, shifts, white, self.model.network.n_state, self._straight)
 
     def noise_after(self, state: Floats, mode: ForceMode, seconds: float) -> Floats:
         """Covariance (dim_x, dim_x) that so many seconds of this mode's forces make about a state, from none."""
         doublings = max(0, int(np.ceil(np.log2(seconds / LONGEST_STEP))))
-        F, Q, _, _ = (each[0] for each in self._step(state[None], seconds / 2**doublings, (mode,), None))
+        F, Q, *_ = (each[0] for each in self._step(state[None], seconds / 2**doublings, (mode,), None, 1.0))
         for _ in range(doublings):
             Q, F = F @ Q @ F.T + Q, F @ F
         return np.asarray(0.5 * (Q + Q.T))
 
     def _step(
-        self, now: Floats, h: float, modes: Sequence[ForceMode], push: KnownForce | None
-    ) -> tuple[Floats, Floats, Floats, Floats]:
-        """Transition matrices, noise, what the columns' constants do, and the means at the end of one step."""
+        self, now: Floats, h: float, modes: Sequence[ForceMode], push: KnownForce | None, level: float
+    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """Transition matrices, noise, what the columns' constants do, a root of white noise, the means at the end."""
         model, k, n = self.model, len(now), self.model.network.n_state
         rows, (white, sd, lasting) = model.poked_rows, model.noise_of(modes)
         fade = np.exp(-h / lasting)
@@ -122,16 +128,19 @@ class LinearisedTissue:
             renewed = (1.0 - left**2) * model.bias.sd_m**2
             ends[:, model.bias_rows] = left * now[:, model.bias_rows]
         same = np.array([modes.index(mode) if self._once else j for j, mode in enumerate(modes)])
+        force = np.sqrt(level / h) * model.mass * white
         own, Q = with_pokes(
             tangent.F,
             tangent.by_force,
             same,
             (rows, shares, fade),
-            (model.mass * white / np.sqrt(h), sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
+            (force, sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
             (model.dim_x - model.pokes.stop, left, renewed),
         )
         shift = np.zeros((k, model.dim_x, model.n_columns))
         if model.n_constants:
             forces = 0.5 * (model.constant_forces(now) + model.constant_forces(ends))
             shift[:, :n, : model.n_constants] = tangent.by_force @ forces.swapaxes(1, 2)
-        return own, Q, shift, ends
+        root = np.zeros((k, model.dim_x, n // 2))
+        root[:, :n] = tangent.by_force * force[:, None]
+        return own, Q, shift, root, ends

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, all_positions, elbow_parts, mirror_through, potential_energy
 from estimators.arrays import Floats
-from estimators.filters.branches import Belief, merge_alike
+from estimators.filters.branches import Belief, merge_alike, prune
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.mechanism import angle_between, turned, turnings
 from estimators.tissue.settings import FilterSettings
@@ -146,7 +146,7 @@ def decide_at_elbows(
 
     Whether `FEW` are left.
     """
-    mixture.prune(settings.least_odds)
+    prune(mixture, settings.least_odds)
     merge_alike(mixture)
     branch_at_elbows(mixture, network, elbows, settings.gate)
     return mixture.n_branches <= FEW

@@ -184,7 +184,7 @@ def _moments_of(tables: FastPredictionTables, tissue: TissueFilter, time_s: floa
         return np.asarray(np.einsum("bs,bs...->s...", odds, own_modes))
 
     forced = _forced(tables, own, tissue, mixture.x[:n] - tables.rest)
-    level = 1.0 if mixture.level is None else mixture.level.scale
+    level = mixture.noise_level
     return MomentsNow(time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced, level)
 
 

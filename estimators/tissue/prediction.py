@@ -15,7 +15,7 @@ from estimators.filters.gaussians import corrected_each, inflated_each, moment_m
 from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
-from estimators.filters.noise_level import NoiseLevel
+from estimators.filters.noise_level import COLOUR_S, NoiseLevel
 from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.process.known_force import ForceHistory, KnownForce
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
@@ -68,10 +68,11 @@ class LinearisedCycle:
     dt: float
     modes: Sequence[ForceMode]
     push: KnownForce | None
+    level: float
 
     def __call__(self, about: Floats) -> LinearMotion:
         """About states (n_filters, dim_x)."""
-        return self.motion(about, self.dt, self.modes, copy(self.push))
+        return self.motion(about, self.dt, self.modes, copy(self.push), self.level)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,10 +82,10 @@ class LinearisedCycles:
     motion: LinearisedTissue
     modes: Sequence[ForceMode]
 
-    def __call__(self, n_filters: int, dt: float) -> tuple[LinearisedCycle, int]:
+    def __call__(self, n_filters: int, dt: float, level: float) -> tuple[LinearisedCycle, int]:
         """The motion of so many filters over the next dt [s], and in how many passes at most it may be asked for."""
         model = self.motion.model
-        cycle = LinearisedCycle(self.motion, dt, in_branches(self.modes, n_filters), copy(model.push))
+        cycle = LinearisedCycle(self.motion, dt, in_branches(self.modes, n_filters), copy(model.push), level)
         if model.push is not None:
             model.push.step(dt)
         return cycle, self.motion.passes
@@ -106,8 +107,8 @@ def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequen
     move = Move(motion.points, motion.columns, model.turned, linear)
     mixture = InteractingMixture(filters, stationary(settings.rates), settings.rates, move, settings.of_state)
     mixture.onset = onset_of(model, modes)
-    if linear is None and settings.white_bounds != (1.0, 1.0):
-        mixture.level = NoiseLevel(settings.white_bounds, model.dim_x)
+    if settings.white_bounds != (1.0, 1.0):
+        mixture.level = NoiseLevel(settings.white_bounds, model.dim_x, COLOUR_S if linear is None else 0.0)
     return mixture
 
 
@@ -134,11 +135,10 @@ def advance(
     own = in_branches(modes, len(mixture.filters))
     if mixture.move.linear is None:
         noises = model.noise_of_modes(step, own)
-        level = 1.0 if mixture.level is None else mixture.level.scale
+        level = mixture.noise_level
         for f, (Q, white) in zip(mixture.filters, noises, strict=True):
             f.Q = Q if level == 1.0 else Q + (level - 1.0) * white
-        if mixture.level is not None:
-            mixture.level.added = noises[0][1]
+        mixture.white = level * noises[0][1]
     model.push = push
     try:
         for _ in range(n):

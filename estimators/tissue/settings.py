@@ -51,8 +51,8 @@ class FilterSettings:
         [1]; source: the scene
     marks_bounds: factors on the variances of the marks between which they adapt to innovations; (1, 1): not [1];
         source: the scene
-    white_bounds: factors on the variance of white noise between which it adapts to innovations, of a tissue that is
-        neither stiff nor large; (1, 1): not [1]; choice
+    white_bounds: factors on the variance of white noise between which it adapts to innovations; (1, 1): not [1];
+        choice
     fix_bias: the error that fixes of the target have in common; None where none are to come; source: the scene
     hidden_share: of a poke, what may act on each node without a mark of a stiff or large body [1]; choice
     strain_sd: strain by which the springs of a stiff or large body may be off, smoothly over it, beside what is known
@@ -91,7 +91,7 @@ class FilterSettings:
     mix_s: float = 1.0 / 30.0
     one_of: int = 0
     marks_bounds: tuple[float, float] = (1.0, 1.0)
-    white_bounds: tuple[float, float] = (0.25, 16.0)
+    white_bounds: tuple[float, float] = (0.0625, 16.0)
     fix_bias: FixBias | None = None
     hidden_share: float = 0.3
     strain_sd: float = 0.01

@@ -8,6 +8,7 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from estimators import InteractingMixture, UnscentedKalmanFilter
+from estimators.filters.branches import prune
 from estimators.filters.mixture import NARROW, Move
 from estimators.filters.unscented import CovarianceError
 
@@ -148,7 +149,7 @@ def test_branches_that_are_less_probable_are_given_up(odds, least, kept):
     """The others stay as they are, their odds made to sum to one, and go on as if there had been no more."""
     beliefs = [LEFT, RIGHT, MIDDLE]
     made = branched(*beliefs, odds=odds)
-    made.prune(least)
+    prune(made, least)
     rest = np.array(odds)[kept] / np.array(odds)[kept].sum()
     assert made.n_branches == len(kept)
     assert made.repairs["pruned"] == 3 - len(kept)
@@ -167,16 +168,16 @@ def test_branches_that_are_less_probable_are_given_up(odds, least, kept):
 
 def test_pruning_counts_all_that_were_given_up():
     made = branched(LEFT, RIGHT, odds=[0.9, 0.1])
-    made.prune(0.5)
+    prune(made, 0.5)
     branched(LEFT, RIGHT, MIDDLE, odds=[0.9, 0.05, 0.05], made=made)
-    made.prune(0.5)
+    prune(made, 0.5)
     assert made.repairs == {"branched": 3, "pruned": 3}
 
 
 def test_one_branch_is_never_given_up():
     made = mixture()
     x = made.x
-    made.prune(2.0)
+    prune(made, 2.0)
     assert made.n_branches == 1
     assert made.x is x
 

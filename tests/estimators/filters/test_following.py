@@ -33,8 +33,8 @@ def test_what_is_taken_apart_and_put_together_is_as_before():
     made = mixture(LEFT, RIGHT, odds=[0.7, 0.3])
     odds, now, columns = made.chain.odds.copy(), made.beliefs(), made.columns.copy()
     parts = branches_of(made)
-    still = LinearMotion(now.means, now.covs, now.covs, columns, 2, np.zeros(now.means.shape[1]))
-    made.cycle = Cycle(now.means, now.covs, now.covs, columns, never, 1, now.means, still)
+    still = LinearMotion(now.means, now.covs, now.covs, columns, columns, 2, np.zeros(now.means.shape[1]))
+    made.cycle = Cycle(now.means, now.covs, now.covs, columns, never, 1, now.means, still, 0.1, 0)
     follow(made, parts[::-1])
     assert made.n_branches == 2
     assert made.cycle is None  # what was predicted is not what is followed

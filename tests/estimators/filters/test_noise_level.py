@@ -31,7 +31,7 @@ def followed(levels, seconds, rng, true, lasting_s=0.0):
             x = F @ x + np.array([0.5 * DT**2, DT]) * force
         else:
             x = F @ x + np.sqrt(true) * root @ rng.normal(size=2)
-        levels.predicted(F, DT)
+        levels.predicted(F, levels.scale * WHITE, DT)
         y = H @ (x - F @ belief) + 1e-3 * rng.normal(size=1)
         S, K, P = riccati(P, levels.scale)
         belief = F @ belief + K @ y
@@ -40,9 +40,7 @@ def followed(levels, seconds, rng, true, lasting_s=0.0):
 
 
 def level(bounds=(1e-3, 1e3)):
-    made = NoiseLevel(bounds, 2)
-    made.added = WHITE
-    return made
+    return NoiseLevel(bounds, 2)
 
 
 def test_its_sensitivity_is_the_derivative_of_the_covariance():
@@ -50,7 +48,7 @@ def test_its_sensitivity_is_the_derivative_of_the_covariance():
     kept, plus, minus = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))
     fixed = level((1.0, 1.0))
     for _ in range(40):
-        fixed.predicted(F, DT)
+        fixed.predicted(F, WHITE, DT)
         S, K, kept = riccati(kept, 1.0)
         fixed.learn((np.zeros(1), S, K), H)
         plus, minus = riccati(plus, np.exp(1e-4))[2], riccati(minus, np.exp(-1e-4))[2]
@@ -70,14 +68,20 @@ def test_forces_that_last_count_as_they_add_up():
     """A force of 0.2 s correlation: more than by innovations one by one, of which each shows little of it."""
     at_once, summed = [], []
     for seed in range(6):
-        single = level()
-        single.learn = lambda innovation, H, one=single: (
-            setattr(one, "_earlier", ()),
-            NoiseLevel.learn(one, innovation, H),
-        )
+        single = NoiseLevel((1e-3, 1e3), 2, colour_s=0.0)
         at_once.append(followed(single, 30.0, np.random.default_rng(seed), 1.0, lasting_s=0.2).scale)
         summed.append(followed(level(), 30.0, np.random.default_rng(seed), 1.0, lasting_s=0.2).scale)
     assert np.mean(np.log(summed)) > np.mean(np.log(at_once)) + 0.1
+
+
+def test_a_belief_that_became_narrower_otherwise_is_not_all_of_the_level():
+    """A sensitivity as it was before a restart: it counts as the whole covariance of the innovation, and no more."""
+    levels = followed(level(), 2.0, np.random.default_rng(0), 1.0)
+    before = levels.state
+    S = H @ before.sensitivity @ H.T / 100.0
+    levels.learn((np.zeros(1), S, np.zeros((2, 1))), H)
+    assert levels.state.information <= before.information + 0.5
+    np.testing.assert_allclose(levels.state.sensitivity, before.sensitivity / 100.0, rtol=1e-12)
 
 
 def test_it_stays_within_its_bounds_and_goes_back_to_what_it_was():

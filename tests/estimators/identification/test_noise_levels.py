@@ -183,6 +183,7 @@ def test_how_far_springs_of_a_stiff_body_may_be_off_is_found(pair, driven, off, 
     assert found.n_frames == len(frames)
     assert least <= found.settings.strain_sd <= most
     assert found.settings.least_white == (0.0, 0.0)
-    tissue = TissueFilter(believed, "far", ("near", "far"), found.settings)
+    stated = replace(found.settings, white_bounds=(1.0, 1.0))
+    tissue = TissueFilter(believed, "far", ("near", "far"), stated)
     told = log_likelihood(tissue, with_scaled_noise(frames, found.marks))
     assert found.log_likelihood == pytest.approx(told, rel=1e-9)

@@ -64,6 +64,20 @@ def test_its_noise_is_that_of_the_linearised_equations(smooth, resting):
     np.testing.assert_allclose(found / scale, wanted / scale, rtol=0, atol=0.05)
 
 
+def test_its_white_noise_has_the_level_that_is_learnt(smooth, resting):
+    """Ten times the level adds nine times the product of its root to the noise, over steps of one mode each. Rounding.
+
+    A mode that has white noise alone has no other noise but that.
+    """
+    model = TissueModel(smooth, OUTER)
+    states, modes = about(model, resting), (QUIET, ForceMode(white=0.2, poke=0.0, lasting_s=0.1))
+    once, ten = (LinearisedTissue(model)(states, 1 / 30, modes, None, level) for level in (1.0, 10.0))
+    part = once.white @ once.white.swapaxes(1, 2)
+    np.testing.assert_allclose(ten.Q - once.Q, 9.0 * part, rtol=1e-9, atol=1e-20)
+    np.testing.assert_allclose(ten.white, np.sqrt(10.0) * once.white, rtol=1e-12, atol=1e-20)
+    np.testing.assert_allclose(part[1], once.Q[1], rtol=1e-9, atol=1e-20)
+
+
 def test_constants_in_error_move_it_as_they_move_sigma_points(smooth, resting):
     """Columns after a step, against `propagate_columns`, which moves them beside the mean."""
     uncertainty = independent_uncertainty(parameters(smooth, ("stiffness", "rest_length")), 0.1)

