@@ -31,7 +31,11 @@ class LinearMotion:
 
     def chosen(self, other: LinearMotion, better: NDArray[np.bool_]) -> LinearMotion:
         """The motion of the modes where the other is better, (k,), by the other; of the rest by this."""
-        own, new = ((each.ends, each.F, each.Q, each.added, each.white) for each in (self, other))
+        m = max(self.white.shape[2], other.white.shape[2])
+        own, new = (
+            (each.ends, each.F, each.Q, each.added, np.pad(each.white, ((0, 0), (0, 0), (0, m - each.white.shape[2]))))
+            for each in (self, other)
+        )
         picked = (np.where(better.reshape(-1, *[1] * (a.ndim - 1)), b, a) for a, b in zip(own, new, strict=True))
         ends, F, Q, added, white = picked
         return LinearMotion(ends, F, Q, added, white, self.n_coupled, self.straight)

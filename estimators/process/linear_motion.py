@@ -36,6 +36,12 @@ VERY_MANY_STATES = 96
 TURNED = 0.1
 """By so many of the links' lengths may an update move the ends of so large a body without another pass [1]; choice."""
 
+TURN = 0.3
+"""By so much a link may turn in a step [rad]; choice: motion is linearised about the middle of a step."""
+
+MOST_STEPS = 2
+"""So many times the steps that `LONGEST_STEP` asks for are made at most; choice: it bounds the time of a frame."""
+
 PASSES = 3
 """How often a cycle is linearised at most; numerical: once leaves a cable shaken at 3 m/s 92 mm off, three times 15,
 five times 19."""
@@ -80,9 +86,7 @@ class LinearisedTissue:
 
         level: factor on the variances of the modes' white noise [1]
         """
-        n_steps = 1
-        if not self._once:
-            n_steps = max(1, int(np.ceil(dt / LONGEST_STEP * (1.0 - SAME_STEP))))
+        n_steps = 1 if self._once else self._n_steps(about, dt)
         h = dt / n_steps
         F, Q, shifts, white, now = self._step(about, h, modes, push, level)
         for _ in range(n_steps - 1):
@@ -90,6 +94,16 @@ class LinearisedTissue:
             F, Q, shifts = own @ F, own @ Q @ own.swapaxes(1, 2) + noise, own @ shifts + shift
             white = np.concatenate((own @ white, root), axis=2)
         return LinearMotion(now, F, Q, shifts, white, self.model.network.n_state, self._straight)
+
+    def _n_steps(self, about: Floats, dt: float) -> int:
+        """Steps in dt [s] from these states: none longer than `LONGEST_STEP`, in none does a link turn by `TURN`."""
+        network, k, half = self.model.network, len(about), self.model.network.n_state // 2
+        velocities = np.zeros((k, len(network.names), network.dim))
+        velocities[:, network.free] = about[:, half : 2 * half].reshape(k, -1, network.dim)
+        i, j = network.springs.T
+        rates = np.linalg.norm(velocities[:, j] - velocities[:, i], axis=2) / network.rest_lengths
+        by_time = dt / LONGEST_STEP * (1.0 - SAME_STEP)
+        return max(1, int(np.ceil(max(by_time, min(dt * float(rates.max(initial=0.0)) / TURN, MOST_STEPS * by_time)))))
 
     def noise_after(self, state: Floats, mode: ForceMode, seconds: float) -> Floats:
         """Covariance (dim_x, dim_x) that so many seconds of this mode's forces make about a state, from none."""
@@ -113,14 +127,11 @@ class LinearisedTissue:
         if push is not None:
             push.step(h)
             outside = outside + push.forces(now[:, None, :n]).reshape(-1, n // 2)
-        ends, about = np.empty_like(now), now[:, :n]
-        if self._once:
-            half_way = self.stepper.advance(about, 0.5 * h, outside)
-            ends[:, :n] = self.stepper.advance(half_way, 0.5 * h, outside)
-            about = half_way.mean(axis=0, keepdims=True)
-        else:
-            ends[:, :n] = self.stepper.advance(about, h, outside)
-        tangent = self.stepper.linearised(about, h)
+        ends = np.empty_like(now)
+        # about the middle: from its start to its end a link turns, and with it the direction in which it is stiff
+        half_way = self.stepper.advance(now[:, :n], 0.5 * h, outside)
+        ends[:, :n] = self.stepper.advance(half_way, 0.5 * h, outside)
+        tangent = self.stepper.linearised(half_way.mean(axis=0, keepdims=True) if self._once else half_way, h)
         ends[:, model.pokes] = fade * now[:, model.pokes]
         left, renewed = 1.0, 0.0
         if model.bias is not None:

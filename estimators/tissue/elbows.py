@@ -39,6 +39,10 @@ UNEXPECTED = 0.5
 """Probability of a poke from which on links about an elbow may as well be in another shape [1]; choice: at
 0.1 a frame takes a fifth longer and a tenth fewer are TRACKING, and about as few of them are wrong."""
 
+KNOWN_RAD = 0.1
+"""Standard deviation of the direction of an elbow's links from which on it is not TRACKING [rad]; choice: of 6,400
+frames of three links 25 were wrong, and one of them was of the four in five where they are known better."""
+
 FEW = 4
 """Branches up to which others may begin beside them, and which are few enough to say where the tissue is; choice: it
 bounds the time of a frame, and of 50 frames that were wrong 46 had more, of those that were not one in fourteen."""
@@ -50,6 +54,7 @@ class Elbow:
 
     The mirror through these ends changes no length: only weight and motion tell the two sides apart.
     part, ends: places among all nodes, (n_part,), (dim,); rows: of the part's positions in the state, (n_part, dim)
+    shortest_m: of its links [m]
     turns: whether it has fewer springs than coordinates, and so turns within itself
     """
 
@@ -57,6 +62,7 @@ class Elbow:
     ends: NDArray[np.intp]
     rows: NDArray[np.intp]
     turns: bool
+    shortest_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,8 +101,8 @@ def find_elbows(network: MassSpringNetwork, marked: Sequence[str]) -> tuple[Elbo
     for part, ends in elbow_parts(network, fixed):
         free = np.searchsorted(network.free, part)
         rows = free[:, None] * network.dim + np.arange(network.dim)
-        n_springs = int(np.isin(network.springs, part).any(axis=1).sum())
-        found.append(Elbow(part, ends, rows, n_springs < rows.size))
+        own = np.isin(network.springs, part).any(axis=1)
+        found.append(Elbow(part, ends, rows, int(own.sum()) < rows.size, float(network.rest_lengths[own].min())))
     return tuple(found)
 
 
@@ -144,12 +150,17 @@ def decide_at_elbows(
 ) -> bool:
     """Give up sides that the marks have decided against, merge those that became one, and see whether there are new.
 
-    Whether `FEW` are left.
+    Whether `FEW` are left, and the links of each elbow are known to `KNOWN_RAD`.
     """
     prune(mixture, settings.least_odds)
     merge_alike(mixture)
     branch_at_elbows(mixture, network, elbows, settings.gate)
-    return mixture.n_branches <= FEW
+    return mixture.n_branches <= FEW and all(_spread(mixture.P, elbow) < KNOWN_RAD for elbow in elbows)
+
+
+def _spread(cov: Floats, elbow: Elbow) -> float:
+    """The most by which a node of an elbow may be off, a standard deviation by the shortest of its links [1]."""
+    return max(float(np.linalg.eigvalsh(cov[np.ix_(own, own)])[-1]) for own in elbow.rows) ** 0.5 / elbow.shortest_m
 
 
 def may_turn(mixture: InteractingMixture, network: MassSpringNetwork, elbows: Sequence[Elbow], gate: float) -> bool:

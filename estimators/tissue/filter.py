@@ -265,14 +265,14 @@ class TissueFilter:
         over = may_turn(self.mixture, self.model.network, self._elbows, self.settings.gate)
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
-        least, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
+        nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
         few = decide_at_elbows(self.mixture, self.model.network, self._elbows, self.settings)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)
-        self.health = after_frame(self.health, self.time_s, least, len(stacked.z), self.settings, blow=blow, few=few)
-        if self.health.status is Status.DIVERGED and not self.health.innovations:
+        self.health = now = after_frame(self.health, self.time_s, nis, len(found.y), self.settings, blow=blow, few=few)
+        if now.status is Status.DIVERGED and not now.innovations:
             self._refuted(self.time_s, accepted, stacked)
-        elif self.health.status is Status.TRACKING and may_be_otherwise(belief[0], self._elbows, belief[2], over=over):
+        elif now.status is not Status.DIVERGED and may_be_otherwise(belief[0], self._elbows, belief[2], over=over):
             start_beside(belief, accepted, stacked, (self.time_s, self._seen))
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}

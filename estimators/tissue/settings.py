@@ -13,6 +13,11 @@ LED = ForceMode(white=1.0, poke=50.0, lasting_s=0.25)
 """Forces on bodies that a hand leads, ten times a poke; measured: docs/decisions.md, "Stiff or large bodies"."""
 
 
+STIFF_LEVEL = 0.25
+"""Factor on the variance of white noise below which that of a stiff or large body is not learnt [1]; measured:
+docs/decisions.md, "Stiff or large bodies"."""
+
+
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
     """What the filter assumes about forces that it cannot see, and where its gate and its tests stand.
@@ -193,6 +198,7 @@ class FilterSettings:
             quiet=replace(self.quiet, white=max(self.quiet.white, quiet)),
             poked=replace(self.poked, white=max(self.poked.white, poked)),
             led=replace(self.leading, white=harder * self.leading.white, poke=harder * self.leading.poke),
+            white_bounds=(max(self.white_bounds[0], STIFF_LEVEL), self.white_bounds[1]),
         )
 
     @property

@@ -165,6 +165,61 @@ def test_a_large_body_is_linearised_half_way(phantom):
     np.testing.assert_allclose(found.straight[:half], 0.1 * L)
 
 
+@pytest.fixture(scope="module")
+def link(phantom):
+    """20 g on a link of 0.1 m and 2,000 N/m, whose angle and turning rate are free: `turning` makes a state of it."""
+    network = chain_of(phantom, np.array([[0.0, 0.0], [0.0, -0.1]]), mass=0.02, stiffness=2000.0, damping=1.0)
+    return TissueModel(network, ("n0",), stiff=True)
+
+
+def turning(model, rate):
+    """Hanging, its free end passing at this rate [rad/s]; (1, dim_x)."""
+    return np.r_[0.0, -0.1, 0.1 * rate, 0.0, np.zeros(2)][None]
+
+
+def test_a_turning_link_is_linearised_about_the_middle_of_a_step(link):
+    """It turns by 0.3 rad within a frame of two steps: central differences of two hundred, along the free end's way.
+
+    A change of its speed moves it 2 % off so, and 10 % by matrices about the starts of the steps.
+    """
+    state, dt, change = turning(link, 18.0), 1 / 60, 1e-3
+    motion = LinearisedTissue(link)
+    ends = (state + [[change], [-change]] * np.eye(6)[2])[:, :4]
+    for _ in range(200):
+        ends = motion.stepper.advance(ends, dt / 200, np.zeros((2, 2)))
+    true = 0.5 * (ends[0] - ends[1])[:2] / change
+    found = motion(state, dt, (QUIET,), None).F[0, :2, 2]
+    now, F = state[:, :4], np.eye(4)
+    for _ in range(2):
+        F = motion.stepper.linearised(now, dt / 2).F[0] @ F
+        now = motion.stepper.advance(now, dt / 2, np.zeros((1, 2)))
+    assert np.linalg.norm(found - true) < 0.03 * np.linalg.norm(true)
+    assert np.linalg.norm(F[:2, 2] - true) > 0.08 * np.linalg.norm(true)
+
+
+@pytest.mark.parametrize(("rate", "n_steps"), [(0.0, 4), (10.0, 4), (70.0, 8), (1000.0, 8)])
+def test_a_link_that_turns_fast_takes_shorter_steps(link, rate, n_steps):
+    """Of a cycle of 1/30 s four of 1/120 s, more where it turns by 0.3 rad in one, twice as many at most.
+
+    Each step has a root of the white noise of the two coordinates.
+    """
+    found = LinearisedTissue(link)(turning(link, rate), 1 / 30, (QUIET,), None)
+    assert found.white.shape[2] == 2 * n_steps
+
+
+def test_motions_of_unequal_steps_are_chosen_between(link):
+    """Of two modes the first goes on slowly, the other fast, in twice the steps: each keeps its own noise."""
+    motion, modes = LinearisedTissue(link), (QUIET, POKED)
+    slow, fast = (motion(np.repeat(turning(link, rate), 2, axis=0), 1 / 30, modes, None) for rate in (1.0, 70.0))
+    for better in ([False, True], [True, False]):
+        made = slow.chosen(fast, np.array(better))
+        for k, other in enumerate(better):
+            own = fast if other else slow
+            np.testing.assert_array_equal(made.F[k], own.F[k])
+            part = made.white[k] @ made.white[k].T
+            np.testing.assert_allclose(part, own.white[k] @ own.white[k].T, rtol=1e-12, atol=1e-25)
+
+
 def test_stiff_and_large_networks_are_moved_so(phantom):
     """The paper's phantom is not; with springs fifty times as stiff, or so many more nodes, it would be."""
     assert not is_linearised(TissueModel(phantom, OUTER))

@@ -79,6 +79,14 @@ def test_tuned_noise_of_a_stiff_body_is_what_was_tuned():
     assert (kept.quiet, kept.poked) == (usual.quiet, usual.poked)
 
 
+def test_the_level_of_a_stiff_body_falls_to_a_quarter():
+    """And that of others to a sixteenth; one that is stated stays."""
+    usual, stated = FilterSettings(), FilterSettings(white_bounds=(1.0, 1.0))
+    assert usual.white_bounds == (0.0625, 16.0)
+    assert usual.for_stiff_or_large().white_bounds == (0.25, 16.0)
+    assert stated.for_stiff_or_large().white_bounds == (1.0, 1.0)
+
+
 def test_a_hand_is_as_strong_as_bending_the_body_takes():
     """50 m/s² where gravity returns a body; a tenth of what an elastic one returns with, if that is more.
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from dynamics import MassSpringNetwork
 from estimators import MarkMeasurement, Status, TissueFilter
 from estimators.process.target import target_map
-from estimators.tissue.elbows import APART_RAD, FEW, SHAPES, SPREAD_RAD, find_elbows, turned_shapes
+from estimators.tissue.elbows import APART_RAD, FEW, KNOWN_RAD, SHAPES, SPREAD_RAD, find_elbows, turned_shapes
 
 LENGTHS = np.array([0.09, 0.07, 0.08])
 MASSES = np.array([0.03, 0.012, 0.02])
@@ -178,3 +178,27 @@ def test_many_shapes_are_not_tracked():
     assert counts[True, True] == 0
     assert counts[True, False] > 10
     assert counts[False, True] > 20
+
+
+def test_links_that_may_point_elsewhere_are_not_tracked():
+    """In no frame in which a joint is known to less than `KNOWN_RAD` of its shortest link; there are such, of one shape.
+
+    A start is followed beside what was believed before the tissue is tracked, too.
+    """
+    truth, shortest = swing(*SWINGS["a hook"], 1.0), np.array([0.07, 0.07])
+    tissue, rng, counts = TissueFilter(links(), "first", ["end"]), np.random.default_rng(1), Counter()
+    rows = np.arange(4).reshape(2, 2)
+    for k, frame in enumerate(truth):
+        tissue.predict(k / FRAMES_PER_S)
+        before = tissue.repairs["beside"]
+        status = tissue.update(seen(frame[2], rng)).status
+        beside = tissue.repairs["beside"] > before
+        counts["beside", status] += beside
+        if not beside:
+            sds = [np.sqrt(np.linalg.eigvalsh(tissue.mixture.P[np.ix_(own, own)])[-1]) for own in rows]
+            known = bool((sds < KNOWN_RAD * shortest).all())
+            counts[known, tissue.mixture.n_branches <= FEW, status] += 1
+    assert counts[False, True, Status.TRACKING] == 0
+    assert counts[False, True, Status.INITIALISING] > 5
+    assert counts[True, True, Status.TRACKING] > 20
+    assert counts["beside", Status.INITIALISING] > 0

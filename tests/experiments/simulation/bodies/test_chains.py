@@ -1,9 +1,11 @@
 """Chains and cables against the pendulum's period, its energy, the length of a rigid link and Hooke's law."""
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.special import ellipk
 
+from experiments.simulation.bodies import chains
 from experiments.simulation.bodies.body import Scale
 from experiments.simulation.bodies.chains import HINGE_N_M_S, LINK_N_M, MASSES_KG, _chain_xml, _stretch, cable, chain
 from experiments.simulation.bodies.simulate import compiled, settled
@@ -61,6 +63,19 @@ def test_segments_of_a_cable_keep_their_length_and_its_ends_their_places():
     assert len(body.marked) == 9
     assert len(body.hidden) == 3
     assert body.led == ("n12",)
+
+
+def test_a_soft_cable_stretches_as_the_springs_that_a_user_writes_down(monkeypatch):
+    """Drawn straight and every link 1 mm longer: through each link its joint pulls as hard as all springs across it."""
+    models = []
+    monkeypatch.setattr(chains, "compiled", lambda xml: models.append(compiled(xml)) or models[-1])
+    network = cable(0, Scale(stiffness=0.1), 0.25, seconds=0.1).network
+    (model, _), (i, j) = models[0], network.springs.T
+    longer = 1e-3 * (j - i)
+    across = [(i <= link) & (j > link) for link in range(12)]
+    pulls = [float(network.stiffness[own] @ longer[own]) for own in across]
+    joints = model.jnt_stiffness[model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE]
+    np.testing.assert_allclose(1e-3 * joints, pulls, rtol=1e-4)
 
 
 def test_a_seed_makes_the_same_motion_again():
