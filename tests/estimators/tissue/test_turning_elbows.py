@@ -181,7 +181,7 @@ def test_many_shapes_are_not_tracked():
 
 
 def test_links_that_may_point_elsewhere_are_not_tracked():
-    """In no frame in which a joint is known to less than `KNOWN_RAD` of its shortest link; there are such, of one shape.
+    """In no frame in which a joint is known to less than `KNOWN_RAD` of a link; there are such, of one shape.
 
     A start is followed beside what was believed before the tissue is tracked, too.
     """

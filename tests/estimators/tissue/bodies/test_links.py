@@ -69,7 +69,7 @@ def mean_error(followed_body, after=0):
 def test_a_cable_whose_led_end_is_stated_is_followed_better():
     """Led at 1 m/s: where no node is stated, every one may be led. Nine in ten in their regions."""
     plain, stated = (followed("cable-slow", 3, 1.2, FilterSettings(led_nodes=nodes)) for nodes in ((), ("n12",)))
-    assert mean_error(stated) < 0.7 * mean_error(plain)
+    assert mean_error(stated) < 0.8 * mean_error(plain)
     assert stated[3].mean() >= 0.9
 
 
