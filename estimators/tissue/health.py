@@ -25,12 +25,14 @@ class Health:
     since_s: time [s] since which marks have been taken in without a gap that lost the target; None before the first
     seen_s: when a mark was last taken in [s], -inf before the first
     innovations: (time [s], NIS, degrees of freedom, probability of a blow) of the frames in the test
+    unclear_s: when last the tissue might have been in many shapes [s], -inf for never
     """
 
     status: Status = Status.INITIALISING
     since_s: float | None = None
     seen_s: float = -inf
     innovations: tuple[tuple[float, float, int, float], ...] = ()
+    unclear_s: float = -inf
 
 
 def after_frame(
@@ -47,8 +49,8 @@ def after_frame(
 
     blow: probability that one has just struck the tissue; few: whether there are few shapes in which it may be
 
-    INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity, and whenever they leave many
-    shapes. Then TRACKING with each frame
+    INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity, and until they have left few
+    shapes for as long. Then TRACKING with each frame
     that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
     further apart than lost_s but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
     together, or ever new blows are to explain them, in any of these; the filter then starts anew, and after test_s of
@@ -61,13 +63,13 @@ def after_frame(
     kept = () if lost else health.innovations
     recent = tuple(entry for entry in kept if entry[0] > time_s - settings.test_s) or kept[1 - LEAST_FRAMES :]
     innovations = (*recent, (time_s, nis, degrees, blow))
-    known = Health(health.status, since_s, time_s, innovations)
+    known = Health(health.status, since_s, time_s, innovations, health.unclear_s if few else time_s)
     struck = sum(entry[3] for entry in innovations) > MANY_BLOWS
     if len(innovations) >= LEAST_FRAMES and (struck or diverged(innovations, settings.test_sigmas)):
         return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
-    started = few and time_s - since_s >= settings.confirm_s
+    started = time_s - max(since_s, known.unclear_s) >= settings.confirm_s
     return replace(known, status=Status.TRACKING if started else Status.INITIALISING)
 
 

@@ -37,11 +37,13 @@ def test_one_frame_tells_no_velocity():
     assert walked(frames)[0] == ["INITIALISING"] * 3 + ["TRACKING"] * 2
 
 
-def test_many_shapes_are_not_tracked_until_few_are_left():
-    health = tracked()
-    for k, (few, status) in enumerate([(True, "TRACKING"), (False, "INITIALISING"), (True, "TRACKING")]):
-        health = after_frame(health, 1.1 + 0.05 * k, FINE, 6, SETTINGS, few=few)
-        assert health.status.value == status
+def test_many_shapes_are_not_tracked_until_few_have_been_left_for_a_while():
+    """INITIALISING with them, and until there were few for confirm_s = 0.1 s; a gap without marks counts as well."""
+    health, statuses = tracked(), []
+    for time_s, few in ((1.05, False), (1.1, True), (1.14, True), (1.2, True), (1.25, False), (1.4, True)):
+        health = after_frame(health, time_s, FINE, 6, SETTINGS, few=few)
+        statuses.append(health.status.value)
+    assert statuses == ["INITIALISING"] * 3 + ["TRACKING", "INITIALISING", "TRACKING"]
 
 
 def test_without_marks_it_coasts_then_is_lost_and_starts_again():
