@@ -106,8 +106,8 @@ def filtered(model: Assumed, body: Body, marks: Sequence[Sequence[MarkMeasuremen
                 tissue.predict(float(time_s))
                 estimate = tissue.update(seen)
                 found.repairs = Counter(tissue.repairs)
-                found.status.append(str(estimate.status))
                 places = [tissue.place_of(one) for one in maps]
+                found.status.append(str(estimate.status))
                 means.append([mean for mean, _ in places])
                 covs.append([cov for _, cov in places])
                 if time.process_time() - start_s > limit_s and len(means) < len(marks):

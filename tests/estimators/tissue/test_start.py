@@ -101,7 +101,7 @@ def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_
     """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 4 mm of the joint.
 
     Root mean square of twelve runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by little more
-    than a mark is off, and the covariance says so.
+    than a mark is off, and the covariance says so; where it may by more than 0.1 rad, it is not TRACKING.
     """
     rest, squares, shares = rest_shape(two_links), [], []
     for seed in range(12):
@@ -115,7 +115,7 @@ def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_
             assert np.linalg.norm(off) < 0.04
         squares.append(off @ off)
         shares.append(off @ np.linalg.solve(estimate.cov, off))
-        assert estimate.status is Status.TRACKING
+        assert estimate.status in {Status.TRACKING, Status.INITIALISING}
     assert np.sqrt(np.mean(squares)) < 4e-3
     assert np.mean(shares) < mean_bounds(2, 12, 0.999)[1]
 
