@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,9 @@ the start of each step serve, a factorisation in place of five, which holds up t
 
 ROUNDING = 1e-9
 """Stiffness by the largest that is rounding's."""
+
+DRIVEN = 1e12
+"""Times its mass, a node that keeps its velocity whatever the forces on it weighs [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,12 +56,18 @@ class ImplicitStepper:
         """How many equal steps an interval of dt [s] takes: a power of two, so that matrices can be squared."""
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
-    def advance(self, states: Floats, dt: float, forces: Floats) -> Floats:
-        """States (n_points, n_state) dt [s] later under constant forces on the free coordinates [N]."""
+    def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
+        """States (n_points, n_state) dt [s] later under constant forces on the free coordinates [N], default none.
+
+        driven: free nodes that keep their velocity whatever the forces on them
+        """
         n, nodes = self.n_steps(dt), self.network.positions
-        points, outside = np.ascontiguousarray(states), np.ascontiguousarray(forces)
-        renew, free = len(self._masses) <= FEW, self.network.free
-        return implicit_steps(points, outside, dt / n, n, renew, nodes, free, self._masses, self._packed)
+        points = np.ascontiguousarray(states)
+        outside = np.zeros((len(points), len(self._masses))) if forces is None else np.ascontiguousarray(forces)
+        renew, free, masses = len(self._masses) <= FEW, self.network.free, self._masses
+        if len(driven):
+            masses = masses * np.repeat(np.where(np.isin(free, driven), DRIVEN, 1.0), self.network.dim)
+        return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
     def linearised(self, states: Floats, dt: float) -> Linearised:
         """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there.

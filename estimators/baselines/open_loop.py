@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
-from estimators.arrays import Floats
+from dynamics import MassSpringNetwork, Stepper, rest_shape
+from estimators.process.led import Simulated, led_along
 from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 
@@ -39,24 +39,10 @@ class OpenLoop:
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if not set(seen) <= self._free:
             raise ValueError(f"marks: expected them on free nodes, found {[mark.node for mark in marks]}")
-        if self.time_s is None or time_s == self.time_s:
-            for node, position in seen.items():
-                self.positions[node] = position
-        else:
-            self._follow(time_s - self.time_s, seen)
+        dt = 0.0 if self.time_s is None else time_s - self.time_s
+        moved = led_along(self._stepper, Simulated(self.positions, self.velocities), dt, seen)
+        self.positions, self.velocities = moved.positions, moved.velocities
         self.time_s = time_s
         status = Status.TRACKING if marks else Status.COASTING
         mean = self.target.position(self.positions[self.network.free].ravel())
         return TargetEstimate(time_s, mean, None, status, len(marks))
-
-    def _follow(self, dt: float, seen: dict[int, Floats]) -> None:
-        driven = sorted(seen)
-        velocities = self.velocities.copy()
-        for node in driven:
-            velocities[node] = (seen[node] - self.positions[node]) / dt
-        free = self.network.free
-        state = pack(self.positions[free], velocities[free])
-        moved = self._stepper.advance(state[None], dt, driven=driven)[0]
-        self.positions[free], self.velocities[free] = unpack(moved, self.network.dim)
-        for node in driven:
-            self.positions[node] = seen[node]  # without the last rounding

@@ -153,7 +153,7 @@ class TissueFilter:
                 raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
             if dt > 0:
                 self._advance(dt, push)
-                self.model_error.passed()
+                self.model_error.passed(dt)
             if dt > self._forget_s and self.health.since_s is not None:
                 self.health = replace(self.health, status=Status.LOST)
         self.time_s = time_s
@@ -259,7 +259,7 @@ class TissueFilter:
         found = innovation(self.mixture, stacked, self.target)
         if starting:
             self._start(self.time_s, accepted, stacked)
-            self.model_error.learn(accepted, self.mixture, 0.0, None)
+            self.model_error.learn(accepted, self.mixture, None)
             return self._estimate(self.time_s, len(accepted), found.nis)
         belief = self.mixture, self.model, self.settings
         over = may_turn(self.mixture, self.model.network, self._elbows, self.settings.gate)
@@ -276,7 +276,7 @@ class TissueFilter:
             start_beside(belief, accepted, stacked, (self.time_s, self._seen))
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
-        self.model_error.learn(accepted, self.mixture, dt, found.nis)
+        self.model_error.learn(accepted, self.mixture, found.nis)
         own = float(np.trace(self.target.cov(self.mixture.P)))
         return self._estimate(self.time_s, len(accepted), found.nis, information_shares(accepted, found, own))
 

@@ -1,9 +1,11 @@
-"""What marks show of the model's own error, which springs do not say: a check of the belief, and a second opinion.
+"""What marks show of the model's own error, which springs do not say: a check of the belief, and two other opinions.
 
 Of a stiff or large body springs are a rough model, and where hidden nodes are depends on what the model leaves out.
 Marks show two things of that. Their innovations may exceed what the filter predicts: then so do the errors of what is
-not seen. And they show how the body is bent: a smooth field through their displacements, which knows no forces, errs by
-other causes than the springs do, so that the two together err less than each.
+not seen. And they allow other estimates of the same places. A smooth field through their displacements knows no forces,
+and errs by other causes than the springs do. A simulation in which the seen nodes are led along their marks, the
+paper's open loop, has the springs but no memory of what a restart of the filter changed, and needs no forces to explain
+how marks move. The three together err less than each.
 """
 
 from __future__ import annotations
@@ -13,10 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, material_coordinates, reaches
+from dynamics import ImplicitStepper, MassSpringNetwork, material_coordinates, pack, reaches, unpack
 from estimators.arrays import Floats
 from estimators.filters.gaussian_process import Field, matern
 from estimators.filters.mixture import InteractingMixture
+from estimators.filters.opinions import Scales, likeliest_scales
+from estimators.process.led import Simulated, led_along
 from estimators.process.linear_motion import is_linearised
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
@@ -26,13 +30,6 @@ from estimators.tissue.settings import FilterSettings
 
 FLAT = 1e-3
 """A body is flat in a direction in which it extends by less than this share of its size as drawn; numerical."""
-
-NEWTON = 12
-"""Newton steps to the likeliest scale of the field, at most; numerical."""
-
-ROUNDING = 1e-3
-"""Information that is added to that of a scale which the field's share of a distance does not tell [1]; numerical."""
-
 
 def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
     """The field of displacements from the drawn shape, at all nodes.
@@ -55,37 +52,38 @@ class Shown:
 
     inflation: factor on the filter's covariances, from 1 to the square of test_sigmas: NIS by its degrees of freedom,
         which rises at once and is forgotten in remember_s [1]. Source: [mehra1970]
-    filter_scale, field_scale: factors on the covariances of filter and field by which the distance of the filter's
-        hidden nodes from the field is explained, the filter's by up to the inflation, then the field's [1]
+    scales: factors on the errors of filter, simulation and field by which the distances between their hidden nodes are
+        explained, remembered as the inflation is; None before the first
     means, covs: of the field at the free nodes by the last marks [m], (n_free, dim), and the covariance of each of its
         axes [m²], (n_free, n_free); None where the last marks tell of none
+    led: the simulation at the last marks; None where these told of no field
+    unseen_s: since the last marks [s]
     """
 
     inflation: float = 1.0
-    filter_scale: float = 1.0
-    field_scale: float = 1.0
+    scales: Scales | None = None
     means: Floats | None = None
     covs: Floats | None = None
+    led: Simulated | None = None
+    unseen_s: float = 0.0
 
 
-def likeliest_scale(distances: Floats, cov: Floats, beside: Floats, most: float) -> float:
-    """Factor on covariances, 1 to most, that with those beside them best explains distances, by Newton's method.
+@dataclass(frozen=True, slots=True, eq=False)
+class Opinions:
+    """What is reported of a target beside the filter's belief.
 
-    distances (k, dim), cov and beside (k, dim, dim)
+    led: what the simulation's state is ahead of the filter's [m, m/s], (dim_x,), nought beyond the network's; share: by
+        how much of that the filter's is moved [1]
+    factor: on the filter's covariance [1]; trust: as in `corrected_each`, against the field
+    place, cov: of the target by the field [m], (dim,), [m²], (dim, dim); without one of no dimension
     """
-    scale = 1.0
-    for _ in range(NEWTON):
-        scaled = scale * cov
-        S = beside + scaled
-        share, weighed = np.linalg.solve(S, scaled), np.linalg.solve(S, distances[..., None])
-        # score and information of the logarithm of the scale
-        score = 0.5 * (float((weighed.swapaxes(1, 2) @ scaled @ weighed).sum()) - float(np.einsum("kii->", share)))
-        information = 0.5 * float(np.einsum("kij,kji->", share, share)) + ROUNDING * distances.size
-        step = float(np.clip(score / information, -1.0, 1.0))
-        scale = min(max(1.0, scale * float(np.exp(step))), most)
-        if abs(step) < ROUNDING:
-            break
-    return scale
+
+    led: Floats
+    share: float
+    factor: float
+    trust: float
+    place: Floats
+    cov: Floats
 
 
 class ModelError:
@@ -100,37 +98,60 @@ class ModelError:
         network = model.network
         self._network, self._settings = network, settings
         self._field = displacement_field(network, settings.smooth) if self.is_looked_for else None
+        self._stepper = ImplicitStepper(network)
         self._anchors = np.flatnonzero(network.fixed).tolist()
         self._reach = reaches(network)[network.free]
 
-    def passed(self) -> None:
-        """Time has passed: the field is of marks that were."""
-        self.shown = replace(self.shown, means=None, covs=None)
+    def passed(self, dt: float) -> None:
+        """Time has passed, dt [s]: the field is of marks that were."""
+        self.shown = replace(self.shown, means=None, covs=None, unseen_s=self.shown.unseen_s + dt)
 
     def start(self, gated: Gated) -> None:
         """Take in what the gate of a start made of its marks: while it believes none, the body may be anywhere."""
         if gated.rejected and not gated.accepted:
             self.shown = replace(self.shown, inflation=self._settings.test_sigmas**2)
 
-    def learn(
-        self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, dt: float, nis: float | None
-    ) -> None:
-        """Take in marks that the mixture has taken in, dt [s] after the last.
+    def learn(self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, nis: float | None) -> None:
+        """Take in marks that the mixture has taken in.
 
         nis: of their innovation, by the moments of the whole mixture; None of a start, which predicts nothing
         """
         if self._field is None:
             return
-        share = -np.expm1(-dt / self._settings.remember_s)
-        inflation = 1.0 if nis is None else self.shown.inflation
+        before, settings = self.shown, self._settings
+        share = -np.expm1(-before.unseen_s / settings.remember_s)
+        inflation = 1.0
         if nis is not None:
-            ratio = min(nis / (len(marks) * self._network.dim), self._settings.test_sigmas**2)
-            inflation = max(1.0, ratio, inflation + share * (ratio - inflation))
-        scales, found = (self.shown.filter_scale, self.shown.field_scale), self._through(self._field, marks)
-        if found is not None:
-            now = self._likeliest_scales(mixture, {mark.node for mark in marks}, *found, inflation)
-            scales = (scales[0] + share * (now[0] - scales[0]), scales[1] ** (1.0 - share) * now[1] ** share)
-        self.shown = Shown(inflation, *scales, *(found or (None, None)))
+            ratio = min(nis / (len(marks) * self._network.dim), settings.test_sigmas**2)
+            inflation = max(1.0, ratio, before.inflation + share * (ratio - before.inflation))
+        found = self._through(self._field, marks)
+        if found is None:
+            self.shown = Shown(inflation, before.scales)
+            return
+        led = self._led(marks, mixture, begins=nis is None)
+        scales = self._scales(mixture, {mark.node for mark in marks}, *found, (led, inflation))
+        if scales is not None and before.scales is not None:
+            scales = scales.remembered(before.scales, share)
+        if scales is not None and scales.second > settings.test_sigmas**2:
+            led = self._begun(marks, mixture)
+        self.shown = Shown(inflation, scales or before.scales, *found, led)
+
+    def _led(self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, *, begins: bool) -> Simulated:
+        """The simulation at these marks; it begins with what the filter believes, and again where it lost the marks."""
+        before = self.shown
+        if begins or before.led is None or before.unseen_s > self._settings.lost_s:
+            return self._begun(marks, mixture)
+        moved = led_along(self._stepper, before.led, before.unseen_s, self._places(marks))
+        return moved if np.isfinite(moved.positions).all() else self._begun(marks, mixture)
+
+    def _begun(self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture) -> Simulated:
+        network = self._network
+        positions, velocities = network.positions.copy(), np.zeros_like(network.positions)
+        positions[network.free], velocities[network.free] = unpack(mixture.x[: network.n_state], network.dim)
+        return led_along(self._stepper, Simulated(positions, velocities), 0.0, self._places(marks))
+
+    def _places(self, marks: Sequence[MarkMeasurement]) -> dict[int, Floats]:
+        return {self._network.index(mark.node): mark.position for mark in marks}
 
     def _through(self, field: Field, marks: Sequence[MarkMeasurement]) -> tuple[Floats, Floats] | None:
         """Mean [m], (n_free, dim), and covariance of each axis [m²], (n_free, n_free), of the field by these marks."""
@@ -146,25 +167,30 @@ class ModelError:
         mean, cov = found
         return network.positions[network.free] + mean[network.free], cov[np.ix_(network.free, network.free)]
 
-    def _likeliest_scales(
-        self, mixture: InteractingMixture, marked: set[str], means: Floats, covs: Floats, inflation: float
-    ) -> tuple[float, float]:
-        """Factors on the covariances of filter and field that best explain where the filter has the hidden nodes.
+    def _scales(
+        self,
+        mixture: InteractingMixture,
+        marked: set[str],
+        means: Floats,
+        covs: Floats,
+        beside: tuple[Simulated, float],
+    ) -> Scales | None:
+        """Factors on the errors of filter, simulation and field that best explain where they have the hidden nodes.
 
-        What innovations license is the filter's own error first, up to the inflation; the rest is the field's.
+        The filter's is no more than what its innovations license. None where no node is hidden.
+        beside: the simulation, and the filter's inflation
         """
-        network, dim = self._network, self._network.dim
+        network, dim, (led, inflation) = self._network, self._network.dim, beside
         hidden = [k for k, node in enumerate(network.free) if network.names[node] not in marked]
         if not hidden:
-            return self.shown.filter_scale, self.shown.field_scale
+            return None
         rows = np.array(hidden)[:, None] * dim + np.arange(dim)
-        distance = mixture.x[rows] - means[hidden]
         own = mixture.P[rows[:, :, None], rows[:, None, :]]
         field = np.maximum(np.diag(covs)[hidden], 0.0)[:, None, None] * np.eye(dim)
-        of_filter = likeliest_scale(distance, own, field, inflation)
-        return of_filter, likeliest_scale(distance, field, of_filter * own, np.inf)
+        apart = mixture.x[rows] - means[hidden], led.positions[network.free][hidden] - means[hidden]
+        return likeliest_scales(apart, own, field, most=inflation, correlation=self._settings.springs_in_common)
 
-    def of_target(self, target: TargetMap) -> tuple[Floats, Floats]:
+    def of_field(self, target: TargetMap) -> tuple[Floats, Floats]:
         """Where the field has the target [m], (dim,), and the covariance of that [m²], (dim, dim).
 
         Without a field, of no dimension.
@@ -173,16 +199,31 @@ class ModelError:
         if shown.means is None or shown.covs is None:
             return np.zeros(0), np.zeros((0, 0))
         nodes = target.matrix.reshape(dim, -1, dim)
-        cov = self._settings.in_common * shown.field_scale * np.einsum("anb,nm,cmb->ac", nodes, shown.covs, nodes)
+        scale = 1.0 if shown.scales is None else shown.scales.third
+        cov = self._settings.in_common * scale * np.einsum("anb,nm,cmb->ac", nodes, shown.covs, nodes)
         return target.position(shown.means.ravel()), cov
 
-    def factors(self, target: TargetMap, cov: Floats) -> tuple[float, float]:
-        """The inflation of a target's covariance [m²], (dim, dim), which does not take it beyond the body's reach.
+    def of_target(self, target: TargetMap, x: Floats, P: Floats) -> Opinions:
+        """What is reported of a target beside the belief of the whole mixture, mean (dim_x,), cov (dim_x, dim_x).
 
-        And how far the filter's place is trusted beside that where it is weighed against the field's: `corrected_each`.
+        No inflation takes the target beyond the body's reach.
         """
-        dim = self._network.dim
+        shown, dim, settings = self.shown, self._network.dim, self._settings
         weights = np.abs(target.matrix[0].reshape(-1, dim)[:, 0])
         farthest = float(weights @ self._reach) ** 2 / (dim + 2)
-        factor = max(1.0, min(self.shown.inflation, farthest / float(np.linalg.eigvalsh(cov)[-1])))
-        return factor, max(1.0, factor / self.shown.filter_scale)
+        most = farthest / float(np.linalg.eigvalsh(target.cov(P))[-1])
+        place, cov = self.of_field(target)
+        led, share, inflation, of_mean = np.zeros(len(x)), 0.0, shown.inflation, 1.0
+        if shown.scales is not None:
+            of_mean = shown.scales.first
+        if shown.scales is not None and shown.means is not None and shown.led is not None:
+            free, n = self._network.free, self._network.n_state
+            led[:n] = pack(shown.led.positions[free], shown.led.velocities[free]) - x[:n]
+            scales, common = replace(shown.scales, first=min(of_mean, inflation)), settings.springs_in_common
+            share = scales.share_of_second(common)
+            of_mean = scales.of_mean(share, common)
+            simulated = np.sqrt(min(inflation, settings.led_inflation) * scales.second)
+            # the errors of both may be the same
+            inflation = ((1.0 - share) * np.sqrt(inflation) + share * simulated) ** 2
+        factor = max(1.0, min(inflation, most))
+        return Opinions(led, share, factor, max(1.0, factor / of_mean), place, cov)

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.gaussians import corrected_each, inflated_each, moment_matched
+from estimators.filters.gaussians import corrected_each, inflated_each, moment_matched, pooled_each
 from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
@@ -156,12 +156,12 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
     """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
     if not model_error.is_looked_for:
         return target.position(mixture.x), target.cov(mixture.P)
-    modes = mixture.beliefs()
+    modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
-    factor, trust = model_error.factors(target, target.cov(mixture.P))
-    inflated = inflated_each(modes.mu, own, factor)
-    place, cov = model_error.of_target(target)
-    corrected = corrected_each(inflated, place, np.eye(len(target.constant))[: len(place)], cov, trust=trust)
+    inflated = inflated_each(modes.mu, own, found.factor)
+    pooled = pooled_each(inflated, target.linear(found.led[:, None])[:, 0], found.share)
+    place, cov = found.place, found.cov
+    corrected = corrected_each(pooled, place, np.eye(len(target.constant))[: len(place)], cov, trust=found.trust)
     means, covs, columns = mixed_each(modes.mu[:, None], *corrected)
     return means[0], with_columns(covs[0], columns[0])
 
@@ -177,11 +177,12 @@ def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelE
         yield
         return
     with unchanged(mixture):
-        place, cov = model_error.of_target(target)
-        H = np.zeros((len(place), len(mixture.x)))
-        H[:, : target.matrix.shape[1]] = target.matrix[: len(place)]
-        factor, trust = model_error.factors(target, target.cov(mixture.P))
-        mixture.correct(place - target.constant[: len(place)], H, cov, factor=factor, trust=trust)
+        found = model_error.of_target(target, mixture.x, mixture.P)
+        k = len(found.place)
+        H = np.zeros((k, len(mixture.x)))
+        H[:, : target.matrix.shape[1]] = target.matrix[:k]
+        mixture.pool(found.led, share=found.share, factor=found.factor)
+        mixture.correct(found.place - target.constant[:k], H, found.cov, trust=found.trust)
         yield
 
 

@@ -69,6 +69,10 @@ class FilterSettings:
     smooth: share of a stiff or large body's extent over which displacements that its springs do not explain are smooth
         [1]; choice
     in_common: factor on the covariance of a field through the marks, for the filter has seen them, too [1]; choice
+    springs_in_common: correlation of the filter's errors with those of a simulation by the same springs that is led
+        along the marks [1]; choice
+    led_inflation: by so much at most innovations that the filter did not expect inflate that simulation's covariance,
+        too [1]; choice
     remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
     """
 
@@ -103,7 +107,9 @@ class FilterSettings:
     hand_strain: float = 0.1
     least_white: tuple[float, float] = (0.3, 1.0)
     smooth: float = 0.3
-    in_common: float = 2.0
+    in_common: float = 1.25
+    springs_in_common: float = 0.5
+    led_inflation: float = 4.0
     remember_s: float = 0.5
 
     @property
