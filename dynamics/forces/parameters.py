@@ -24,6 +24,9 @@ from dynamics.forces.kernels import (
 )
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
 
+LARGEST_LOG = float(np.log(np.finfo(float).max))
+"""Of a factor that a floating-point number can be [1]."""
+
 ROUNDING = 1e-9
 """Share of a variance that is rounding's."""
 
@@ -44,7 +47,8 @@ class ParameterUncertainty:
     directions: [1], (n_directions, n_parameters): each row is what one standard deviation along one direction,
         independent of the others, adds to the log of every constant; their covariance is directions' directions
 
-    Raises NetworkError for other shapes and for numbers that are not finite.
+    Raises NetworkError for other shapes, for numbers that are not finite, and for a constant of which one standard
+    deviation is a factor that is not.
     """
 
     parameters: tuple[Parameter, ...]
@@ -58,6 +62,14 @@ class ParameterUncertainty:
             )
         if not np.isfinite(directions).all():
             raise NetworkError("directions: expected finite numbers, found others")
+        largest = np.abs(directions).max(axis=0, initial=0.0)
+        sd = largest * np.linalg.norm(directions / np.where(largest > 0.0, largest, 1.0), axis=0)
+        for parameter, one in zip(self.parameters, sd, strict=True):
+            if one > LARGEST_LOG:
+                raise NetworkError(
+                    f"directions: expected the log of {parameter.kind} {parameter.index} known to {LARGEST_LOG:.1f} or"
+                    f" less, a finite factor, found {one:.3g}"
+                )
         directions.setflags(write=False)
         object.__setattr__(self, "directions", directions)
 

@@ -20,8 +20,8 @@ from estimators.identification.filter_pass import Frames, Pass, frame_interval, 
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
 from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
-from estimators.identification.residuals import ResidualTest, residual_covariance
-from estimators.identification.search import Optimum, from_starts, gauss_newton, starts
+from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
+from estimators.identification.search import Optimum, begun, climbed, from_starts, most_probable, starts
 from estimators.identification.stretch import liveliest
 from estimators.identification.withheld import (
     ALL_RESOLVED,
@@ -67,7 +67,7 @@ class IdentificationResult:
 
     network: with the constants found
     groups, change: which, and the log of each group's factor, (n,)
-    cov: covariance of these logs, inflated by what the model leaves unexplained, (n, n)
+    cov: covariance of these logs, inflated by what the model leaves unexplained, (n, n), see `within_prior`
     prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
@@ -77,6 +77,7 @@ class IdentificationResult:
     n_starts, n_agreeing: starts that were followed, and how many of them led to these constants
     n_frames: of the recording that were used
     in_time: False where the time was too short for all frames, starts and passes
+    n_limited: directions of the covariance that the prior limits: residuals would leave more than no data at all
     """
 
     network: MassSpringNetwork
@@ -96,6 +97,7 @@ class IdentificationResult:
     n_agreeing: int
     n_frames: int
     in_time: bool
+    n_limited: int
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -178,7 +180,10 @@ class _Found:
 def _searched(
     problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
 ) -> _Found:
-    """From several starts through a part of the frames, from the best through all. Raises OutOfTimeError."""
+    """From several starts through a part of the frames, then through all: from the best, or from the constants given.
+
+    From these where they are the more probable by all frames. Raises OutOfTimeError.
+    """
     n_starts, used = problem.planned(frames, n_starts)
     expected, passes = PASSES_A_START * n_starts + problem.n_passes, 0.0
 
@@ -200,9 +205,7 @@ def _searched(
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
     led_to = workers(partial(problem.followed, screened, supposed), starts(spread, n_starts))
     found = from_starts(counted(optimum) for optimum in led_to)
-    # counted as often, of composite likelihoods the highest is the best
-    times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
-    before, best = found[0].at_start, max(found, key=lambda one: replace(one, times=times).log_posterior)
+    before, best = found[0].at_start, most_probable(found)
     n_agreeing = sum(best.agrees(one) for one in found)
     if not np.isfinite(best.log_posterior):
         raise IdentificationError("expected constants under which the filter stays finite, found none")
@@ -214,8 +217,10 @@ def _searched(
         if refined is not None:
             best, before = refined.optimum, refined.given
         elif len(screened) < len(used):
-            given = of_all(np.zeros(len(problem.groups)))
-            best, before = gauss_newton(of_all, best.theta, problem.sd), given
+            given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
+            # what explains a part, begun in motion, may be less probable by the whole than what was given
+            best, before = climbed(of_all, most_probable([there, given]), problem.sd), given.found
+            n_agreeing = sum(best.agrees(one) for one in found) if best.at_start is given.found else n_agreeing
     except OutOfTimeError:
         best, used = replace(best, in_time=False), screened
     return _Found(best, before, len(found), n_agreeing, refined, used)
@@ -242,6 +247,7 @@ def _identified(
     if refined is not None and refined.information is not None and refined.mean_cov is not None:
         reach = np.linalg.inv(refined.information + np.eye(n))
         by_prior = by_prior + reach @ refined.mean_cov @ reach
+    by_prior, n_limited = within_prior(by_prior, best.theta)
     cov = by_prior * np.outer(problem.sd, problem.sd)
     wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
     cases = (model, wide), (problem.network, problem.prior(problem.network))
@@ -265,6 +271,7 @@ def _identified(
         n_agreeing=found.n_agreeing,
         n_frames=len(used),
         in_time=best.in_time and found.n_starts == chosen.n_starts and len(used) == len(frames),
+        n_limited=n_limited,
     )
 
 

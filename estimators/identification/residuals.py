@@ -14,13 +14,17 @@ LEVEL = 0.01
 """Probability by which each of the two tests calls the residuals of a right model unexplained; choice, its cost in
 docs/settings.md."""
 
+ROUNDING = 1e-9
+"""Share by which a variance may exceed that without data by rounding alone; numerical."""
+
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
     """The innovations at the constants found, tested; of a right model both ratios are 1, but for sampling.
 
     size: mean square of the normalised innovations [1]
-    inflation: largest ratio of a standard error with model error to one without, over all directions [1]
+    inflation: largest ratio of a standard error with model error to one without, over all directions, by the residuals
+        alone, see `within_prior` [1]
     n, n_effective: innovations, and how many independent ones would determine the constants as well
     explained: whether neither is larger than sampling makes it
     """
@@ -85,6 +89,27 @@ def residual_covariance(
     worst = float(np.linalg.eigvals(cov @ H).real.max()) if too_large or inflated.max() > 1.0 else 1.0
     test = ResidualTest(size, float(np.sqrt(worst)), int(dof), dof / worst, explained=worst == 1.0)
     return np.asarray(0.5 * (cov + cov.T), dtype=np.float64), test
+
+
+def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
+    """A covariance of constants found at theta, (n,), no larger than without data, (n, n), and in how many directions.
+
+    cov: in prior standard deviations, (n, n)
+    The sandwich grows with the residuals without limit; the error of the constants does not. Of a point to which data
+    that tell nothing have led its mean square is B = 1 + theta theta', the prior's and the way there: of each direction
+    of [cov, B] the smaller one is kept.
+    """
+    B = np.eye(len(theta)) + np.outer(theta, theta)
+    root = np.linalg.cholesky(B)
+    inverse = np.linalg.inv(root)
+    ratios, axes = np.linalg.eigh(inverse @ cov @ inverse.T)
+    largest = float(ratios.max(initial=0.0))
+    if largest <= 1.0 + ROUNDING:
+        return cov, 0
+    # beside a variance so large one below its rounding is not known: nor is what data tell of that direction
+    limited = (ratios > 1.0 + ROUNDING) | (ratios < len(theta) * np.finfo(float).eps * largest)
+    turned = root @ axes
+    return np.asarray((turned * np.where(limited, 1.0, ratios)) @ turned.T), int(limited.sum())
 
 
 def _of_composite(found: Pass, prior_precision: Floats) -> tuple[Floats, ResidualTest]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,14 +82,29 @@ def starts(spread: Floats, n: int) -> Floats:
     return np.vstack([np.zeros(len(spread)), spread * (2.0 * sobol[: n - 1] - 1.0)])
 
 
+def begun(at: At, start: Floats) -> Optimum:
+    """A search at its start, after one pass. Raises OutOfTimeError."""
+    first = at(start)
+    return Optimum(start, first, first, 1, converged=False, times=times_counted(first))
+
+
+def most_probable(found: Sequence[Optimum]) -> Optimum:
+    """That of the highest posterior, the first of several; composite likelihoods are counted as often."""
+    times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
+    return max(found, key=lambda one: replace(one, times=times).log_posterior)
+
+
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
     """The maximum of the posterior that a start leads to; the best until then where the time is over.
 
     unit: standard deviation of the log of each constant by the prior, (n,). Raises OutOfTimeError before the first
     pass ends.
     """
-    first = at(start)
-    best = Optimum(start, first, first, 1, converged=False, times=times_counted(first))
+    return climbed(at, begun(at, start), unit)
+
+
+def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
+    """As `gauss_newton`, of a search that has begun."""
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
             move = np.linalg.solve(best.precision, best.found.gradient / best.times - best.theta)

@@ -246,6 +246,7 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
             "explained": found.residuals.explained,
             "size": found.residuals.size,
             "inflation": found.residuals.inflation,
+            "limited_by_prior": found.n_limited,
             "innovations": found.residuals.n,
             "effective_innovations": found.residuals.n_effective,
         },

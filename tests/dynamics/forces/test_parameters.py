@@ -1,5 +1,7 @@
 """Constants by name, scaled on a log scale, and the forces that a change of each makes: against differences."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -85,6 +87,16 @@ def test_uncertainty_is_checked_and_has_a_covariance():
         ParameterUncertainty(ALL[:2], np.ones((1, 3)))
     with pytest.raises(NetworkError, match="expected finite numbers"):
         ParameterUncertainty(ALL[:2], np.array([[0.1, np.nan]]))
+
+
+@pytest.mark.parametrize("sd", [710.0, 5e17, 1e200])
+def test_an_uncertainty_by_a_factor_that_is_no_number_is_refused(sd):
+    """exp(709.78) is the largest floating-point number; 1e200 squared is none."""
+    which = (Parameter("stiffness", 0), Parameter("damping", 2))
+    named = re.escape(f"expected the log of damping 2 known to 709.8 or less, a finite factor, found {sd:.3g}")
+    with pytest.raises(NetworkError, match=named):
+        ParameterUncertainty(which, np.array([[0.1, 0.6 * sd], [0.0, 0.8 * sd]]))
+    assert ParameterUncertainty(which, np.array([[0.1, 700.0]])).cov[1, 1] == pytest.approx(4.9e5)
 
 
 def test_two_uncertainties_beside_each_other_add_their_covariances():

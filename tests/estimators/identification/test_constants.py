@@ -1,6 +1,7 @@
 """Constants from a calibration recording: found to their standard errors, and what cannot be told is said."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -23,8 +24,11 @@ from estimators import (
     identify_constants,
     principal_uncertainty,
 )
-from estimators.identification.constants import IdentificationSettings
+from estimators.identification.constants import IdentificationSettings, _searched
+from estimators.identification.filter_pass import Pass
+from estimators.identification.groups import ConstantGroup
 from estimators.identification.noise_levels import log_likelihood
+from estimators.identification.search import followed
 
 SD = 5e-4
 PRIOR = {"stiffness": 0.3, "rest_length": 0.03}
@@ -162,6 +166,38 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
             total += float((tissue.target.linear(tissue.mixture.columns[0]) ** 2).sum())
         variances.append(total)
     assert variances[1] == pytest.approx(variances[0], rel=3.0 * (1.0 - IdentificationSettings().kept))
+
+
+class PartMisleads:
+    """One constant: 100 of 150 frames are likeliest at 3, all of them at 0.5, and near 3 far less so.
+
+    From 3 the log likelihood of all rises to a lower maximum at 4.
+    """
+
+    linear, n_passes = True, 7
+    groups, sd = (ConstantGroup("stiffness", (0,), "stiffness"),), np.ones(1)
+
+    def planned(self, frames, n_starts):
+        return n_starts, frames
+
+    def at(self, theta, frames):
+        peak, lost = (3.0, 0.0) if len(frames) <= 100 else (4.0, 1e5) if theta[0] > 2.0 else (0.5, 0.0)
+        y = np.full(len(frames), peak - theta[0])
+        n = len(frames)
+        return Pass(y[:, None], np.array([[float(n)]]), -0.5 * float(y @ y) - lost, y**2, np.ones(n))
+
+    def followed(self, frames, forces, start):
+        return followed(partial(self.at, frames=frames), start, self.sd)
+
+
+def test_constants_that_explain_a_part_alone_are_not_gone_on_from():
+    """Maximum of the posterior of all frames, 150 * 0.5 / 151; the starts, at 3 by the part, do not agree with it."""
+    frames = [(0.01 * k, [MarkMeasurement("far", np.zeros(2), np.eye(2))]) for k in range(150)]
+    ended = _searched(PartMisleads(), frames, 2, map, lambda _share: None)
+    assert ended.best.theta[0] == pytest.approx(75.0 / 151.0, rel=1e-6)
+    assert ended.best.log_posterior > ended.before.log_likelihood
+    assert ended.n_agreeing == 0
+    assert len(ended.used) == 150
 
 
 def test_a_target_that_is_never_seen_is_refused(recorded):

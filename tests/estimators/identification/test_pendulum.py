@@ -127,3 +127,17 @@ def test_noise_levels_within_a_time(swing, links):
     assert found.n_frames < 160
     assert found.log_likelihood >= found.log_likelihood_before
     assert (found.values > 0.0).all()
+
+
+def test_no_standard_error_exceeds_that_without_data(swing, links):
+    """0.3 of gravity, marks that claim a tenth of their noise: stiffness and length had 2.5 and 3 times the bound.
+
+    That without data: the prior's, and how far from the constants given those found are.
+    """
+    frames = [(time_s, [replace(mark, cov=0.01 * mark.cov) for mark in marks]) for time_s, marks in swing[:60]]
+    prior = {"rest_length": 3e-4, "damping": 0.5, "stiffness": 0.3}
+    one_start = IdentificationSettings(n_starts=1)
+    wrong = identify_constants(links(gravity=0.3 * 9.81), frames, ("joint",), "end", prior_sd=prior, search=one_start)
+    assert wrong.residuals.inflation > 5.0
+    assert wrong.n_limited >= 1
+    assert (wrong.sd <= np.hypot(wrong.prior_sd, wrong.change) * (1.0 + 1e-9)).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimators.identification.filter_pass import Pass
-from estimators.identification.residuals import long_run_covariance, residual_covariance
+from estimators.identification.residuals import long_run_covariance, residual_covariance, within_prior
 
 N = 2000
 
@@ -85,3 +85,38 @@ def test_the_information_of_the_likelihood_takes_the_place_of_that_of_the_scores
     scores[:, 0] = autoregressive(rng, 0.9, N, 1)[:, 0]
     cov, _ = residual_covariance(made_pass(scores, nis), np.eye(3), own)
     np.testing.assert_allclose(np.diag(cov) * N, [(0.2 + 18.0) / 0.2**2, 1.0, 0.5], rtol=0.5)
+
+
+@pytest.mark.parametrize("size", [1e2, 1e9, 1e18])
+def test_no_residuals_leave_more_of_a_constant_than_no_data(size):
+    """Innovations so many times too large, correlated, about as informative as the prior: the sandwich has no limit.
+
+    Without data a constant of unit prior is off from a guess at 2 by a mean square of 1 + 2^2, from one at 0 by 1.
+    """
+    rng = np.random.default_rng(5)
+    scores = size * autoregressive(rng, 0.9, N, 2) / np.sqrt(N)
+    found = Pass(scores, np.eye(2), 0.0, size**2 * rng.chisquare(2.0, N), np.full(N, 2.0))
+    sandwich, _ = residual_covariance(found, np.eye(2))
+    assert np.diag(sandwich).min() > size**2
+    cov, n_limited = within_prior(sandwich, np.array([2.0, 0.0]))
+    np.testing.assert_allclose(cov, np.diag([5.0, 1.0]), rtol=1e-9, atol=1e-9)
+    assert n_limited == 2
+
+
+def test_a_constant_that_diverging_residuals_swamp_has_a_positive_variance():
+    """Of 1e36 and of 1e-4 beside it, rounding leaves no digit of the second: it is as uncertain as without data."""
+    cov, n_limited = within_prior(np.array([[1e36, -3e17], [-3e17, 1e-4]]), np.zeros(2))
+    np.testing.assert_allclose(cov, np.eye(2), rtol=1e-9, atol=1e-9)
+    assert n_limited == 2
+
+
+def test_only_directions_beyond_the_prior_are_limited():
+    """Variances 0.01 and 50 of orthogonal sums, at 0: the first stays, the second is 1. Within the prior: as it was."""
+    axes = np.array([[1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+    cov, n_limited = within_prior(axes * [0.01, 50.0] @ axes.T, np.zeros(2))
+    np.testing.assert_allclose(cov, axes * [0.01, 1.0] @ axes.T, rtol=1e-12)
+    assert n_limited == 1
+    told = axes * [0.01, 1.0] @ axes.T
+    same, n_none = within_prior(told, np.array([0.3, 4.0]))
+    assert same is told
+    assert n_none == 0

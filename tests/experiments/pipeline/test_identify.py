@@ -133,6 +133,7 @@ def test_what_is_not_told_apart_is_said():
         n_agreeing=1,
         n_frames=100,
         in_time=True,
+        n_limited=0,
     )
     (pair,) = confounded(found)
     assert pair.constants == ("drag M1", "friction M1")
