@@ -86,10 +86,7 @@ class Taken:
 def kinds_of(scene: Scene) -> tuple[Kind, ...]:
     """Marks by their hue, as large as they are seen at rest."""
     camera, network = scene.cameras[0], scene.network
-    shapes = {
-        mark.node: camera.disc_shape(network.positions[network.index(mark.node)], mark.diameter_m / 2.0)
-        for mark in scene.marks
-    }
+    shapes = {mark.node: mark.shape_px(camera, network.positions[network.index(mark.node)]) for mark in scene.marks}
     areas = {node: np.pi * abs(float(np.linalg.det(shape))) for node, shape in shapes.items()}
     hues = dict.fromkeys(mark.hue for mark in scene.marks)
     least = DETECTION.outline.min_share

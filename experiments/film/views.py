@@ -15,7 +15,7 @@ from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.marks import Mark
-from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.scene import Scene, Target
 from experiments.pipeline.line import FILTER, Line, Step
 from experiments.pipeline.scores.marks import NO_ROW, reason_words
 from vision import LostMark, PlaneCamera, fronto_parallel_camera
@@ -90,7 +90,7 @@ def overlay_of(
         marks=_marks(scene, step, camera),
         target_px=target_px,
         target_cov_px2=target_cov_px2,
-        target_shape_px=_shape(camera, estimate.mean, scene.target.radius_m),
+        target_shape_px=_shape(camera, estimate.mean, scene.target),
         trusted=estimate.status in TRUSTED,
         needle=None if guidance is None or plan is None else _needle(camera, guidance, plan),
         advice="" if guidance is None else advice_words(guidance),
@@ -135,14 +135,13 @@ def _marks(scene: Scene, step: Step, camera: PlaneCamera) -> tuple[MarkDrawn, ..
 def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, camera: PlaneCamera) -> MarkDrawn:
     expected = None if step.sight is None else step.sight.expected.get(mark.node)
     expected_px, expected_cov_px2 = (None, None) if expected is None else _seen(camera, *expected)
-    radius_m = mark.diameter_m / 2.0
     if seen is None:
         one = None if step.sight is None else step.sight.lost.get(mark.node)
         return MarkDrawn(
             mark.node,
             mark.hue_deg,
             Fate.LOST,
-            np.zeros((2, 2)) if expected is None else _shape(camera, expected[0], radius_m),
+            np.zeros((2, 2)) if expected is None else _shape(camera, expected[0], mark),
             expected_px=expected_px,
             expected_cov_px2=expected_cov_px2,
             candidate_px=None if one is None else one.candidate_px,
@@ -155,7 +154,7 @@ def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, ca
         mark.node,
         mark.hue_deg,
         Fate.REFUSED if refused else Fate.FOUND,
-        _shape(camera, seen.position, radius_m),
+        _shape(camera, seen.position, mark),
         center_px,
         cov_px2,
         expected_px,
@@ -219,8 +218,8 @@ def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[F
     return place_px, np.asarray(camera.cov_to_px(mean_m[None], cov_m2[None])[0], dtype=np.float64)
 
 
-def _shape(camera: PlaneCamera, place_m: Floats, radius_m: float) -> Floats:
-    """The picture of a disc, (2, 2) [px]; nothing where it is not before the camera."""
+def _shape(camera: PlaneCamera, place_m: Floats, shown: Mark | Target) -> Floats:
+    """The picture of a mark or of the target, a disc, (2, 2) [px]; nothing where it is not before the camera."""
     if not np.isfinite(_place(camera, place_m)).all():
         return np.zeros((2, 2))
-    return camera.disc_shape(place_m, radius_m)
+    return shown.shape_px(camera, place_m) if isinstance(shown, Mark) else camera.disc_shape(place_m, shown.radius_m)

@@ -195,7 +195,8 @@ class Line:
         marks = [self._marks[f.name] for f in found]
         centers_px = np.array([f.detection.center_px for f in found])
         covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
-        radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
+        # the outline of a ball is not shifted as that of a disc is
+        radii_m = np.array([0.0 if mark.ball else mark.diameter_m / 2.0 for mark in marks])
         centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
         positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
         shared = camera.calibration_error(positions) if camera.n_calibration else [None] * len(marks)
@@ -205,7 +206,7 @@ class Line:
         camera, mark = self.scene.cameras[0], self._marks[node]
         mean, cov = self._belief(node, belief)
         center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
-        outline = vision.Outline(camera.disc_shape(mean, mark.diameter_m / 2.0), SIZE_SD, mark.even)
+        outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
         return vision.Expected(node, center_px, cov_px2, mark.hue_deg, outline)
 
     def _belief(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:

@@ -59,7 +59,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
     """Pictures of all marks, of their left halves, and of none."""
     camera, rng = scene.cameras[0], np.random.default_rng(0)
     centers_px = camera.project(places)
-    shapes_px = [camera.disc_shape(x, mark.diameter_m / 2.0) for x, mark in zip(places, scene.marks, strict=True)]
+    shapes_px = [mark.shape_px(camera, x) for x, mark in zip(places, scene.marks, strict=True)]
     axes_px = [tuple(np.maximum(np.linalg.norm(shape, axis=1), 2.0)) for shape in shapes_px]
     discs = [
         vision.Disc(center, axes, mark.hue_deg)

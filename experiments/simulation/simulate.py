@@ -262,7 +262,8 @@ def draw(
     discs = []
     for mark in scene.marks:
         i = network.index(mark.node)
-        across, down = 0.5e3 * mark.diameter_m / camera.mm_per_px(positions[i])
+        half_px = 0.5e3 * mark.diameter_m / camera.mm_per_px(positions[i])
+        across, down = np.diag(mark.shape_px(camera, positions[i])) if mark.ball else half_px
         discs.append(vision.Disc(places[i], (across, down), mark.hue_deg))
     return vision.draw_frame(camera.size_px, [*strays, *discs], lighting, rng, lines=lines)
 

@@ -22,6 +22,7 @@ import pandas as pd
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
+from experiments.pipeline.track import Track
 from experiments.studies.px_follower import PxFollower
 from vision import Outline, VideoFileFrames, learn_hue
 
@@ -116,6 +117,18 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
         "sigma_px": float(np.sqrt(variance.mean())),
         "label_scatter_px": float(np.sqrt((again**2).mean() / 2.0)) if len(again) else np.nan,
     }
+
+
+def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
+    """The same of the one mark that `softaim track` follows in a recording of a film of LABELS."""
+    camera = seen.recording.scene.cameras[0]
+    rows: list[dict[str, float | bool]] = []
+    for k, step in enumerate(seen.steps):
+        for mark in step.marks:
+            (u, v), ((uu, _), (_, vv)) = camera.project(mark.position)[0], camera.cov_to_px(mark.position, mark.cov)[0]
+            rows.append({"frame": k, "seen": True, "u_px": u, "v_px": v, "uu_px2": uu, "vv_px2": vv})
+    labels = pd.read_csv(LABELS)
+    return against_labels(pd.DataFrame(rows), labels[labels.film == film])
 
 
 def report(data: Path, out: Path) -> dict[str, dict[str, float]]:

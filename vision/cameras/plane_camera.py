@@ -109,6 +109,16 @@ class PlaneCamera:
         """The picture of a disc at that point of the plane, as `Outline.shape_px`, (2, 2) [px]."""
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
+    def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
+        """The picture of a ball about that point of the plane, as `Outline.shape_px`, (2, 2) [px]: a circle.
+
+        A ball is not foreshortened as a disc of its plane is: its scale is that along the direction in which the plane
+        keeps its length, the greater singular value of the Jacobian. Differs from a pinhole's picture, which away from
+        mid-picture is wider by 1 / cos of the angle off the axis: a homography does not say that angle.
+        """
+        J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
+        return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
+
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
         """Offset of the middle of a disc's picture from the picture of its middle [px], (n, 2).
 

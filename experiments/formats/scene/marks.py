@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from experiments.arrays import Floats
 from experiments.formats.scene.schema import MarkTable
 from experiments.formats.toml_file import toml_bool, toml_number, toml_text
-from vision import MarkHue
+from vision import MarkHue, PlaneCamera
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,6 +16,7 @@ class Mark:
 
     half_width_deg, min_saturation, min_value: what counts as its colour, as `MarkHue` has it
     even: of one colour, unlike a ball with its shading
+    ball: a ball, seen as a circle from all sides; else a disc on the plane, seen as an ellipse where that is turned
     """
 
     node: str
@@ -25,11 +27,17 @@ class Mark:
     min_saturation: float = 0.4
     min_value: float = 0.2
     even: bool = True
+    ball: bool = False
 
     @property
     def hue(self) -> MarkHue:
         """What colours count as this mark's."""
         return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
+
+    def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
+        """How a camera sees it at a place of the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
+        seen = camera.ball_shape if self.ball else camera.disc_shape
+        return seen(place_m, self.diameter_m / 2.0)
 
     def coloured(self, hue: MarkHue) -> Mark:
         """The same mark in another colour."""
@@ -53,6 +61,7 @@ def mark_of(table: MarkTable) -> Mark:
         table.min_saturation,
         table.min_value,
         table.even,
+        table.ball,
     )
 
 
@@ -63,4 +72,6 @@ def mark_lines(mark: Mark) -> list[str]:
     lines += [f"half_width_deg = {toml_number(mark.half_width_deg)}"]
     lines += [f"min_saturation = {toml_number(mark.min_saturation)}", f"min_value = {toml_number(mark.min_value)}"]
     lines += [f"even = {toml_bool(mark.even)}"]
+    if mark.ball:
+        lines += ["ball = true"]
     return lines

@@ -65,6 +65,7 @@ class MarkTable(Strict):
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
     min_value: Annotated[float, Field(gt=0, lt=1)] = 0.2
     even: bool = True
+    ball: bool = False
 
 
 class TargetTable(Strict):

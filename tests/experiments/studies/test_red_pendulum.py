@@ -49,8 +49,8 @@ def test_scale_and_turn_come_out_of_a_known_swing(turn_deg):
 def test_the_real_film(tmp_path):
     """The figures of docs/real-film.md: the ball in all frames, coverage as found, good or bad.
 
-    Where the ball is blurred, rounding, which processors do differently, decides between its rim and its colour: hence
-    the two errors in flight that were found.
+    Where the ball is blurred, rounding, which processors do differently, decides between its rim and its colour: in
+    flight 11.8 and 12.1 mm were found. Looked for as a disc of the plane it is 2.0 px off the labels, and 15.9 mm.
     """
     if not FILM.is_file():
         pytest.skip(f"the film is not part of the repository: {FILM.name} not found, set SOFTAIM_DATA to its folder")
@@ -58,9 +58,12 @@ def test_the_real_film(tmp_path):
     assert told["frames"] == told["frames_found"] == 334
     assert told["mm_per_px"] == pytest.approx(1.33, abs=0.05)
     covered = {kind: figures["coverage95"] for kind, figures in told["withheld"].items()}
-    expected = {"all": 0.94, "flying": 0.99, "struck": 0.74, "leaning": 0.97}
+    expected = {"all": 0.94, "flying": 0.99, "struck": 0.74, "leaning": 0.98}
     assert covered == pytest.approx(expected, abs=0.05)
     assert covered["all"] >= 0.9
-    assert 12.0 <= told["withheld"]["flying"]["mae_mm"] <= 18.0
+    assert 10.5 <= told["withheld"]["flying"]["mae_mm"] <= 14.0
+    assert told["labels"]["coordinates"] > 50
+    assert told["labels"]["rms_px"] < 0.7
+    assert told["labels"]["rms_px"] / 1.5 < told["labels"]["sigma_px"] < 1.5 * told["labels"]["rms_px"]
     assert (tmp_path / "out" / "withheld.png").stat().st_size > 10_000
     assert (tmp_path / "out" / "recording" / "scene.toml").is_file()

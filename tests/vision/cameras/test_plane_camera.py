@@ -127,6 +127,20 @@ def test_covariances_go_through_a_lens_by_its_slope() -> None:
     np.testing.assert_allclose(camera.disc_shape(points[0], 0.01), 0.01 * J[0], rtol=1e-6)
 
 
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0, 60.0])
+def test_a_ball_is_a_circle_however_its_plane_is_turned(turn_deg: float) -> None:
+    """Mid-picture, by the cone that touches a ball: its tangent is r / sqrt(Z² - r²). A disc is narrower."""
+    focal_px, away_m, radius_m, turn = 800.0, 1.5, 0.02, np.radians(turn_deg)
+    lens = np.array([[focal_px, 0.0, 319.5], [0.0, focal_px, 239.5], [0.0, 0.0, 1.0]])
+    onto = np.array([[np.cos(turn), 0.0, 0.0], [0.0, -1.0, 0.0], [np.sin(turn), 0.0, away_m]])
+    camera = PlaneCamera("front", (640, 480), lens @ onto)
+    radius_px = focal_px * radius_m / np.sqrt(away_m**2 - radius_m**2)
+    shape = camera.ball_shape((0.0, 0.0), radius_m)
+    np.testing.assert_allclose(shape, radius_px * np.eye(2), rtol=2e-4, atol=1e-12)
+    disc = camera.disc_shape((0.0, 0.0), radius_m)
+    np.testing.assert_allclose(disc, shape @ np.diag([np.cos(turn), -1.0]), rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.slow
 def test_a_discs_middle_is_seen_off_the_middle_of_its_picture() -> None:
     bent, straight, radius = posed_camera("a", (640, 480), LENS, POSE), PlaneCamera("b", (640, 480), TILTED), 0.02

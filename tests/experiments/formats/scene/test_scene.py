@@ -87,7 +87,13 @@ def scenes(draw: st.DrawFn) -> Scene:
         gravity=column(dim, -100.0, 100.0),
     )
     marks = [
-        Mark(name, draw(numbers(0.0, 359.0)), draw(numbers(1e-6, 1.0)), i == 0 or draw(st.booleans()))
+        Mark(
+            name,
+            draw(numbers(0.0, 359.0)),
+            draw(numbers(1e-6, 1.0)),
+            i == 0 or draw(st.booleans()),
+            ball=draw(st.booleans()),
+        )
         for i, name in enumerate(free)
     ]
     cameras = []
@@ -113,7 +119,8 @@ def test_what_is_written_is_read_again(tmp_path: Path, scene: Scene):
     np.testing.assert_array_equal(theirs.springs, ours.springs)
     for key in ("masses", "drag", "friction", "stiffness", "rest_lengths", "damping", "gravity"):
         np.testing.assert_allclose(getattr(theirs, key), getattr(ours, key), rtol=1e-9, err_msg=key)
-    assert [(m.node, m.measured) for m in again.marks] == [(m.node, m.measured) for m in scene.marks]
+    for key in ("node", "measured", "ball"):
+        assert [getattr(mark, key) for mark in again.marks] == [getattr(mark, key) for mark in scene.marks], key
     for mark, written in zip(again.marks, scene.marks, strict=True):
         assert (mark.hue_deg, mark.diameter_m) == pytest.approx((written.hue_deg, written.diameter_m), rel=1e-9)
     assert again.target.node == scene.target.node
