@@ -39,9 +39,7 @@ def inflated_each(
     return mean + np.sqrt(factor) * (xs - mean), factor * Ps, np.sqrt(factor) * columns
 
 
-def pooled_each(
-    beliefs: tuple[Floats, Floats, Floats], ahead: Floats, share: float
-) -> tuple[Floats, Floats, Floats]:
+def pooled_each(beliefs: tuple[Floats, Floats, Floats], ahead: Floats, share: float) -> tuple[Floats, Floats, Floats]:
     """Several beliefs as in `corrected_each`, each pooled with an opinion that is ahead (n,) of it, by this share [1].
 
     The mean of both, and their spread beside the covariance, as of a mixture; a linear opinion pool [stone1961].

@@ -15,7 +15,7 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.filters.chain import ModeChain
-from estimators.filters.gaussians import corrected_each, inflated_each, nearest_definite, pooled_each
+from estimators.filters.gaussians import nearest_definite
 from estimators.filters.iterated import IteratedStart
 from estimators.filters.kernels import (
     is_finite,
@@ -315,24 +315,8 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.common_errors = errors.told([f.y for f in self.filters], covs, innovation_columns[:, :, :n], self.mu)
         self._compute_state_estimate()
 
-    def correct(self, z: Floats, H: Floats, R: Floats, *, trust: float) -> None:
-        """Take in z = H x + noise as `update_linear` does, but for odds and likelihoods, which stay as they are.
-
-        z (m,), H (m, dim_x), R (m, m); trust: as in `corrected_each`
-        """
-        now = self.beliefs()
-        self._replaced(corrected_each((now.means, now.covs, self.columns), z, H, R, trust=trust))
-
-    def pool(self, ahead: Floats, *, share: float, factor: float) -> None:
-        """Inflate the covariance of the whole mixture by a factor, then pool it with another opinion.
-
-        ahead: by how much that is ahead of the mean, (dim_x,); share: its weight, see `pooled_each`
-        """
-        now = self.beliefs()
-        inflated = inflated_each(now.mu, (now.means, now.covs, self.columns), factor)
-        self._replaced(pooled_each(inflated, ahead, share))
-
-    def _replaced(self, beliefs: tuple[Floats, Floats, Floats]) -> None:
+    def hold(self, beliefs: tuple[Floats, Floats, Floats]) -> None:
+        """Set each mode's mean, covariance and columns, (k, n), (k, n, n), (k, n, r); odds stay."""
         xs, Ps, self.columns = beliefs
         for f, x, P in zip(self.filters, xs, Ps, strict=True):
             f.x, f.P = x, P

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from dynamics import ImplicitStepper, Stepper, pack, unpack
 from estimators.arrays import Floats
 

@@ -31,6 +31,7 @@ from estimators.tissue.settings import FilterSettings
 FLAT = 1e-3
 """A body is flat in a direction in which it extends by less than this share of its size as drawn; numerical."""
 
+
 def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
     """The field of displacements from the drawn shape, at all nodes.
 
@@ -72,13 +73,13 @@ class Shown:
 class Opinions:
     """What is reported of a target beside the filter's belief.
 
-    led: what the simulation's state is ahead of the filter's [m, m/s], (dim_x,), nought beyond the network's; share: by
-        how much of that the filter's is moved [1]
+    ahead: by how much the simulation's state is ahead of the filter's [m, m/s], (dim_x,), nought beyond the network's;
+        share: of that the filter's is moved [1]
     factor: on the filter's covariance [1]; trust: as in `corrected_each`, against the field
     place, cov: of the target by the field [m], (dim,), [m²], (dim, dim); without one of no dimension
     """
 
-    led: Floats
+    ahead: Floats
     share: float
     factor: float
     trust: float
@@ -213,12 +214,12 @@ class ModelError:
         farthest = float(weights @ self._reach) ** 2 / (dim + 2)
         most = farthest / float(np.linalg.eigvalsh(target.cov(P))[-1])
         place, cov = self.of_field(target)
-        led, share, inflation, of_mean = np.zeros(len(x)), 0.0, shown.inflation, 1.0
+        ahead, share, inflation, of_mean = np.zeros(len(x)), 0.0, shown.inflation, 1.0
         if shown.scales is not None:
             of_mean = shown.scales.first
         if shown.scales is not None and shown.means is not None and shown.led is not None:
             free, n = self._network.free, self._network.n_state
-            led[:n] = pack(shown.led.positions[free], shown.led.velocities[free]) - x[:n]
+            ahead[:n] = pack(shown.led.positions[free], shown.led.velocities[free]) - x[:n]
             scales, common = replace(shown.scales, first=min(of_mean, inflation)), settings.springs_in_common
             share = scales.share_of_second(common)
             of_mean = scales.of_mean(share, common)
@@ -226,4 +227,4 @@ class ModelError:
             # the errors of both may be the same
             inflation = ((1.0 - share) * np.sqrt(inflation) + share * simulated) ** 2
         factor = max(1.0, min(inflation, most))
-        return Opinions(led, share, factor, max(1.0, factor / of_mean), place, cov)
+        return Opinions(ahead, share, factor, max(1.0, factor / of_mean), place, cov)

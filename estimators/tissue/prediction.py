@@ -22,7 +22,7 @@ from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import GaussianMixture
-from estimators.tissue.model_error import ModelError
+from estimators.tissue.model_error import ModelError, Opinions
 from estimators.tissue.settings import FilterSettings, stationary
 from estimators.tissue.snapshot import unchanged
 
@@ -158,11 +158,8 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
         return target.position(mixture.x), target.cov(mixture.P)
     modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
-    inflated = inflated_each(modes.mu, own, found.factor)
-    pooled = pooled_each(inflated, target.linear(found.led[:, None])[:, 0], found.share)
-    place, cov = found.place, found.cov
-    corrected = corrected_each(pooled, place, np.eye(len(target.constant))[: len(place)], cov, trust=found.trust)
-    means, covs, columns = mixed_each(modes.mu[:, None], *corrected)
+    ahead, H = target.linear(found.ahead[:, None])[:, 0], np.eye(len(target.constant))
+    means, covs, columns = mixed_each(modes.mu[:, None], *_beside(modes.mu, own, found, ahead, found.place, H))
     return means[0], with_columns(covs[0], columns[0])
 
 
@@ -170,20 +167,27 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
 def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> Iterator[None]:
     """The mixture as it is predicted from for a target, as `reported_place`, until the end, when it is as it was.
 
-    For a report alone: the errors of the field are much the same from frame to frame, and taken into the state with
-    each they would count as new.
+    For a report alone: the errors of the other opinions are much the same from frame to frame, and taken into the state
+    with each they would count as new.
     """
     if not model_error.is_looked_for:
         yield
         return
     with unchanged(mixture):
-        found = model_error.of_target(target, mixture.x, mixture.P)
-        k = len(found.place)
-        H = np.zeros((k, len(mixture.x)))
-        H[:, : target.matrix.shape[1]] = target.matrix[:k]
-        mixture.pool(found.led, share=found.share, factor=found.factor)
-        mixture.correct(found.place - target.constant[:k], H, found.cov, trust=found.trust)
+        modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
+        H = np.zeros((len(target.constant), len(mixture.x)))
+        H[:, : target.matrix.shape[1]] = target.matrix
+        z = found.place - target.constant[: len(found.place)]
+        mixture.hold(_beside(modes.mu, (modes.means, modes.covs, mixture.columns), found, found.ahead, z, H))
         yield
+
+
+def _beside(
+    odds: Floats, beliefs: tuple[Floats, Floats, Floats], found: Opinions, ahead: Floats, z: Floats, H: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Beliefs of several modes at these odds, inflated and with the other opinions of the target."""
+    pooled = pooled_each(inflated_each(odds, beliefs, found.factor), ahead, found.share)
+    return corrected_each(pooled, z, H[: len(z)], found.cov, trust=found.trust)
 
 
 def until(time_s: float, now_s: float | None) -> float:

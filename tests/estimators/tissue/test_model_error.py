@@ -9,7 +9,7 @@ from dynamics import build_network, four_mass_phantom
 from estimators import MarkMeasurement, TissueFilter, fast_prediction_tables, predict_fast
 from estimators.filters.gaussians import corrected_each, inflated_each
 from estimators.process.target import target_map
-from estimators.tissue.model_error import ModelError, likeliest_scale
+from estimators.tissue.model_error import ModelError
 
 NAMES = tuple(f"n{k}" for k in range(11))
 HIDDEN = ("n4", "n5", "n6")
@@ -95,16 +95,6 @@ def test_a_place_that_is_trusted_more_keeps_the_covariance_of_the_errors_that_ar
     np.testing.assert_allclose(Ps[0], keep @ P @ keep.T + K @ R @ K.T, rtol=1e-10, atol=1e-12)
 
 
-def test_the_likeliest_scale_is_that_of_the_distances_between_its_bounds():
-    """Of 4,000 distances drawn with a covariance nine times the stated, by sampling error 3 %; and at the bounds."""
-    rng = np.random.default_rng(3)
-    cov, none = np.tile(np.eye(2), (4000, 1, 1)), np.zeros((4000, 2, 2))
-    far = 3.0 * rng.normal(size=(4000, 2))
-    assert likeliest_scale(far, cov, none, np.inf) == pytest.approx(9.0, rel=0.05)
-    assert likeliest_scale(far, cov, none, 4.0) == 4.0
-    assert likeliest_scale(0.1 * far, cov, none, np.inf) == 1.0
-
-
 def test_a_field_through_the_marks_helps_where_springs_do_not_explain_the_body():
     """Ten seeds: hidden nodes of a cable that bends by itself; springs alone err by a quarter more, at least."""
     reported, alone = zip(*(followed(seed)[1:] for seed in range(10)), strict=True)
@@ -131,12 +121,15 @@ def test_a_larger_ratio_counts_at_once_and_is_forgotten_over_its_time():
     error = ModelError(tissue.model, tissue.settings)
     marks = marks_at(19 / 30.0, np.random.default_rng(0))
     degrees = 2 * len(marks)
-    error.learn(marks, tissue.mixture, 0.1, 8.0 * degrees)
+    error.passed(0.1)
+    error.learn(marks, tissue.mixture, 8.0 * degrees)
     assert error.shown.inflation == pytest.approx(8.0)
-    error.learn(marks, tissue.mixture, 0.1, 1.0 * degrees)
+    error.passed(0.1)
+    error.learn(marks, tissue.mixture, 1.0 * degrees)
     # first-order forgetting towards the new ratio
     assert error.shown.inflation == pytest.approx(1.0 + 7.0 * np.exp(-0.1 / tissue.settings.remember_s))
-    error.learn(marks, tissue.mixture, 10.0, 0.3 * degrees)
+    error.passed(10.0)
+    error.learn(marks, tissue.mixture, 0.3 * degrees)
     assert error.shown.inflation == 1.0
 
 
@@ -192,12 +185,12 @@ def test_what_filter_and_field_have_in_common_counts_against_the_field():
     shown = tissue.model_error.shown
     alone = ModelError(tissue.model, replace(tissue.settings, in_common=1.0))
     alone.shown = shown
-    place, cov = tissue.model_error.of_target(tissue.target)
-    other_place, other_cov = alone.of_target(tissue.target)
+    place, cov = tissue.model_error.of_field(tissue.target)
+    other_place, other_cov = alone.of_field(tissue.target)
     np.testing.assert_array_equal(place, other_place)
     np.testing.assert_allclose(cov, tissue.settings.in_common * other_cov, rtol=1e-12)
     # n5 is the fifth free node: of the field there, on both axes alike
-    np.testing.assert_allclose(other_cov, shown.field_scale * shown.covs[4, 4] * np.eye(2), rtol=1e-12)
+    np.testing.assert_allclose(other_cov, shown.scales.third * shown.covs[4, 4] * np.eye(2), rtol=1e-12)
 
 
 def test_a_field_is_of_the_marks_of_now():
