@@ -223,8 +223,8 @@ class ModelError:
             scales, common = replace(shown.scales, first=min(of_mean, inflation)), settings.springs_in_common
             share = scales.share_of_second(common)
             of_mean = scales.of_mean(share, common)
-            simulated = np.sqrt(min(inflation, settings.led_inflation) * scales.second)
+            simulated = min(inflation, settings.led_inflation * scales.second)
             # the errors of both may be the same
-            inflation = ((1.0 - share) * np.sqrt(inflation) + share * simulated) ** 2
+            inflation = ((1.0 - share) * np.sqrt(inflation) + share * np.sqrt(simulated)) ** 2
         factor = max(1.0, min(inflation, most))
         return Opinions(ahead, share, factor, max(1.0, factor / of_mean), place, cov)
