@@ -50,6 +50,8 @@ class BodyConstants:
     stiffest: stiffness of a link by that which the body's weight stretches by strain_sd, at most [1]; choice
     smooth: share of the extent over which displacements that springs do not explain are smooth [1]; choice
     in_common: factor on the covariance of a field through the marks, for the filter has seen them, too [1]; choice
+    springs_in_common: correlation of the filter's errors with those of a simulation led along the marks [1]; choice
+    led_inflation: by so much at most innovations inflate that simulation's covariance [1]; choice
     remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
     """
 
@@ -67,6 +69,8 @@ class BodyConstants:
     stiffest: float = STIFFEST
     smooth: float = FilterSettings().smooth
     in_common: float = FilterSettings().in_common
+    springs_in_common: float = FilterSettings().springs_in_common
+    led_inflation: float = FilterSettings().led_inflation
     remember_s: float = FilterSettings().remember_s
 
 
@@ -89,6 +93,8 @@ def body_figures(
         least_white=(constants.quiet_white, constants.poked_white),
         smooth=constants.smooth,
         in_common=constants.in_common,
+        springs_in_common=constants.springs_in_common,
+        led_inflation=constants.led_inflation,
         remember_s=constants.remember_s,
     )
     found = {}

@@ -7,7 +7,8 @@ import pytest
 
 from dynamics import build_network, four_mass_phantom
 from estimators import MarkMeasurement, TissueFilter, fast_prediction_tables, predict_fast
-from estimators.filters.gaussians import corrected_each, inflated_each
+from estimators.filters.gaussians import corrected_each, inflated_each, moment_matched, pooled_each
+from estimators.filters.opinions import Scales
 from estimators.process.target import target_map
 from estimators.tissue.model_error import ModelError
 
@@ -93,6 +94,17 @@ def test_a_place_that_is_trusted_more_keeps_the_covariance_of_the_errors_that_ar
     xs, Ps, _ = corrected_each((x[None], P[None], np.zeros((1, 4, 0))), z, H, R, trust=1.7)
     np.testing.assert_allclose(xs[0], x + K @ (z - H @ x), rtol=1e-10)
     np.testing.assert_allclose(Ps[0], keep @ P @ keep.T + K @ R @ K.T, rtol=1e-10, atol=1e-12)
+
+
+def test_a_belief_that_is_pooled_has_mean_and_spread_of_the_mixture_of_both():
+    rng = np.random.default_rng(4)
+    x, A, ahead = rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=3)
+    P, C = A @ A.T, rng.normal(size=(1, 3, 2))
+    xs, Ps, columns = pooled_each((x[None], P[None], C), ahead, 0.3)
+    mean, cov = moment_matched(np.array([0.7, 0.3]), np.stack([x, x + ahead]), np.stack([P, P]))
+    np.testing.assert_allclose(xs[0], mean, rtol=1e-12)
+    np.testing.assert_allclose(Ps[0], cov, rtol=1e-12)
+    np.testing.assert_array_equal(columns, C)
 
 
 def test_a_field_through_the_marks_helps_where_springs_do_not_explain_the_body():
@@ -203,6 +215,63 @@ def test_a_field_is_of_the_marks_of_now():
     tissue.predict(tissue.time_s + 1 / 30.0)
     tissue.update(marks_at(tissue.time_s, np.random.default_rng(0)))
     assert tissue.model_error.shown.means is not None
+
+
+def test_a_simulation_is_led_along_the_marks_from_where_the_filter_was():
+    """Its seen nodes are where the marks are; hidden ones follow by springs alone, to within a link."""
+    tissue, *_ = followed(n=1)
+    rng, network = np.random.default_rng(0), tissue.model.network
+    np.testing.assert_allclose(
+        tissue.model_error.shown.led.positions[network.free].ravel()[6:12], tissue.mixture.x[6:12], atol=1e-12
+    )
+    for k in range(1, 40):
+        tissue.predict(k / 30.0)
+        marks = marks_at(k / 30.0, rng)
+        tissue.update(marks)
+        led = tissue.model_error.shown.led
+        for mark in marks:
+            np.testing.assert_array_equal(led.positions[network.index(mark.node)], mark.position)
+        hidden = [NAMES.index(name) for name in HIDDEN]
+        assert np.linalg.norm(led.positions[hidden] - bent(k / 30.0)[hidden], axis=1).max() < 0.1
+
+
+def test_a_simulation_that_ran_away_begins_anew_and_one_that_did_not_goes_on():
+    tissue, *_ = followed(n=20)
+    error, marks = tissue.model_error, marks_at(20 / 30.0, np.random.default_rng(1))
+    shown = error.shown
+    wild = replace(shown.led, velocities=shown.led.velocities + 1e200)
+    error.shown = replace(shown, led=wild)
+    error.passed(1 / 30.0)
+    with np.errstate(all="ignore"):
+        error.learn(marks, tissue.mixture, 20.0)
+    assert np.abs(error.shown.led.positions).max() < 2.0
+    error.shown = replace(shown, unseen_s=2.0 * tissue.settings.lost_s)
+    error.learn(marks, tissue.mixture, 20.0)
+    at = tissue.model.network.index("n5")
+    free = list(tissue.model.network.free).index(at)
+    np.testing.assert_allclose(error.shown.led.positions[at], tissue.mixture.x[2 * free : 2 * free + 2], atol=1e-12)
+
+
+def test_a_simulation_counts_by_what_its_distances_say_of_it():
+    """Far from filter and field it counts for nothing; where the filter is the one far off, for nearly all."""
+    tissue, *_ = followed(n=20)
+    error, target = tissue.model_error, tissue.target
+    x, P = tissue.mixture.x, tissue.mixture.P
+    shown = replace(error.shown, inflation=100.0)
+    error.shown = replace(shown, scales=Scales(1.0, 400.0, 1.0))
+    assert error.of_target(target, x, P).share == 0.0
+    error.shown = replace(shown, scales=Scales(100.0, 1.0, 1.0))
+    found = error.of_target(target, x, P)
+    assert found.share == 1.0
+    n = tissue.model.network.n_state
+    led = shown.led.positions[tissue.model.network.free]
+    np.testing.assert_allclose(target.position(x + found.ahead), led[4], atol=1e-12)
+    assert not found.ahead[n:].any()
+    # four times its own variance, the most that innovations make of it
+    assert found.factor == pytest.approx(tissue.settings.led_inflation)
+    error.shown = replace(shown, inflation=1.0, scales=Scales(1.0, 1.0, 1.0))
+    assert error.of_target(target, x, P).share == pytest.approx(0.5)
+    assert error.of_target(target, x, P).factor == 1.0
 
 
 def test_of_a_soft_body_none_is_looked_for():
