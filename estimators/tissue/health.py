@@ -50,8 +50,7 @@ def after_frame(
     blow: probability that one has just struck the tissue; few: whether there are few shapes in which it may be
 
     INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity, and until they have left few
-    shapes for as long. Then TRACKING with each frame
-    that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
+    shapes for test_s, in which innovations refute a wrong one. Then TRACKING with each frame that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
     further apart than lost_s but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
     together, or ever new blows are to explain them, in any of these; the filter then starts anew, and after test_s of
     marks that fit the target is tracked again.
@@ -69,7 +68,7 @@ def after_frame(
         return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
-    started = time_s - max(since_s, known.unclear_s) >= settings.confirm_s
+    started = time_s - since_s >= settings.confirm_s and time_s - known.unclear_s >= settings.test_s
     return replace(known, status=Status.TRACKING if started else Status.INITIALISING)
 
 
