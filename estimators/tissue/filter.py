@@ -340,7 +340,7 @@ class TissueFilter:
             time_s=time_s,
             mean=mean,
             cov=cov,
-            status=self.health.status,
+            status=self.model_error.status(self.health.status),
             marks_used=marks_used,
             nis=nis,
             poked=self.settings.poked_share(self.mixture.mu),

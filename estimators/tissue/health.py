@@ -50,8 +50,9 @@ def after_frame(
     blow: probability that one has just struck the tissue; few: whether there are few shapes in which it may be
 
     INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity, and until they have left few
-    shapes for test_s, in which innovations refute a wrong one. Then TRACKING with each frame that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
-    further apart than lost_s but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
+    shapes for test_s, in which innovations refute a wrong one. Then TRACKING with each frame that brings marks. Without
+    marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come further apart than lost_s
+    but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
     together, or ever new blows are to explain them, in any of these; the filter then starts anew, and after test_s of
     marks that fit the target is tracked again.
     """
@@ -81,13 +82,15 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of these NIS lies further out than so many standard deviations of a normal variable.
+    """Whether the sum of these NIS lies further out than so many standard deviations of a normal variable."""
+    degrees = sum(entry[2] for entry in innovations)
+    return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
+
+
+def largest_ratio(degrees: int, sigmas: float) -> float:
+    """NIS by its degrees of freedom so many standard deviations of a normal variable out.
 
     Sums of NIS are chi-square; Wilson and Hilferty's cube root makes them normal [wilson1931].
     """
-    degrees = sum(entry[2] for entry in innovations)
-    if not degrees:
-        return False
     spread = 2.0 / (9.0 * degrees)
-    limit = degrees * (1.0 - spread + sigmas * sqrt(spread)) ** 3
-    return sum(entry[1] for entry in innovations) > limit
+    return (1.0 - spread + sigmas * sqrt(spread)) ** 3

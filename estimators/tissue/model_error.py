@@ -24,12 +24,16 @@ from estimators.process.led import Simulated, led_along
 from estimators.process.linear_motion import is_linearised
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
-from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.estimate import MarkMeasurement, Status
 from estimators.tissue.gate import Gated
+from estimators.tissue.health import largest_ratio
 from estimators.tissue.settings import FilterSettings
 
 FLAT = 1e-3
 """A body is flat in a direction in which it extends by less than this share of its size as drawn; numerical."""
+
+CHANCE_SIGMAS = 5.0
+"""Standard deviations of a normal variable beyond which a NIS is none by chance; numerical: a frame in four million."""
 
 
 def displacement_field(network: MassSpringNetwork, smooth: float) -> Field:
@@ -59,6 +63,7 @@ class Shown:
         axes [m²], (n_free, n_free); None where the last marks tell of none
     led: the simulation at the last marks; None where these told of no field
     unseen_s: since the last marks [s]
+    refuted: whether the inflation is beyond refuting_inflation, and beyond chance
     """
 
     inflation: float = 1.0
@@ -67,6 +72,7 @@ class Shown:
     covs: Floats | None = None
     led: Simulated | None = None
     unseen_s: float = 0.0
+    refuted: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,6 +118,10 @@ class ModelError:
         if gated.rejected and not gated.accepted:
             self.shown = replace(self.shown, inflation=self._settings.test_sigmas**2)
 
+    def status(self, of_health: Status) -> Status:
+        """As the health has it, but not TRACKING while marks lie far further off than the model predicts."""
+        return Status.INITIALISING if of_health is Status.TRACKING and self.shown.refuted else of_health
+
     def learn(self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, nis: float | None) -> None:
         """Take in marks that the mixture has taken in.
 
@@ -125,9 +135,11 @@ class ModelError:
         if nis is not None:
             ratio = min(nis / (len(marks) * self._network.dim), settings.test_sigmas**2)
             inflation = max(1.0, ratio, before.inflation + share * (ratio - before.inflation))
+        by_chance = largest_ratio(len(marks) * self._network.dim, CHANCE_SIGMAS)
+        refuted = inflation > max(settings.refuting_inflation, by_chance)
         found = self._through(self._field, marks)
         if found is None:
-            self.shown = Shown(inflation, before.scales)
+            self.shown = Shown(inflation, before.scales, refuted=refuted)
             return
         led = self._led(marks, mixture, begins=nis is None)
         scales = self._scales(mixture, {mark.node for mark in marks}, *found, (led, inflation))
@@ -135,7 +147,7 @@ class ModelError:
             scales = scales.remembered(before.scales, share)
         if scales is not None and scales.second > settings.test_sigmas**2:
             led = self._begun(marks, mixture)
-        self.shown = Shown(inflation, scales or before.scales, *found, led)
+        self.shown = Shown(inflation, scales or before.scales, *found, led, refuted=refuted)
 
     def _led(self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, *, begins: bool) -> Simulated:
         """The simulation at these marks; it begins with what the filter believes, and again where it lost the marks."""

@@ -73,6 +73,8 @@ class FilterSettings:
         along the marks [1]; choice
     led_inflation: by so much at most innovations that the filter did not expect inflate that simulation's covariance,
         too [1]; choice
+    refuting_inflation: of a stiff or large body's covariance, beyond which it is INITIALISING and not TRACKING [1];
+        choice
     remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
     """
 
@@ -110,6 +112,7 @@ class FilterSettings:
     in_common: float = 1.25
     springs_in_common: float = 0.5
     led_inflation: float = 4.0
+    refuting_inflation: float = 4.0
     remember_s: float = 0.5
 
     @property

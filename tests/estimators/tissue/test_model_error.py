@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import build_network, four_mass_phantom
-from estimators import MarkMeasurement, TissueFilter, fast_prediction_tables, predict_fast
+from estimators import MarkMeasurement, Status, TissueFilter, fast_prediction_tables, predict_fast
 from estimators.filters.gaussians import corrected_each, inflated_each, moment_matched, pooled_each
 from estimators.filters.opinions import Scales
 from estimators.process.target import target_map
@@ -143,6 +143,23 @@ def test_a_larger_ratio_counts_at_once_and_is_forgotten_over_its_time():
     error.passed(10.0)
     error.learn(marks, tissue.mixture, 0.3 * degrees)
     assert error.shown.inflation == 1.0
+
+
+@pytest.mark.parametrize(("n_marks", "ratio"), [(7, 4.2), (1, 16.5)])
+def test_what_marks_refute_is_not_tracked_beyond_chance(n_marks, ratio):
+    """Of 14 coordinates NIS five sigma out is below four times their number, of two it is 16.7 times that.
+
+    By Wilson and Hilferty; the exact chi-square quantile of the same probability is 16.2 for two.
+    """
+    tissue, *_ = followed(n=20)
+    error, marks = tissue.model_error, marks_at(19 / 30.0, np.random.default_rng(0))[:n_marks]
+    assert error.status(Status.TRACKING) is Status.TRACKING
+    error.learn(marks, tissue.mixture, (ratio + 0.3) * 2 * n_marks)
+    assert error.status(Status.TRACKING) is Status.INITIALISING
+    assert error.status(Status.DIVERGED) is Status.DIVERGED
+    error.passed(10.0)
+    error.learn(marks, tissue.mixture, (ratio - 0.3) * 2 * n_marks)
+    assert error.status(Status.TRACKING) is Status.TRACKING
 
 
 def test_a_lone_mark_that_is_not_believed_yet_leaves_the_target_anywhere():
