@@ -1,8 +1,9 @@
 """How large the errors of three estimates of the same places are, by how far they lie apart.
 
-Two of them err in proportion to one covariance, for they share a model, and their errors are correlated; the third
-errs by other causes. The variances of three estimates follow from the distances between them, as those of three clocks
-do [gray1974]; here by maximum likelihood.
+Two of them err in proportion to one covariance, for they share a model; the third has one of its own, which was found
+from a number of values and is known as well as these tell it. The variances of three estimates follow from the
+distances between them, as those of three clocks do [gray1974]; here by maximum likelihood, with what was known as the
+prior.
 """
 
 from __future__ import annotations
@@ -35,59 +36,71 @@ class Scales:
     third: float = 1.0
 
     def remembered(self, before: Scales, share: float) -> Scales:
-        """These by a share, what was before by the rest; factors without a bound by their logarithms."""
+        """These by a share, what was before by the rest; factors without a bound by their logarithms.
+
+        The third's rises at once: where it is smooth between what is seen, nothing that was before tells that what is
+        not seen begins to move otherwise.
+        """
         kept = 1.0 - share
         return Scales(
             kept * before.first + share * self.first,
             before.second**kept * self.second**share,
-            before.third**kept * self.third**share,
+            max(self.third, before.third**kept * self.third**share),
         )
 
-    def share_of_second(self, correlation: float) -> float:
+    @property
+    def share_of_second(self) -> float:
         """Weight of the second beside the first in their best mean, 0 to 1."""
-        common = correlation * np.sqrt(self.first * self.second)
-        return float(np.clip((self.first - common) / (self.first + self.second - 2.0 * common), 0.0, 1.0))
+        return self.first / (self.first + self.second)
 
-    def of_mean(self, share: float, correlation: float) -> float:
-        """Factor on the covariance that the mean of first and second has, the second by this share."""
-        common = correlation * np.sqrt(self.first * self.second)
-        kept = 1.0 - share
-        return float(kept**2 * self.first + share**2 * self.second + 2.0 * share * kept * common)
+    @property
+    def of_mean(self) -> float:
+        """Factor on the covariance that the best mean of first and second has."""
+        return self.first * self.second / (self.first + self.second)
 
 
 def likeliest_scales(
-    distances: tuple[Floats, Floats], cov: Floats, beside: Floats, *, most: float, correlation: float
+    distances: tuple[Floats, Floats],
+    cov: Floats,
+    beside: Floats,
+    *,
+    most: float = np.inf,
+    least: float = 1.0,
+    known: float = 0.0,
 ) -> Scales:
-    """Scales of at least 1 that best explain the distances, by Fisher's scoring on their logarithms.
+    """Scales that best explain the distances, by Fisher's scoring on their logarithms; of at least 1 but the second.
 
     distances: of the first and of the second estimate from the third [m], each (k, dim)
     cov, beside: of the errors of first and second, and of the third [m²], (k, dim, dim); most: the first's scale is no
-        larger; correlation: of the errors of first and second
+        larger; least: the second's no smaller; known: information on the logarithm of the third's, 1, before any
+        distance: half the number of coordinates that its covariance was found from
     """
     apart = np.concatenate(distances, axis=1)
     none = np.zeros_like(cov)
-    first, second = _blocks(cov, none, none), _blocks(none, none, cov)
-    both, third = _blocks(none, cov, none), _blocks(beside, beside, beside)
-    least, largest = np.ones(3), np.array([most, np.inf, np.inf])
-    scales = np.minimum(np.array(FIRST), largest)
+    first, second, third = _blocks(cov, none), _blocks(none, cov), np.tile(beside, (1, 2, 2))
+    lowest, highest = np.array([1.0, least, 1.0]), np.array([most, np.inf, np.inf])
+    scales, prior = np.clip(np.array(FIRST), lowest, highest), np.array([0.0, 0.0, known])
     for _ in range(PASSES):
-        common = 0.5 * correlation * np.sqrt(scales[0] * scales[1]) * both
-        parts = np.stack([scales[0] * first + common, scales[1] * second + common, scales[2] * third])
+        parts = np.stack([scales[0] * first, scales[1] * second, scales[2] * third])
         inverse = np.linalg.inv(parts.sum(axis=0))
         weighed, shares = (inverse @ apart[:, :, None])[..., 0], inverse @ parts
         # score and information of the logarithms of the scales
         score = 0.5 * (np.einsum("ki,pkij,kj->p", weighed, parts, weighed) - np.einsum("pkii->p", shares))
-        information = 0.5 * np.einsum("pkij,qkji->pq", shares, shares) + ROUNDING * apart.size * np.eye(3)
-        held = ((scales <= least) & (score < 0.0)) | ((scales >= largest) & (score > 0.0))
+        information = 0.5 * np.einsum("pkij,qkji->pq", shares, shares)
+        # where the prior holds a scale back, distances beyond it curve the posterior, too: else steps overshoot
+        information += np.diag(prior + np.maximum(score, 0.0) + ROUNDING * apart.size)
+        score -= prior * np.log(scales)
+        held = ((scales <= lowest) & (score < 0.0)) | ((scales >= highest) & (score > 0.0))
         moved = np.flatnonzero(~held)
         step = np.zeros(3)
         step[moved] = np.clip(np.linalg.solve(information[np.ix_(moved, moved)], score[moved]), -1.0, 1.0)
-        scales = np.clip(scales * np.exp(step), least, largest)
+        scales = np.clip(scales * np.exp(step), lowest, highest)
         if np.abs(step).max() < ROUNDING:
             break
     return Scales(*(float(each) for each in scales))
 
 
-def _blocks(own: Floats, across: Floats, other: Floats) -> Floats:
-    """Symmetric matrices (k, 2 n, 2 n) of blocks (k, n, n)."""
-    return np.concatenate([np.concatenate([own, across], axis=2), np.concatenate([across, other], axis=2)], axis=1)
+def _blocks(first: Floats, second: Floats) -> Floats:
+    """Block-diagonal matrices (k, 2 n, 2 n) of blocks (k, n, n)."""
+    none = np.zeros_like(first)
+    return np.concatenate([np.concatenate([first, none], axis=2), np.concatenate([none, second], axis=2)], axis=1)

@@ -23,7 +23,7 @@ from estimators.identification.filter_pass import (
 from estimators.process.linear_motion import GRAVITY
 from estimators.process.target import target_map
 from estimators.tissue.filter import TissueFilter
-from estimators.tissue.model import restoring_acceleration
+from estimators.tissue.model import slowest_oscillation
 from estimators.tissue.settings import FilterSettings
 
 ELASTIC = 5.0
@@ -40,12 +40,12 @@ def is_elastic(network: MassSpringNetwork, n_marked: int) -> bool:
 
     What bends it are hands then, and only the ratio of their unknown force to its stiffness shows.
     """
-    return is_linear(network, n_marked) and restoring_acceleration(network) > ELASTIC * GRAVITY
+    return is_linear(network, n_marked) and slowest_oscillation(network)[1] > ELASTIC * GRAVITY
 
 
 def against_hands(settings: FilterSettings, network: MassSpringNetwork) -> FilterSettings:
     """These settings with pokes as strong as hands that bend an elastic body."""
-    strong = settings.for_stiff_or_large(restoring_acceleration(network))
+    strong = settings.for_stiff_or_large(slowest_oscillation(network)[1])
     return replace(strong, poked=strong.leading)
 
 

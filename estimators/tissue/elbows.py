@@ -18,6 +18,7 @@ from estimators.arrays import Floats
 from estimators.filters.branches import Belief, merge_alike, prune
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.mechanism import angle_between, turned, turnings
+from estimators.process.process_model import TissueModel
 from estimators.tissue.settings import FilterSettings
 
 BIMODAL = 4.0
@@ -146,16 +147,19 @@ def branch_at_elbows(
 
 
 def decide_at_elbows(
-    mixture: InteractingMixture, network: MassSpringNetwork, elbows: Sequence[Elbow], settings: FilterSettings
+    belief: tuple[InteractingMixture, TissueModel, FilterSettings], elbows: Sequence[Elbow], inflation: float
 ) -> bool:
     """Give up sides that the marks have decided against, merge those that became one, and see whether there are new.
 
-    Whether `FEW` are left, and the links of each elbow are known to `KNOWN_RAD`.
+    Whether `FEW` are left, and the links of each elbow are known to `KNOWN_RAD`, by covariances with the inflation [1]
+    with which they are reported.
     """
+    mixture, model, settings = belief
     prune(mixture, settings.least_odds)
     merge_alike(mixture)
-    branch_at_elbows(mixture, network, elbows, settings.gate)
-    return mixture.n_branches <= FEW and all(_spread(mixture.P, elbow) < KNOWN_RAD for elbow in elbows)
+    branch_at_elbows(mixture, model.network, elbows, settings.gate)
+    known = KNOWN_RAD / inflation**0.5
+    return mixture.n_branches <= FEW and all(_spread(mixture.P, elbow) < known for elbow in elbows)
 
 
 def _spread(cov: Floats, elbow: Elbow) -> float:

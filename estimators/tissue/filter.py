@@ -266,7 +266,7 @@ class TissueFilter:
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
         nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
-        few = decide_at_elbows(self.mixture, self.model.network, self._elbows, self.settings)
+        few = decide_at_elbows(belief, self._elbows, self.model_error.shown.inflation)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)
         self.health = now = after_frame(self.health, self.time_s, nis, len(found.y), self.settings, blow=blow, few=few)

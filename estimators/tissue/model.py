@@ -48,7 +48,8 @@ def model_of(
         network = as_stiff_as_known(network, settings.strain_sd)
         strain = strain_uncertainty(network, settings.strain_sd)
         uncertainty = strain if uncertainty is None else uncertainty.beside(strain)
-    settings = settings.for_stiff_or_large(restoring_acceleration(network))
+    slowest, restoring = slowest_oscillation(network)
+    settings = settings.for_stiff_or_large(restoring, 2.0 * np.pi / slowest if slowest > 0.0 else 0.0)
     hidden_share = settings.hidden_share
     stiff = model_with(network, uncertainty=uncertainty, led=_led(settings), hidden_share=hidden_share, stiff=True)
     return stiff, settings
@@ -58,17 +59,20 @@ def _led(settings: FilterSettings) -> tuple[Sequence[str], ForceMode] | None:
     return (settings.led_nodes, settings.leading) if settings.led_nodes else None
 
 
-def restoring_acceleration(network: MassSpringNetwork) -> float:
-    """Acceleration with which a network returns to its rest when bent by its own length [m/s²]: w² L.
+def slowest_oscillation(network: MassSpringNetwork) -> tuple[float, float]:
+    """Angular frequency w of a network's slowest oscillation about its rest [rad/s], and the acceleration w² L [m/s²].
 
-    w: angular frequency of its slowest oscillation about the rest; L: diagonal of its extent there. About the gravity
+    L: diagonal of its extent there. With that acceleration it returns when bent by its own length: about the gravity
     that it hangs by for a chain, a cable or a cloth, however stiff its links; for an elastic block Young's modulus by
-    its density and length, about. 0 where nothing oscillates.
+    its density and length, about. Both 0 where nothing oscillates.
     """
     shape, root = rest_shape(network), np.sqrt(np.repeat(network.masses[network.free], network.dim))
     squared = np.linalg.eigvalsh(stiffness_matrix(network, shape) / np.outer(root, root))
     resisted = squared[squared > ROUNDING * squared[-1]]
-    return float(resisted[0] * np.linalg.norm(np.ptp(shape, axis=0))) if len(resisted) else 0.0
+    if not len(resisted):
+        return 0.0, 0.0
+    slowest = float(resisted[0])
+    return slowest**0.5, slowest * float(np.linalg.norm(np.ptp(shape, axis=0)))
 
 
 def as_stiff_as_known(network: MassSpringNetwork, strain_sd: float) -> MassSpringNetwork:

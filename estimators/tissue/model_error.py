@@ -142,7 +142,7 @@ class ModelError:
             self.shown = Shown(inflation, before.scales, refuted=refuted)
             return
         led = self._led(marks, mixture, begins=nis is None)
-        scales = self._scales(mixture, {mark.node for mark in marks}, *found, (led, inflation))
+        scales = self._scales(mixture, marks, *found, (led, inflation))
         if scales is not None and before.scales is not None:
             scales = scales.remembered(before.scales, share)
         if scales is not None and scales.second > settings.test_sigmas**2:
@@ -183,17 +183,20 @@ class ModelError:
     def _scales(
         self,
         mixture: InteractingMixture,
-        marked: set[str],
+        marks: Sequence[MarkMeasurement],
         means: Floats,
         covs: Floats,
         beside: tuple[Simulated, float],
     ) -> Scales | None:
         """Factors on the errors of filter, simulation and field that best explain where they have the hidden nodes.
 
-        The filter's is no more than what its innovations license. None where no node is hidden.
+        The filter's is no more than what its innovations license. The simulation's is less than 1 where these refute
+        the filter, whose covariance is then one of restarts, of which the simulation knows nothing. That of the field
+        was found from the coordinates of its marks. None where no node is hidden.
         beside: the simulation, and the filter's inflation
         """
         network, dim, (led, inflation) = self._network, self._network.dim, beside
+        marked = {mark.node for mark in marks}
         hidden = [k for k, node in enumerate(network.free) if network.names[node] not in marked]
         if not hidden:
             return None
@@ -201,7 +204,8 @@ class ModelError:
         own = mixture.P[rows[:, :, None], rows[:, None, :]]
         field = np.maximum(np.diag(covs)[hidden], 0.0)[:, None, None] * np.eye(dim)
         apart = mixture.x[rows] - means[hidden], led.positions[network.free][hidden] - means[hidden]
-        return likeliest_scales(apart, own, field, most=inflation, correlation=self._settings.springs_in_common)
+        least = min(1.0, self._settings.led_inflation / inflation)
+        return likeliest_scales(apart, own, field, most=inflation, least=least, known=0.5 * len(marks) * dim)
 
     def of_field(self, target: TargetMap) -> tuple[Floats, Floats]:
         """Where the field has the target [m], (dim,), and the covariance of that [m²], (dim, dim).
@@ -213,18 +217,17 @@ class ModelError:
             return np.zeros(0), np.zeros((0, 0))
         nodes = target.matrix.reshape(dim, -1, dim)
         scale = 1.0 if shown.scales is None else shown.scales.third
-        cov = self._settings.in_common * scale * np.einsum("anb,nm,cmb->ac", nodes, shown.covs, nodes)
+        cov = scale * np.einsum("anb,nm,cmb->ac", nodes, shown.covs, nodes)
         return target.position(shown.means.ravel()), cov
 
     def of_target(self, target: TargetMap, x: Floats, P: Floats) -> Opinions:
         """What is reported of a target beside the belief of the whole mixture, mean (dim_x,), cov (dim_x, dim_x).
 
-        No inflation takes the target beyond the body's reach.
+        Neither inflation nor how far the opinions lie apart takes the target beyond the body's reach.
         """
         shown, dim, settings = self.shown, self._network.dim, self._settings
         weights = np.abs(target.matrix[0].reshape(-1, dim)[:, 0])
         farthest = float(weights @ self._reach) ** 2 / (dim + 2)
-        most = farthest / float(np.linalg.eigvalsh(target.cov(P))[-1])
         place, cov = self.of_field(target)
         ahead, share, inflation, of_mean = np.zeros(len(x)), 0.0, shown.inflation, 1.0
         if shown.scales is not None:
@@ -232,11 +235,20 @@ class ModelError:
         if shown.scales is not None and shown.means is not None and shown.led is not None:
             free, n = self._network.free, self._network.n_state
             ahead[:n] = pack(shown.led.positions[free], shown.led.velocities[free]) - x[:n]
-            scales, common = replace(shown.scales, first=min(of_mean, inflation)), settings.springs_in_common
-            share = scales.share_of_second(common)
-            of_mean = scales.of_mean(share, common)
-            simulated = min(inflation, settings.led_inflation * scales.second)
+            scales = replace(shown.scales, first=min(of_mean, inflation))
+            share, of_mean = scales.share_of_second, scales.of_mean
+            simulated = min(inflation, settings.led_inflation * max(1.0, scales.second))
             # the errors of both may be the same
             inflation = ((1.0 - share) * np.sqrt(inflation) + share * np.sqrt(simulated)) ** 2
+            apart = float((target.linear(ahead[:, None]) ** 2).sum())
+            share = _share_within(share, 0.5 * farthest / apart) if apart > 0.0 else share
+            farthest -= share * (1.0 - share) * apart
+        most = farthest / float(np.linalg.eigvalsh(target.cov(P))[-1])
         factor = max(1.0, min(inflation, most))
         return Opinions(ahead, share, factor, max(1.0, factor / of_mean), place, cov)
+
+
+def _share_within(share: float, most: float) -> float:
+    """The share, 0 to 1, or the nearest of its half at which share (1 - share) is no more than this [1]."""
+    least = 0.5 * (1.0 - np.sqrt(max(0.0, 1.0 - 4.0 * most)))
+    return float(min(share, least) if share < 0.5 else max(share, 1.0 - least))

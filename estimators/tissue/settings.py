@@ -68,14 +68,14 @@ class FilterSettings:
         was tuned [m/s²/sqrt(Hz)]; measured: docs/decisions.md, "Stiff or large bodies"
     smooth: share of a stiff or large body's extent over which displacements that its springs do not explain are smooth
         [1]; choice
-    in_common: factor on the covariance of a field through the marks, for the filter has seen them, too [1]; choice
-    springs_in_common: correlation of the filter's errors with those of a simulation by the same springs that is led
-        along the marks [1]; choice
-    led_inflation: by so much at most innovations that the filter did not expect inflate that simulation's covariance,
-        too [1]; choice
+    led_inflation: by so much at most innovations that the filter did not expect inflate the covariance of a simulation
+        by the same springs that is led along the marks, too; beyond it they tell of restarts that widened the filter's
+        alone [1]; choice
     refuting_inflation: of a stiff or large body's covariance, beyond which it is INITIALISING and not TRACKING [1];
         choice
-    remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
+    remember_s: for so long innovations that exceed their covariance are remembered, at least [s]; choice
+    remember_swings: so many of a stiff or large body's slowest oscillations they are remembered, where that is longer
+        [1]; choice
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -109,11 +109,10 @@ class FilterSettings:
     hand_strain: float = 0.1
     least_white: tuple[float, float] = (0.3, 1.0)
     smooth: float = 0.3
-    in_common: float = 1.25
-    springs_in_common: float = 0.5
-    led_inflation: float = 4.0
+    led_inflation: float = 8.0
     refuting_inflation: float = 4.0
     remember_s: float = 0.5
+    remember_swings: float = 0.5
 
     @property
     def strikes(self) -> bool:
@@ -195,10 +194,11 @@ class FilterSettings:
                 rates[last, own_poked] = 1.0 / self.poked_s / n_poked
         return rates - np.diag(rates.sum(axis=1))
 
-    def for_stiff_or_large(self, restoring_m_s2: float = 0.0) -> FilterSettings:
+    def for_stiff_or_large(self, restoring_m_s2: float = 0.0, slowest_s: float = 0.0) -> FilterSettings:
         """These settings for a stiff or large body: its nodes are led as well as poked, its model leaves more out.
 
         restoring_m_s2: acceleration with which it returns when bent by its own length [m/s²]
+        slowest_s: period of its slowest oscillation [s]
         """
         quiet, poked = self.least_white
         harder = max(1.0, self.hand_strain * restoring_m_s2 / self.leading.poke)
@@ -208,6 +208,7 @@ class FilterSettings:
             poked=replace(self.poked, white=max(self.poked.white, poked)),
             led=replace(self.leading, white=harder * self.leading.white, poke=harder * self.leading.poke),
             white_bounds=(max(self.white_bounds[0], STIFF_LEVEL), self.white_bounds[1]),
+            remember_s=max(self.remember_s, self.remember_swings * slowest_s),
         )
 
     @property

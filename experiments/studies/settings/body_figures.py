@@ -49,10 +49,9 @@ class BodyConstants:
         [1]; choice
     stiffest: stiffness of a link by that which the body's weight stretches by strain_sd, at most [1]; choice
     smooth: share of the extent over which displacements that springs do not explain are smooth [1]; choice
-    in_common: factor on the covariance of a field through the marks, for the filter has seen them, too [1]; choice
-    springs_in_common: correlation of the filter's errors with those of a simulation led along the marks [1]; choice
-    led_inflation: by so much at most innovations inflate that simulation's covariance [1]; choice
-    remember_s: for so long innovations that exceed their covariance are remembered [s]; choice
+    led_inflation: by so much at most innovations inflate the covariance of a simulation led along the marks [1]; choice
+    remember_s: for so long innovations that exceed their covariance are remembered, at least [s]; choice
+    remember_swings: so many of a body's slowest oscillations they are [1]; choice
     """
 
     strain_sd: float = FilterSettings().strain_sd
@@ -68,10 +67,9 @@ class BodyConstants:
     turned: float = TURNED
     stiffest: float = STIFFEST
     smooth: float = FilterSettings().smooth
-    in_common: float = FilterSettings().in_common
-    springs_in_common: float = FilterSettings().springs_in_common
     led_inflation: float = FilterSettings().led_inflation
     remember_s: float = FilterSettings().remember_s
+    remember_swings: float = FilterSettings().remember_swings
 
 
 def body_figures(
@@ -92,10 +90,9 @@ def body_figures(
         hidden_share=constants.hidden_share,
         least_white=(constants.quiet_white, constants.poked_white),
         smooth=constants.smooth,
-        in_common=constants.in_common,
-        springs_in_common=constants.springs_in_common,
         led_inflation=constants.led_inflation,
         remember_s=constants.remember_s,
+        remember_swings=constants.remember_swings,
     )
     found = {}
     with (

@@ -208,18 +208,12 @@ def test_predictions_begin_where_the_target_is_reported_and_change_nothing():
     np.testing.assert_array_equal(tissue.mixture.P, before[1])
 
 
-def test_what_filter_and_field_have_in_common_counts_against_the_field():
-    """Its covariance is so many times that of a field of other marks; where it lies stays as it is."""
+def test_the_field_is_as_uncertain_as_cross_validation_and_its_distances_say():
     tissue, *_ = followed(n=20)
     shown = tissue.model_error.shown
-    alone = ModelError(tissue.model, replace(tissue.settings, in_common=1.0))
-    alone.shown = shown
-    place, cov = tissue.model_error.of_field(tissue.target)
-    other_place, other_cov = alone.of_field(tissue.target)
-    np.testing.assert_array_equal(place, other_place)
-    np.testing.assert_allclose(cov, tissue.settings.in_common * other_cov, rtol=1e-12)
+    _, cov = tissue.model_error.of_field(tissue.target)
     # n5 is the fifth free node: of the field there, on both axes alike
-    np.testing.assert_allclose(other_cov, shown.scales.third * shown.covs[4, 4] * np.eye(2), rtol=1e-12)
+    np.testing.assert_allclose(cov, shown.scales.third * shown.covs[4, 4] * np.eye(2), rtol=1e-12)
 
 
 def test_a_field_is_of_the_marks_of_now():
@@ -276,16 +270,22 @@ def test_a_simulation_counts_by_what_its_distances_say_of_it():
     x, P = tissue.mixture.x, tissue.mixture.P
     shown = replace(error.shown, inflation=100.0)
     error.shown = replace(shown, scales=Scales(1.0, 400.0, 1.0))
-    assert error.of_target(target, x, P).share == 0.0
+    assert error.of_target(target, x, P).share == pytest.approx(1.0 / 401.0)
     error.shown = replace(shown, scales=Scales(100.0, 1.0, 1.0))
     found = error.of_target(target, x, P)
-    assert found.share == 1.0
+    assert found.share == pytest.approx(100.0 / 101.0)
     n = tissue.model.network.n_state
     led = shown.led.positions[tissue.model.network.free]
     np.testing.assert_allclose(target.position(x + found.ahead), led[4], atol=1e-12)
     assert not found.ahead[n:].any()
-    # four times its own variance, the most that innovations make of it
-    assert found.factor == pytest.approx(tissue.settings.led_inflation)
+    # deviations add by their shares: the filter's inflated, the simulation's no more than led_inflation allows
+    most = tissue.settings.led_inflation
+    assert found.factor == pytest.approx((10.0 / 101.0 + 100.0 / 101.0 * most**0.5) ** 2)
+    # known better than the filter's covariance: it counts for more, and no less is told of its errors
+    error.shown = replace(shown, scales=Scales(1.0, 0.1, 1.0))
+    found = error.of_target(target, x, P)
+    assert found.share == pytest.approx(10.0 / 11.0)
+    assert found.factor == pytest.approx((10.0 / 11.0 + 10.0 / 11.0 * most**0.5) ** 2)
     error.shown = replace(shown, inflation=1.0, scales=Scales(1.0, 1.0, 1.0))
     assert error.of_target(target, x, P).share == pytest.approx(0.5)
     assert error.of_target(target, x, P).factor == 1.0
