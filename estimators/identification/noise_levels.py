@@ -120,16 +120,11 @@ class _Passes:
         """Of these levels, where springs may be off by so much."""
         return self.with_strain(strain_sd)(logs)
 
-    def likeliest(self, logs: Floats, likelihood: float, workers: Workers) -> tuple[_Passes, float]:
-        """With the likeliest of `STRAINS` and the present strain, by these levels; its likelihood.
-
-        likelihood: of the present strain, by these levels
-        """
+    def of_strains(self, logs: Floats, likelihood: float, workers: Workers) -> dict[float, float]:
+        """Of these levels, by each of `STRAINS` and the present strain, whose likelihood is known."""
         found = {self.settings.strain_sd: likelihood}
         others = [strain for strain in STRAINS if strain not in found]
-        found |= zip(others, workers(partial(self.by_strain, logs=logs), others), strict=True)
-        best = max(found, key=lambda strain: found[strain])
-        return self.with_strain(best), found[best]
+        return found | dict(zip(others, workers(partial(self.by_strain, logs=logs), others), strict=True))
 
 
 class _Cost:
@@ -220,10 +215,6 @@ def tune_noise(
     before = FilterSettings() if settings is None else settings
     limit = Budget() if budget is None else budget
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
-
-    def progress(share: float) -> None:
-        advance(max(share, limit.share))
-
     none = np.zeros(len(start))
     frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
     model = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model
@@ -233,44 +224,80 @@ def tune_noise(
     run = _Passes(network, (tuple(marked), target), uncertainty, fixed, start, frames, limit)
     try:
         frame_s = frame_seconds(lambda some: replace(run, frames=some)(none), frames, limit)
-        used = affordable(frames, frame_s, FEW_PASSES, limit)
+        used = affordable(frames, frame_s, FEW_PASSES * (2 if stiff else 1), limit)
         run = replace(run, frames=used)
-        likelihood_before = likelihood = run(none)
+        likelihood_before = run(none)
+        by_strain = {before.strain_sd: likelihood_before}
         if stiff:
-            run, likelihood = run.likeliest(none, likelihood_before, workers)
-        cost = _Cost(run, progress, workers=workers, known={_key(none): likelihood})
-        some = liveliest(used, int(PART * len(used)))
-        of_part = None
-        if len(some) >= PART_FRAMES:
-            of_part = _Cost(replace(run, frames=some), progress, PART, 1.0, workers)
-        cost(none)
+            by_strain = run.of_strains(none, likelihood_before, workers)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
         ) from None
     if not np.isfinite(likelihood_before):
         raise IdentificationError("expected levels under which the filter stays finite, found others")
-    log_sd, finished = np.full(len(start), PRIOR_LOG_SD), True
+    # levels and strain explain the same innovations: without a strain other levels are the best
+    strains = list(dict.fromkeys([max(by_strain, key=by_strain.__getitem__), *([0.0] if stiff else [])]))
+    searches, tolerance = [], TOLERANCE_OF_STIFF if stiff else TOLERANCE
+    finished = True
     try:
-        log_sd = _search(cost, of_part, TOLERANCE_OF_STIFF if stiff else TOLERANCE)
-        likelihood = cost.likelihood
-        if stiff:  # once more, for by levels that are too low the springs explain what forces do
-            run, likelihood = run.likeliest(cost.best, likelihood, workers)
+        for k, strain in enumerate(strains):
+            progress = partial(_progress, advance, limit, (k, len(strains)))
+            searches.append(_Search(run.with_strain(strain), progress, workers, by_strain[strain]))
+            searches[-1].search(tolerance)
     except OutOfTimeError:
-        likelihood, finished = cost.likelihood, False
-    values = start * np.exp(cost.best)
+        finished = False
+    best = min(searches, key=lambda one: one.cost.least)
+    by_strain = {best.run.settings.strain_sd: best.cost.likelihood}
+    try:
+        if stiff:  # once more, for by levels that are too low the springs explain what forces do
+            by_strain = best.run.of_strains(best.cost.best, best.cost.likelihood, workers)
+    except OutOfTimeError:
+        finished = False
+    best_strain = max(by_strain, key=by_strain.__getitem__)
+    settings = best.run.with_strain(best_strain).settings
+    values = start * np.exp(best.cost.best)
     advance(1.0)
     return TuningResult(
-        replace(with_noise_levels(run.settings, values), white_bounds=before.white_bounds),
+        replace(with_noise_levels(settings, values), white_bounds=before.white_bounds),
         float(values[2]),
         NAMES,
         values,
-        log_sd,
-        likelihood,
+        best.log_sd,
+        by_strain[best_strain],
         likelihood_before,
         len(used),
         finished and len(used) == len(frames),
     )
+
+
+def _progress(advance: Callable[[float], None], limit: Budget, place: tuple[int, int], share: float) -> None:
+    """Tell the share done of all searches, of so many the one that is this place's has done this share of its own."""
+    k, n = place
+    advance(max((k + share) / n, limit.share))
+
+
+class _Search:
+    """The search for the levels under which innovations are most probable, by one strain.
+
+    State: cost, of all frames; log_sd, standard errors of the logs there, (3,), those of the prior until it has ended.
+    """
+
+    def __init__(self, run: _Passes, advance: Callable[[float], None], workers: Workers, likelihood: float) -> None:
+        self.run, self._advance, self._workers = run, advance, workers
+        none = np.zeros(len(NAMES))
+        self.cost = _Cost(run, advance, workers=workers, known={_key(none): likelihood})
+        self.cost(none)
+        self.log_sd = np.full(len(NAMES), PRIOR_LOG_SD)
+
+    def search(self, tolerance: float) -> None:
+        """Search, first by a part of the frames where there are enough. Raises OutOfTimeError."""
+        frames = self.run.frames
+        some = liveliest(frames, int(PART * len(frames)))
+        of_part = None
+        if len(some) >= PART_FRAMES:
+            of_part = _Cost(replace(self.run, frames=some), self._advance, PART, 1.0, self._workers)
+        self.log_sd = _search(self.cost, of_part, tolerance)
 
 
 def _search(cost: _Cost, of_part: _Cost | None, tolerance: float = TOLERANCE) -> Floats:

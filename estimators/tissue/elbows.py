@@ -44,6 +44,13 @@ KNOWN_RAD = 0.1
 """Standard deviation of the direction of an elbow's links from which on it is not TRACKING [rad]; choice: of 6,400
 frames of three links 25 were wrong, and one of them was of the four in five where they are known better."""
 
+REPORTED_RAD = 0.14
+"""The same by covariances as they are reported, with their inflation [rad]; choice, its cost in `EXPECTED`."""
+
+EXPECTED = 0.1
+"""Probability of a poke from which on it is not TRACKING, either [1]; choice: of 36,000 frames of three links four, of
+one swing past the other side, were wrong, with each of these two none; it costs a sixth of the frames, and a sixth."""
+
 FEW = 4
 """Branches up to which others may begin beside them, and which are few enough to say where the tissue is; choice: it
 bounds the time of a frame, and of 50 frames that were wrong 46 had more, of those that were not one in fourteen."""
@@ -151,20 +158,26 @@ def decide_at_elbows(
 ) -> bool:
     """Give up sides that the marks have decided against, merge those that became one, and see whether there are new.
 
-    Whether `FEW` are left, and the links of each elbow are known to `KNOWN_RAD`, by covariances with the inflation [1]
-    with which they are reported.
+    Whether `FEW` are left, the links of each elbow are known to `KNOWN_RAD`, and to `REPORTED_RAD` by covariances with
+    the inflation [1] with which they are reported, and no poke is looked for to explain their marks.
     """
     mixture, model, settings = belief
     prune(mixture, settings.least_odds)
     merge_alike(mixture)
     branch_at_elbows(mixture, model.network, elbows, settings.gate)
-    known = KNOWN_RAD / inflation**0.5
-    return mixture.n_branches <= FEW and all(_spread(mixture.P, elbow) < known for elbow in elbows)
+    if not elbows:
+        return mixture.n_branches <= FEW
+    known = _spread(mixture.P, elbows) < min(KNOWN_RAD, REPORTED_RAD / inflation**0.5)
+    return mixture.n_branches <= FEW and known and settings.poked_share(mixture.mu) < EXPECTED
 
 
-def _spread(cov: Floats, elbow: Elbow) -> float:
+def _spread(cov: Floats, elbows: Sequence[Elbow]) -> float:
     """The most by which a node of an elbow may be off, a standard deviation by the shortest of its links [1]."""
-    return max(float(np.linalg.eigvalsh(cov[np.ix_(own, own)])[-1]) for own in elbow.rows) ** 0.5 / elbow.shortest_m
+    return max(
+        float(np.linalg.eigvalsh(cov[np.ix_(own, own)])[-1]) ** 0.5 / elbow.shortest_m
+        for elbow in elbows
+        for own in elbow.rows
+    )
 
 
 def may_turn(mixture: InteractingMixture, network: MassSpringNetwork, elbows: Sequence[Elbow], gate: float) -> bool:
