@@ -162,6 +162,34 @@ def test_after_the_most_passes_the_best_is_kept_and_errors_are_those_of_the_prio
     assert (cost.best > 0.0).all()
 
 
+def two_ways(run, logs):
+    """Log likelihood where a strain of 1 % is the better by the levels before, and no strain by others, by far."""
+    place, height = WAYS[run.settings.strain_sd > 0.0]
+    between = 100.0 * (run.settings.strain_sd not in (0.0, 0.01))
+    return height - between - 20.0 * float(((logs - place) ** 2).sum())
+
+
+WAYS = {True: (np.array([0.0, -0.6, 0.0]), 20.0), False: (np.array([0.3, 1.2, 0.0]), 40.0)}
+"""By whether there is a strain: the levels that explain most, in logs, and the log likelihood there."""
+
+
+@pytest.mark.parametrize("higher", [True, False])
+def test_levels_are_searched_without_a_strain_too(pair, monkeypatch, higher):
+    """By the levels before a strain is the likelier, 12.8 and 9.4; each by its own levels it is not where `higher`."""
+    monkeypatch.setitem(WAYS, False, (WAYS[False][0], 40.0 if higher else 19.0))
+    monkeypatch.setattr(noise_levels._Passes, "__call__", two_ways)
+    stiff = replace(pair, damping=np.full(3, 14.0))
+    marks = [MarkMeasurement(node, stiff.positions[stiff.index(node)], SD**2 * np.eye(2)) for node in ("near", "far")]
+    found = tune_noise(stiff, [(k / 15.0, marks) for k in range(10)], ("near", "far"), "far")
+    place, height = WAYS[not higher]
+    assert found.settings.strain_sd == (0.0 if higher else 0.01)
+    # the parabola's posterior: its place by the prior's precision beside its own, 40
+    start = np.array([FilterSettings().quiet.white, FilterSettings().poked.poke, 1.0])
+    expected = place * 40.0 / (40.0 + PRIOR_LOG_SD**-2.0)
+    np.testing.assert_allclose(np.log(found.values / start), expected, atol=0.1)
+    assert found.log_likelihood == pytest.approx(height, abs=1.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("off", "least", "most"), [(0.0, 0.0, 0.001), (0.03, 0.003, 0.01)])
 def test_how_far_springs_of_a_stiff_body_may_be_off_is_found(pair, driven, off, least, most):

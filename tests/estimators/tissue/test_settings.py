@@ -100,6 +100,12 @@ def test_a_hand_is_as_strong_as_bending_the_body_takes():
     assert strong.for_stiff_or_large(4000.0).led == strong.led
 
 
+def test_innovations_are_remembered_for_half_a_slow_oscillation():
+    """Half a second for what swings in a second or faster."""
+    assert FilterSettings().for_stiff_or_large(9.81, 1.0).remember_s == 0.5
+    assert FilterSettings().for_stiff_or_large(9.81, 3.0).remember_s == 1.5
+
+
 def test_blows_have_modes_of_their_own_where_nothing_explains_them():
     """The strongest force, in the last mode, is as strong as a poke but for its jolt; no other has one.
 

@@ -1,15 +1,16 @@
 """Bodies of stiff links, and large ones, are followed. Truth: rigid segments and finite elements by MuJoCo."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dynamics import reaches, rest_shape
+from dynamics import build_network, reaches, rest_shape
 from estimators import FilterSettings, Status, TissueFilter
 from estimators.process.target import target_map
-from estimators.tissue.model import as_stiff_as_known
+from estimators.tissue.model import as_stiff_as_known, slowest_oscillation
 from experiments.simulation.bodies.zoo import make_body
 from experiments.studies.zoo.constants import measured
 from experiments.studies.zoo.rivals import open_loop, spline
@@ -140,6 +141,17 @@ def test_links_are_no_stiffer_than_is_known_of_them():
     assert softer.rest_lengths[1] == network.rest_lengths[1]
     np.testing.assert_allclose(rest_shape(softer), rest_shape(network), rtol=0, atol=1e-9)
     assert as_stiff_as_known(softer, 0.01) is softer
+
+
+def test_the_slowest_oscillation_of_a_pendulum_is_that_of_the_textbook():
+    """A mass on a link of length L swings with w² = g / L, whatever it weighs, and returns with g; weightless, k / m."""
+    hanging = partial(build_network, ["top", "bob"], [[0.0, 0.0], [0.0, -0.4]], [(0, 1)], stiffness=500.0, masses=0.3)
+    rate, acceleration = slowest_oscillation(hanging(gravity=[0.0, -9.81], fixed=["top"]))
+    assert rate == pytest.approx(np.sqrt(9.81 / 0.4), rel=1e-9)
+    assert acceleration == pytest.approx(9.81, rel=1e-9)
+    # nothing resists a turn then, only a stretch
+    rate, acceleration = slowest_oscillation(hanging(gravity=[0.0, 0.0], fixed=["top"]))
+    assert (rate, acceleration) == (pytest.approx(np.sqrt(500.0 / 0.3)), pytest.approx(0.4 * 500.0 / 0.3))
 
 
 def test_a_body_of_links_has_a_mode_for_hands_that_lead_it():
