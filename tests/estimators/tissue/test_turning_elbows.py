@@ -193,7 +193,8 @@ def test_many_shapes_are_not_tracked():
 def test_links_that_may_point_elsewhere_are_not_tracked():
     """In no frame in which a joint is known to less than `KNOWN_RAD` of a link; there are such, of one shape.
 
-    Nor where it is known to less than `REPORTED_RAD` as it is reported, nor where a poke explains the marks. A start is followed beside what was believed before the tissue is tracked, too.
+    Nor where it is known to less than `REPORTED_RAD` as it is reported, nor where a poke explains the marks. A start is
+    followed beside what was believed before the tissue is tracked, too.
     """
     truth, shortest = swing(*SWINGS["a hook"], 1.5), np.array([0.07, 0.07])
     tissue, rng, counts = TissueFilter(links(), "first", ["end"]), np.random.default_rng(1), Counter()
