@@ -45,11 +45,8 @@ KNOWN_RAD = 0.1
 frames of three links 25 were wrong, and one of them was of the four in five where they are known better."""
 
 REPORTED_RAD = 0.14
-"""The same by covariances as they are reported, with their inflation [rad]; choice, its cost in `EXPECTED`."""
-
-EXPECTED = 0.1
-"""Probability of a poke from which on it is not TRACKING, either [1]; choice: of 36,000 frames of three links four, of
-one swing past the other side, were wrong, with each of these two none; it costs a sixth of the frames, and a sixth."""
+"""The same by covariances as they are reported, with their inflation [rad]; choice: of 36,000 frames of three links
+four were wrong, all of one swing past the other side, with it none; it costs a sixth of the frames."""
 
 FEW = 4
 """Branches up to which others may begin beside them, and which are few enough to say where the tissue is; choice: it
@@ -159,7 +156,7 @@ def decide_at_elbows(
     """Give up sides that the marks have decided against, merge those that became one, and see whether there are new.
 
     Whether `FEW` are left, the links of each elbow are known to `KNOWN_RAD`, and to `REPORTED_RAD` by covariances with
-    the inflation [1] with which they are reported, and no poke is looked for to explain their marks.
+    the inflation [1] with which they are reported.
     """
     mixture, model, settings = belief
     prune(mixture, settings.least_odds)
@@ -168,7 +165,7 @@ def decide_at_elbows(
     if not elbows:
         return mixture.n_branches <= FEW
     known = _spread(mixture.P, elbows) < min(KNOWN_RAD, REPORTED_RAD / inflation**0.5)
-    return mixture.n_branches <= FEW and known and settings.poked_share(mixture.mu) < EXPECTED
+    return mixture.n_branches <= FEW and known
 
 
 def _spread(cov: Floats, elbows: Sequence[Elbow]) -> float:
