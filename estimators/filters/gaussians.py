@@ -55,7 +55,8 @@ def corrected_each(
 
     beliefs, given and returned: means (k, n), covariances (k, n, n), and columns (k, n, r) of considered errors of unit
     variance, which enter the gain and are no part of the covariances
-    trust: the gain is that of covariances so many times smaller [1]; those returned are of the errors that it leaves
+    trust: the gain is that of covariances so many times smaller [1]; those returned are of the errors that it leaves,
+        but no larger at z than z's own, by their traces: a gain that is the best, of trust 1, leaves none that are
     """
     xs, Ps, columns = beliefs
     HP, C = H @ Ps, H @ columns
@@ -63,4 +64,7 @@ def corrected_each(
     K = np.linalg.solve(S + C @ C.swapaxes(1, 2) + (trust - 1.0) * R, HP + C @ columns.swapaxes(1, 2)).swapaxes(1, 2)
     beside = K @ (0.5 * S @ K.swapaxes(1, 2) - HP)  # Joseph's form: (1 - K H) P (1 - K H)' + K R K', less P
     ahead = xs + np.einsum("kni,ki->kn", K, z - xs @ H.T)
-    return ahead, Ps + (beside + beside.swapaxes(1, 2)), columns - K @ C
+    left, of_columns = Ps + (beside + beside.swapaxes(1, 2)), columns - K @ C
+    at_z = np.trace(H @ left @ H.T, axis1=1, axis2=2) + ((H @ of_columns) ** 2).sum(axis=(1, 2))
+    kept = np.trace(R) / np.maximum(at_z, np.trace(R)) if len(z) else np.ones(len(xs))
+    return ahead, kept[:, None, None] * left, np.sqrt(kept)[:, None, None] * of_columns
