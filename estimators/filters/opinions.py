@@ -36,16 +36,12 @@ class Scales:
     third: float = 1.0
 
     def remembered(self, before: Scales, share: float) -> Scales:
-        """These by a share, what was before by the rest; factors without a bound by their logarithms.
-
-        The third's rises at once: where it is smooth between what is seen, nothing that was before tells that what is
-        not seen begins to move otherwise.
-        """
+        """These by a share, what was before by the rest; factors without a bound by their logarithms."""
         kept = 1.0 - share
         return Scales(
             kept * before.first + share * self.first,
             before.second**kept * self.second**share,
-            max(self.third, before.third**kept * self.third**share),
+            before.third**kept * self.third**share,
         )
 
     @property

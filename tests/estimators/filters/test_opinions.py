@@ -86,7 +86,3 @@ def test_the_share_is_that_of_least_variance_between_the_two(first, second):
 def test_memory_is_linear_where_a_scale_has_a_bound_and_geometric_where_it_has_none():
     kept = Scales(4.0, 100.0, 1.0).remembered(Scales(2.0, 1.0, 16.0), 0.25)
     assert (kept.first, kept.second, kept.third) == pytest.approx((2.5, 100.0**0.25, 8.0))
-
-
-def test_the_third_rises_at_once():
-    assert Scales(4.0, 100.0, 16.0).remembered(Scales(2.0, 1.0, 1.0), 0.25).third == 16.0
