@@ -55,6 +55,7 @@ from dynamics.forces import (
     strain_uncertainty,
 )
 from dynamics.integration import (
+    DRIVEN,
     SAME_STEP,
     ImplicitStepper,
     Stepper,
@@ -107,6 +108,7 @@ from dynamics.phantoms import (
 )
 
 __all__ = [
+    "DRIVEN",
     "GAUGES_MM",
     "HIDDEN",
     "KINDS",

@@ -3,11 +3,12 @@
 What may enter: another integrator. It takes forces only from `dynamics.forces`.
 """
 
-from dynamics.integration.implicit import ImplicitStepper, Linearised
+from dynamics.integration.implicit import DRIVEN, ImplicitStepper, Linearised
 from dynamics.integration.plain import plain_derivative, plain_step
 from dynamics.integration.stepping import SAME_STEP, Stepper, derivative, integrate_adaptive, motion
 
 __all__ = [
+    "DRIVEN",
     "SAME_STEP",
     "ImplicitStepper",
     "Linearised",

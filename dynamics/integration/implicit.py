@@ -64,25 +64,31 @@ class ImplicitStepper:
         n, nodes = self.n_steps(dt), self.network.positions
         points = np.ascontiguousarray(states)
         outside = np.zeros((len(points), len(self._masses))) if forces is None else np.ascontiguousarray(forces)
-        renew, free, masses = len(self._masses) <= FEW, self.network.free, self._masses
-        if len(driven):
-            masses = masses * np.repeat(np.where(np.isin(free, driven), DRIVEN, 1.0), self.network.dim)
+        renew, free, masses = len(self._masses) <= FEW, self.network.free, self._with(driven)
         return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
-    def linearised(self, states: Floats, dt: float) -> Linearised:
+    def _with(self, driven: Sequence[int]) -> Floats:
+        """Masses of the free coordinates [kg] where these nodes keep their velocity."""
+        if not len(driven):
+            return self._masses
+        return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
+
+    def linearised(self, states: Floats, dt: float, *, driven: Sequence[int] = ()) -> Linearised:
         """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there.
+
+        driven: as for `advance`
 
         Where the tissue would buckle, springs under pressure count as none across themselves: what grows in a linear
         motion ends, in the tissue, in the next rest.
         """
         n = self.n_steps(dt)
-        h = dt / n
+        h, masses = dt / n, self._with(driven)
         K, C = self._tangents(np.ascontiguousarray(states))
-        half, by_mass = K.shape[1], 1.0 / self._masses
+        half, by_mass = K.shape[1], 1.0 / masses
         # W = 1 / (1 - w A), as in each stage, of A = h (0, 1; -K / M, -C / M), by its lower half
-        w, each = 0.5 * TR_BDF2, self._masses[:, None]
+        w, each = 0.5 * TR_BDF2, masses[:, None]
         inverse = np.linalg.inv(np.eye(half) * each + w * h * C + (w * h) ** 2 * K)
-        lower = np.concatenate([-w * h * inverse @ K, inverse * self._masses], axis=2)
+        lower = np.concatenate([-w * h * inverse @ K, inverse * masses], axis=2)
         W = np.concatenate([w * h * lower, lower], axis=1)
         W[:, :half, :half] += np.eye(half)
         second, first = 1.0 / (TR_BDF2 * (2.0 - TR_BDF2)), (1.0 - TR_BDF2) ** 2 / (TR_BDF2 * (2.0 - TR_BDF2))

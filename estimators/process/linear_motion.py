@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import SAME_STEP, ImplicitStepper, MassSpringNetwork
+from dynamics import DRIVEN, SAME_STEP, ImplicitStepper, MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.filters.motion import LinearMotion
 from estimators.process.kernels import with_pokes
@@ -66,6 +66,8 @@ def has_links(network: MassSpringNetwork) -> bool:
 class LinearisedTissue:
     """Motion of a `TissueModel` to first order, of means of several modes at once.
 
+    Nodes that are known to be led move as the hand's force has their mass alone move: its path is its own, whatever the
+    tissue and its weight ask for.
     passes: how often an update may linearise a cycle
     """
 
@@ -74,6 +76,9 @@ class LinearisedTissue:
         self._once = model.network.n_state > VERY_MANY_STATES
         self.stepper = ImplicitStepper(model.network)
         self.passes = PASSES
+        self._led = np.unique(model.network.free[model.led_rows // model.network.dim]).tolist()
+        self._by_hand = np.ones(model.network.n_state // 2)
+        self._by_hand[model.led_rows] = DRIVEN
         half = model.network.n_state // 2
         self._straight = np.zeros(model.dim_x)
         if self._once:
@@ -123,15 +128,17 @@ class LinearisedTissue:
         shares = (1.0 - fade) * lasting / h
         pokes = shares * now[:, model.pokes]
         outside = np.zeros((k, n // 2))
-        outside[:, rows] = pokes
+        outside[:, rows] = pokes * self._by_hand[rows]
         if push is not None:
             push.step(h)
             outside = outside + push.forces(now[:, None, :n]).reshape(-1, n // 2)
         ends = np.empty_like(now)
         # about the middle: from its start to its end a link turns, and with it the direction in which it is stiff
-        half_way = self.stepper.advance(now[:, :n], 0.5 * h, outside)
-        ends[:, :n] = self.stepper.advance(half_way, 0.5 * h, outside)
-        tangent = self.stepper.linearised(half_way.mean(axis=0, keepdims=True) if self._once else half_way, h)
+        half_way = self.stepper.advance(now[:, :n], 0.5 * h, outside, driven=self._led)
+        ends[:, :n] = self.stepper.advance(half_way, 0.5 * h, outside, driven=self._led)
+        about = half_way.mean(axis=0, keepdims=True) if self._once else half_way
+        tangent = self.stepper.linearised(about, h, driven=self._led)
+        by_hand = tangent.by_force * self._by_hand
         ends[:, model.pokes] = fade * now[:, model.pokes]
         left, renewed = 1.0, 0.0
         if model.bias is not None:
@@ -142,7 +149,7 @@ class LinearisedTissue:
         force = np.sqrt(level / h) * model.mass * white
         own, Q = with_pokes(
             tangent.F,
-            tangent.by_force,
+            by_hand,
             same,
             (rows, shares, fade),
             (force, sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
@@ -153,5 +160,5 @@ class LinearisedTissue:
             forces = 0.5 * (model.constant_forces(now) + model.constant_forces(ends))
             shift[:, :n, : model.n_constants] = tangent.by_force @ forces.swapaxes(1, 2)
         root = np.zeros((k, model.dim_x, n // 2))
-        root[:, :n] = tangent.by_force * force[:, None]
+        root[:, :n] = by_hand * force[:, None]
         return own, Q, shift, root, ends

@@ -83,6 +83,7 @@ class TissueModel:
     hidden_share: of a poke, what may act on each free node that is not marked [1]; none at 0
     stiff: whether implicit steps and matrices move it whatever the network
     led: marked nodes that are led by these forces whatever the mode; raises ValueError where one is not marked
+    led_rows: free coordinates of those nodes
     dim_x: the network's state, one poke for each coordinate of a node that is poked, and the bias
     push: the known force that acts while points are moved, None where there is none
     """
@@ -112,6 +113,7 @@ class TissueModel:
         if unmarked := sorted(set(nodes) - set(marked)):
             raise ValueError(f"led nodes: expected marked ones, {', '.join(marked)}, found {', '.join(unmarked)}")
         self._led = np.repeat([node in nodes for node in [*marked, *hidden]], network.dim)
+        self.led_rows = self.poked_rows[self._led]
         self._share = np.repeat([1.0] * len(marked) + [hidden_share] * len(hidden), network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
         self.push: KnownForce | None = None

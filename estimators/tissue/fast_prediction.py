@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import SAME_STEP, SLIP_VELOCITY, rest_shape, state_matrix
+from dynamics import DRIVEN, SAME_STEP, SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.chain import rising
 from estimators.filters.exponential import small_expm
@@ -256,6 +256,10 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
     n_steps = model.stepper.n_steps(cycle)
     M = small_expm(settings.rates * cycle)
     rate = state_matrix(model.network, shape, speed_m_s=speed)
+    mass = model.mass
+    if tissue.mixture.move.linear is not None:  # a hand moves what it is known to lead, and nothing else does
+        rate[n // 2 + model.led_rows], mass = 0.0, mass.copy()
+        mass[model.led_rows] *= DRIVEN
     Fs, Qs = [], []
     for mode, noises in zip(forces, model.noise_of_modes(cycle / n_steps, forces), strict=True):
         A, _ = model.linearised(shape, mode)
@@ -301,7 +305,7 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
         seconds,
         of_odds[0],
         of_odds[1],
-        _answers(rate, model.mass, tissue.target, cycle, n_times),
+        _answers(rate, mass, tissue.target, cycle, n_times),
         small_expm(rate * cycle),
         np.array(quiet),
         quiet_noises[:, 0],
