@@ -7,7 +7,7 @@ from math import isclose
 
 import numpy as np
 
-from dynamics import MassSpringNetwork
+from dynamics import MassSpringNetwork, reaches
 from estimators.arrays import Floats
 
 
@@ -35,12 +35,15 @@ class TargetMap:
     """Position of a target from a state: matrix @ free coordinates + constant.
 
     point: what was asked for; matrix [1], (dim, n_free dim); constant [m], (dim,): the offset and the anchors' share
+    anywhere_m2: variance of each coordinate of a target of which nothing is known but that its nodes are within reach
+        of their anchors [m²]; infinite of a body without
     Every state handed in begins with the free coordinates and may go on with anything, as a filter's does.
     """
 
     point: TargetPoint
     matrix: Floats
     constant: Floats
+    anywhere_m2: float
 
     def position(self, states: Floats) -> Floats:
         """Where the target is [m], (..., dim), for states (..., n)."""
@@ -54,6 +57,16 @@ class TargetMap:
         """Covariance of the target [m²], (..., dim, dim), for covariances of the state (..., n, n)."""
         n = self.matrix.shape[1]
         return np.asarray(self.matrix @ covs[..., :n, :n] @ self.matrix.T)
+
+    def within_reach(self, covs: Floats) -> Floats:
+        """Covariances of the target [m²], (..., dim, dim), no larger in any direction than if it were anywhere.
+
+        Linear motion knows nothing of how far links let a node go.
+        """
+        if not (np.trace(covs, axis1=-2, axis2=-1) > self.anywhere_m2).any():
+            return covs
+        values, vectors = np.linalg.eigh(covs)
+        return np.asarray((vectors * np.minimum(values, self.anywhere_m2)[..., None, :]) @ vectors.swapaxes(-1, -2))
 
 
 def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
@@ -74,4 +87,6 @@ def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetM
             matrix[:, network.coordinates(node)] = weight * np.eye(network.dim)
     if not matrix.any():
         raise ValueError(f"target: expected a weight on a free node, found {point.nodes}, {point.weights}")
-    return TargetMap(point, matrix, offset)
+    weights = matrix[0].reshape(-1, network.dim)[:, 0]
+    reach = float(np.abs(weights) @ reaches(network)[network.free]) if fixed else np.inf
+    return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2))

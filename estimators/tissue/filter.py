@@ -28,6 +28,7 @@ from estimators.tissue.prediction import (
     known_force,
     later_times,
     mixture_of_modes,
+    place_and_cov,
     reported,
     reported_place,
     target_by_modes,
@@ -174,8 +175,7 @@ class TissueFilter:
         with unchanged(self.mixture), reported(self.mixture, self.target, self.model_error):
             if dt > 0.0:
                 self._advance(dt, push)
-            place = self.target.position(self.mixture.x), self.target.cov(self.mixture.P)
-            return self._estimate(time_s, 0, None, place=place)
+            return self._estimate(time_s, 0, None, place=place_and_cov(self.mixture, self.target))
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
         """As `predict_at`, of each mode of now and each of then by itself, n_modes² Gaussians.

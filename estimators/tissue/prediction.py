@@ -155,12 +155,17 @@ def known_force(push: ForceHistory | None, model: TissueModel, time_s: float | N
 def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> tuple[Floats, Floats]:
     """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
     if not model_error.is_looked_for:
-        return target.position(mixture.x), target.cov(mixture.P)
+        return place_and_cov(mixture, target)
     modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
     ahead, H = target.linear(found.ahead[:, None])[:, 0], np.eye(len(target.constant))
     means, covs, columns = mixed_each(modes.mu[:, None], *_beside(modes.mu, own, found, ahead, found.place, H))
-    return means[0], with_columns(covs[0], columns[0])
+    return means[0], target.within_reach(with_columns(covs[0], columns[0]))
+
+
+def place_and_cov(mixture: InteractingMixture, target: TargetMap) -> tuple[Floats, Floats]:
+    """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target by the mixture as it is."""
+    return target.position(mixture.x), target.within_reach(target.cov(mixture.P))
 
 
 @contextmanager
@@ -222,7 +227,7 @@ def target_by_modes(mixture: InteractingMixture, target: TargetMap, move: Callab
             move()
             modes, columns = mixture.beliefs(), target.linear(mixture.columns)
             covs = target.cov(modes.covs) + columns @ columns.swapaxes(1, 2)
-            parts.append((odds[k] * modes.mu, target.position(modes.means), covs))
+            parts.append((odds[k] * modes.mu, target.position(modes.means), target.within_reach(covs)))
     weights, means, covs = (np.concatenate(each) for each in zip(*parts, strict=True))
     return GaussianMixture(weights / weights.sum(), means, covs)
 
@@ -237,7 +242,7 @@ def target_path(
         for k, dt in enumerate(steps):
             if dt > 0.0:
                 move(dt)
-            means[k], covs[k] = target.position(mixture.x), target.cov(mixture.P)
+            means[k], covs[k] = place_and_cov(mixture, target)
     return means, covs
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from dynamics import ImplicitStepper, MassSpringNetwork, Stepper, integrate_adaptive, stiffness_matrix
+from dynamics import DRIVEN, ImplicitStepper, MassSpringNetwork, Stepper, integrate_adaptive, stiffness_matrix
 from dynamics.forces.kernels import implicit_steps, packed, tangents_each
 from dynamics.forces.tangent import damping_matrix
 
@@ -90,6 +90,27 @@ def test_transition_matrices_are_derivatives_of_what_steps_do(smooth):
     np.testing.assert_allclose(
         found.by_force[0], by_force.T / (2 * eps), rtol=0, atol=1e-5 * np.abs(found.by_force).max()
     )
+
+
+def test_a_driven_node_keeps_its_velocity_in_the_matrices_too(smooth):
+    """Of the node nothing but its own velocity matters; the others as by central differences of `advance`, at rest."""
+    ends = smooth.positions[smooth.springs]
+    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+    slack = replace(smooth, rest_lengths=lengths, gravity=np.zeros(2))
+    stepper, dt, eps, driven = ImplicitStepper(slack), 1 / 30, 1e-7, [int(slack.free[1])]
+    start = np.r_[slack.positions[slack.free].ravel(), np.zeros(8)]
+    found = stepper.linearised(start[None], dt, driven=driven)
+    ahead, behind = (stepper.advance(start + sign * eps * np.eye(16), dt, driven=driven) for sign in (1.0, -1.0))
+    np.testing.assert_allclose(found.F[0], (ahead - behind).T / (2 * eps), rtol=0, atol=1e-5 * np.abs(found.F).max())
+    own, free = [2, 3, 10, 11], np.zeros((4, 16))
+    free[range(4), own] = 1.0
+    free[[0, 1], [10, 11]] = dt
+    np.testing.assert_allclose(found.F[0][own], free, rtol=0, atol=1e-9)
+    mass = float(slack.masses[driven[0]])
+    by_hand = mass * DRIVEN * found.by_force[0][:, 2]
+    np.testing.assert_allclose(by_hand[own], [0.5 * dt**2, 0.0, dt, 0.0], rtol=0, atol=1e-9)
+    reached = stepper.advance(start[None], dt, mass * DRIVEN * eps * np.eye(8)[2:3], driven=driven)[0] - start
+    np.testing.assert_allclose(by_hand, reached / eps, rtol=0, atol=1e-5)
 
 
 def test_a_half_step_twice_is_the_whole(smooth):

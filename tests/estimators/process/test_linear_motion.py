@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import OUTER, independent_uncertainty, parameters, rest_shape
+from dynamics import OUTER, independent_uncertainty, integrate_adaptive, parameters, rest_shape
 from estimators import FixBias, ForceMode, TissueModel, accumulated_noise
 from estimators.process.known_force import KnownForce
 from estimators.process.linear_motion import MANY_STATES, LinearisedTissue, has_links, is_linearised
@@ -104,6 +104,44 @@ def test_a_known_force_pushes_it(smooth, resting):
         moved = model.propagate_each(moved, DT, MODES)
     np.testing.assert_allclose(pushed.ends[:, :8], moved[:, 0, :8], rtol=0, atol=2e-5)
     assert np.abs(pushed.ends - left.ends)[:, :8].max() > 1e-4
+
+
+def test_a_node_that_is_led_moves_as_its_hand_does(smooth, resting):
+    """By its velocity and a fading push alone, in closed form; the others as where that path is an anchor's.
+
+    Adaptive integration of the network in which a mass of a million tons without weight moves so, over 1/30 s.
+    """
+    lasting, push, dt = 0.25, 30.0, 1 / 30
+    model = TissueModel(smooth, OUTER, led=(("M3",), ForceMode(white=1.0, poke=50.0, lasting_s=lasting)), stiff=True)
+    rows = model.led_rows
+    k = smooth.index("M3")
+    state = np.zeros((1, model.dim_x))
+    state[0, :16] = resting
+    state[0, 8 + rows] = [0.3, -0.2]
+    on = model.pokes.start + np.flatnonzero(np.isin(model.poked_rows, rows))
+    state[0, on] = push * smooth.masses[k] * np.array([1.0, 0.5])
+    found = LinearisedTissue(model)(state, dt, (QUIET,), None)
+    gone = -np.expm1(-dt / lasting)
+    ahead = np.outer([0.3, -0.2], [dt]).ravel() + push * lasting * np.array([1.0, 0.5]) * (dt - lasting * gone)
+    np.testing.assert_allclose(found.ends[0, rows], resting[rows] + ahead, rtol=0, atol=5e-5)
+    np.testing.assert_allclose(
+        found.ends[0, 8 + rows], [0.3 + push * lasting * gone, -0.2 + 0.5 * push * lasting * gone], rtol=0, atol=1e-3
+    )
+    masses = smooth.masses.copy()
+    masses[k] = 1e9
+    forces = np.zeros((smooth.n_nodes, 2))
+    forces[k] = -1e9 * smooth.gravity
+
+    def hand(time_s):
+        own = forces.copy()
+        own[k] += 1e9 * push * np.array([1.0, 0.5]) * np.exp(-time_s / lasting)
+        return own[smooth.free]
+
+    truth = integrate_adaptive(replace(smooth, masses=masses), state[0, :16], [0.0, dt], force=hand)[-1]
+    np.testing.assert_allclose(truth[rows], resting[rows] + ahead, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found.ends[0, :8], truth[:8], rtol=0, atol=2e-4)
+    apart = np.setdiff1d(np.arange(16), [*rows, *(8 + rows)])
+    np.testing.assert_allclose(found.F[0][np.ix_(rows, apart)], 0.0, atol=1e-6)
 
 
 def test_the_bias_of_fixes_fades(smooth, resting):
