@@ -112,7 +112,7 @@ class TissueModel:
         self._led_by = None if led is None else led[1]
         if unmarked := sorted(set(nodes) - set(marked)):
             raise ValueError(f"led nodes: expected marked ones, {', '.join(marked)}, found {', '.join(unmarked)}")
-        self._led = np.repeat([node in nodes for node in [*marked, *hidden]], network.dim)
+        self._led = np.repeat(np.array([node in nodes for node in [*marked, *hidden]], dtype=bool), network.dim)
         self.led_rows = self.poked_rows[self._led]
         self._share = np.repeat([1.0] * len(marked) + [hidden_share] * len(hidden), network.dim)
         self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
 
 from experiments.servers.commands import read_command
 from experiments.servers.feed import Feed
@@ -25,6 +25,8 @@ NEXT = "next"
 """What a client that sets its own pace sends when it is ready for a state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
 """Codes by which a connection is closed."""
+GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
+"""What ends a client that is gone or takes nothing: whoever sends first finds it gone, whoever sends next, closed."""
 LONGEST_ERROR = 200
 """Letters of an error that an answer repeats: it may quote what the client sent."""
 
@@ -79,7 +81,6 @@ class Viewer:
 
     async def serve(self) -> None:
         """Send and receive until either ends."""
-        await self._send(json.dumps({**self._feed.scene, "may_write": self._may_write}))
         ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
         try:
             done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
@@ -88,10 +89,11 @@ class Viewer:
                 end.cancel()
             await asyncio.gather(*ends, return_exceptions=True)
         for end in done:
-            if not isinstance(end.exception(), WebSocketDisconnect | TimeoutError):
+            if not isinstance(end.exception(), GONE):
                 end.result()
 
     async def _send_states(self) -> None:
+        await self._send(json.dumps({**self._feed.scene, "may_write": self._may_write}))
         number = 0
         while True:
             await self._ready.wait()

@@ -1,13 +1,18 @@
 """The stream: scene, states, pictures, commands; the newest only; as many clients as agreed, none that harms others."""
 
+import asyncio
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
+from typing import Any
 
 import pytest
+from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed
 
+from experiments.servers.feed import Feed
+from experiments.servers.page.stream import Viewer
 from tests.experiments.servers.page import messages
 from tests.experiments.servers.page.served import TOKEN, Served, served
 from tests.experiments.servers.page.test_access import stream
@@ -39,6 +44,31 @@ def test_a_client_that_asked_for_none_gets_no_pictures(one: Served) -> None:
             one.publish(messages.state(frames), messages.picture())
             assert json.loads(client.recv(5))["counters"]["frames"] == frames
         assert one.feed.n_watching == 0
+
+
+@pytest.mark.parametrize("taken", [1, 2])
+def test_who_is_gone_while_a_state_and_an_answer_are_sent_ends_without_a_fault(taken: int) -> None:
+    """Whichever comes second finds the connection closed by the first, which starlette calls another fault."""
+
+    async def receive() -> dict[str, str]:
+        return {"type": "websocket.receive", "text": "{}"} if told else {"type": "websocket.connect"}
+
+    async def send(message: Mapping[str, Any]) -> None:
+        told.append(message)
+        await asyncio.sleep(0.0)
+        if len(told) > taken:
+            raise OSError("gone")
+
+    async def watched() -> None:
+        feed = Feed(messages.scene())
+        feed.publish(b"{}", None)
+        socket = WebSocket({"type": "websocket", "query_string": b"", "headers": []}, receive, send)
+        await socket.accept()
+        await asyncio.wait_for(Viewer(socket, feed, may_write=False).serve(), 5.0)
+
+    told: list[Mapping[str, Any]] = []
+    asyncio.run(watched())
+    assert len(told) == taken + 1
 
 
 def test_a_client_that_sets_its_pace_gets_the_newest_when_it_is_ready(one: Served) -> None:
