@@ -64,11 +64,11 @@ class ImplicitStepper:
         n, nodes = self.n_steps(dt), self.network.positions
         points = np.ascontiguousarray(states)
         outside = np.zeros((len(points), len(self._masses))) if forces is None else np.ascontiguousarray(forces)
-        renew, free, masses = len(self._masses) <= FEW, self.network.free, self._with(driven)
+        renew, free, masses = len(self._masses) <= FEW, self.network.free, self._masses_with(driven)
         return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
-    def _with(self, driven: Sequence[int]) -> Floats:
-        """Masses of the free coordinates [kg] where these nodes keep their velocity."""
+    def _masses_with(self, driven: Sequence[int]) -> Floats:
+        """Masses of the free coordinates [kg], (n_state / 2,), those of driven nodes too large to be moved."""
         if not len(driven):
             return self._masses
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
@@ -82,7 +82,7 @@ class ImplicitStepper:
         motion ends, in the tissue, in the next rest.
         """
         n = self.n_steps(dt)
-        h, masses = dt / n, self._with(driven)
+        h, masses = dt / n, self._masses_with(driven)
         K, C = self._tangents(np.ascontiguousarray(states))
         half, by_mass = K.shape[1], 1.0 / masses
         # W = 1 / (1 - w A), as in each stage, of A = h (0, 1; -K / M, -C / M), by its lower half

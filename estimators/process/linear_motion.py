@@ -66,8 +66,7 @@ def has_links(network: MassSpringNetwork) -> bool:
 class LinearisedTissue:
     """Motion of a `TissueModel` to first order, of means of several modes at once.
 
-    Nodes that are known to be led move as the hand's force has their mass alone move: its path is its own, whatever the
-    tissue and its weight ask for.
+    A node that is known to be led is moved by the forces of its hand alone: neither the tissue nor weight act on it.
     passes: how often an update may linearise a cycle
     """
 
@@ -77,6 +76,7 @@ class LinearisedTissue:
         self.stepper = ImplicitStepper(model.network)
         self.passes = PASSES
         self._led = np.unique(model.network.free[model.led_rows // model.network.dim]).tolist()
+        # factors on a hand's forces on the free coordinates [1], against the mass of a driven node
         self._by_hand = np.ones(model.network.n_state // 2)
         self._by_hand[model.led_rows] = DRIVEN
         half = model.network.n_state // 2

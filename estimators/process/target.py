@@ -35,15 +35,21 @@ class TargetMap:
     """Position of a target from a state: matrix @ free coordinates + constant.
 
     point: what was asked for; matrix [1], (dim, n_free dim); constant [m], (dim,): the offset and the anchors' share
-    anywhere_m2: variance of each coordinate of a target of which nothing is known but that its nodes are within reach
-        of their anchors [m²]; infinite of a body without
+    reached_m2: variance of each coordinate of a target of which nothing is known but that its nodes are within reach of
+        their anchors, or, of a body without, of its farthest node [m²]; held: whether the body has anchors
     Every state handed in begins with the free coordinates and may go on with anything, as a filter's does.
     """
 
     point: TargetPoint
     matrix: Floats
     constant: Floats
-    anywhere_m2: float
+    reached_m2: float
+    held: bool
+
+    @property
+    def anywhere_m2(self) -> float:
+        """The largest variance of a coordinate that can be [m²]: infinite of a body without anchors, which may fly."""
+        return self.reached_m2 if self.held else np.inf
 
     def position(self, states: Floats) -> Floats:
         """Where the target is [m], (..., dim), for states (..., n)."""
@@ -88,5 +94,5 @@ def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetM
     if not matrix.any():
         raise ValueError(f"target: expected a weight on a free node, found {point.nodes}, {point.weights}")
     weights = matrix[0].reshape(-1, network.dim)[:, 0]
-    reach = float(np.abs(weights) @ reaches(network)[network.free]) if fixed else np.inf
-    return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2))
+    reach = float(np.abs(weights) @ reaches(network)[network.free])
+    return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2), bool(fixed))

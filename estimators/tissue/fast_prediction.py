@@ -258,7 +258,8 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
     rate = state_matrix(model.network, shape, speed_m_s=speed)
     mass = model.mass
     if tissue.mixture.move.linear is not None:  # a hand moves what it is known to lead, and nothing else does
-        rate[n // 2 + model.led_rows], mass = 0.0, mass.copy()
+        rate[n // 2 + model.led_rows] = 0.0
+        mass = mass.copy()
         mass[model.led_rows] *= DRIVEN
     Fs, Qs = [], []
     for mode, noises in zip(forces, model.noise_of_modes(cycle / n_steps, forces), strict=True):

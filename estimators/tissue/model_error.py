@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import ImplicitStepper, MassSpringNetwork, material_coordinates, pack, reaches, unpack
+from dynamics import ImplicitStepper, MassSpringNetwork, material_coordinates, pack, unpack
 from estimators.arrays import Floats
 from estimators.filters.gaussian_process import Field, matern
 from estimators.filters.mixture import InteractingMixture
@@ -107,7 +107,6 @@ class ModelError:
         self._field = displacement_field(network, settings.smooth) if self.is_looked_for else None
         self._stepper = ImplicitStepper(network)
         self._anchors = np.flatnonzero(network.fixed).tolist()
-        self._reach = reaches(network)[network.free]
 
     def passed(self, dt: float) -> None:
         """Time has passed, dt [s]: the field is of marks that were."""
@@ -225,9 +224,7 @@ class ModelError:
 
         Neither inflation nor how far the opinions lie apart takes the target beyond the body's reach.
         """
-        shown, dim, settings = self.shown, self._network.dim, self._settings
-        weights = np.abs(target.matrix[0].reshape(-1, dim)[:, 0])
-        farthest = float(weights @ self._reach) ** 2 / (dim + 2)
+        shown, settings, farthest = self.shown, self._settings, target.reached_m2
         place, cov = self.of_field(target)
         ahead, share, inflation, of_mean = np.zeros(len(x)), 0.0, shown.inflation, 1.0
         if shown.scales is not None:

@@ -122,7 +122,7 @@ def test_a_node_that_is_led_moves_as_its_hand_does(smooth, resting):
     state[0, on] = push * smooth.masses[k] * np.array([1.0, 0.5])
     found = LinearisedTissue(model)(state, dt, (QUIET,), None)
     gone = -np.expm1(-dt / lasting)
-    ahead = np.outer([0.3, -0.2], [dt]).ravel() + push * lasting * np.array([1.0, 0.5]) * (dt - lasting * gone)
+    ahead = dt * np.array([0.3, -0.2]) + push * lasting * np.array([1.0, 0.5]) * (dt - lasting * gone)
     np.testing.assert_allclose(found.ends[0, rows], resting[rows] + ahead, rtol=0, atol=5e-5)
     np.testing.assert_allclose(
         found.ends[0, 8 + rows], [0.3 + push * lasting * gone, -0.2 + 0.5 * push * lasting * gone], rtol=0, atol=1e-3
