@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from estimators.arrays import Floats
@@ -37,21 +35,15 @@ class VarianceScale:
         share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)
         return self.learn_whitened(np.linalg.solve(root, innovation), share, dt)
 
-    def learn_whitened(
-        self, innovation: Floats, share: Floats, dt: float, earlier: Sequence[tuple[float, Floats]] = ()
-    ) -> float:
+    def learn_whitened(self, innovation: Floats, share: Floats, dt: float, moved: Floats | None = None) -> float:
         """The same of a whitened innovation (m,) and of the share (m, m) of its covariance, 1, that the part has.
 
-        earlier: whitened innovations, (m,) each, that count beside it, and the weights of their products with it [1]
+        moved: derivative of the whitened innovation itself by log scale, (m,), where it has one
         """
-        summed, products = innovation.copy(), 1.0
-        for weight, one in earlier:
-            summed += 2.0 * weight * one
-            products += 2.0 * weight**2
-        # the products of independent innovations add to the variance of the score, and nothing to its mean
-        score = 0.5 * float(innovation @ share @ summed - np.trace(share)) / products
+        shift = np.zeros_like(innovation) if moved is None else moved
+        score = 0.5 * float(innovation @ share @ innovation - np.trace(share)) - float(innovation @ shift)
         kept = float(np.exp(-dt / self.forget_s))
-        gained = 0.5 * float(np.sum(share * share.T)) / products
+        gained = 0.5 * float(np.sum(share * share.T)) + float(shift @ shift)
         self.information = kept * self.information + (1.0 - kept) * self._start + gained
         # a step of one in the logarithm at most: far from the maximum the score gives the direction, not the distance
         step = float(np.clip(score / self.information, -1.0, 1.0))

@@ -39,6 +39,30 @@ def inflated_each(
     return mean + np.sqrt(factor) * (xs - mean), factor * Ps, np.sqrt(factor) * columns
 
 
+def evened_each(
+    weights: Floats, beliefs: tuple[Floats, Floats, Floats], H: Floats, share: float
+) -> tuple[Floats, Floats, Floats]:
+    """Several beliefs as in `corrected_each`, weights (k,), with the mixture's covariance at H x, H (m, n), more even.
+
+    Its eigenvalues go to their mean by a share, 0 to 1, so that their sum stays: errors of H x are stretched along the
+    eigenvectors, and those of x follow by regression.
+    """
+    if share <= 0.0:
+        return beliefs
+    xs, Ps, columns = beliefs
+    mean = weights @ xs
+    away, HP, HC = xs - mean, H @ Ps, H @ columns
+    of_modes = HP.swapaxes(1, 2) + columns @ HC.swapaxes(1, 2) + away[:, :, None] * (away @ H.T)[:, None]
+    across = np.einsum("k,kia->ia", weights, of_modes)
+    values, vectors = np.linalg.eigh(H @ across)
+    values = np.maximum(values, FLOOR * values[-1])
+    stretched = np.sqrt(1.0 - share + share * values.mean() / values) - 1.0
+    W = across @ (vectors * (stretched / values)) @ vectors.T
+    moved = HP.swapaxes(1, 2) @ W.T
+    evened = Ps + moved + moved.swapaxes(1, 2) + W @ (HP @ H.T) @ W.T
+    return xs + away @ H.T @ W.T, evened, columns + W @ HC
+
+
 def pooled_each(beliefs: tuple[Floats, Floats, Floats], ahead: Floats, share: float) -> tuple[Floats, Floats, Floats]:
     """Several beliefs as in `corrected_each`, each pooled with an opinion that is ahead (n,) of it, by this share [1].
 

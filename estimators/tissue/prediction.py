@@ -11,18 +11,18 @@ from functools import cache
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.gaussians import corrected_each, inflated_each, moment_matched, pooled_each
+from estimators.filters.gaussians import corrected_each, evened_each, inflated_each, moment_matched, pooled_each
 from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
-from estimators.filters.noise_level import COLOUR_S, NoiseLevel
+from estimators.filters.noise_level import NoiseLevel
 from estimators.filters.unscented import UnscentedKalmanFilter
 from estimators.process.known_force import ForceHistory, KnownForce
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import GaussianMixture
-from estimators.tissue.model_error import ModelError, Opinions
+from estimators.tissue.model_error import UNDIRECTED, ModelError, Opinions
 from estimators.tissue.settings import FilterSettings, stationary
 from estimators.tissue.snapshot import unchanged
 
@@ -108,7 +108,7 @@ def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequen
     mixture = InteractingMixture(filters, stationary(settings.rates), settings.rates, move, settings.of_state)
     mixture.onset = onset_of(model, modes)
     if settings.white_bounds != (1.0, 1.0):
-        mixture.level = NoiseLevel(settings.white_bounds, model.dim_x, COLOUR_S if linear is None else 0.0)
+        mixture.level = NoiseLevel(settings.white_bounds, model.dim_x)
     return mixture
 
 
@@ -190,9 +190,14 @@ def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelE
 def _beside(
     odds: Floats, beliefs: tuple[Floats, Floats, Floats], found: Opinions, ahead: Floats, z: Floats, H: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Beliefs of several modes at these odds, inflated and with the other opinions of the target."""
+    """Beliefs of several modes at these odds, inflated and with the other opinions of the target.
+
+    That innovations exceed what was predicted says how large errors are, and not where they point: the larger the
+    share that these add, the more even is what is told.
+    """
     pooled = pooled_each(inflated_each(odds, beliefs, found.factor), ahead, found.share)
-    return corrected_each(pooled, z, H[: len(z)], found.cov, trust=found.trust)
+    corrected = corrected_each(pooled, z, H[: len(z)], found.cov, trust=found.trust)
+    return evened_each(odds, corrected, H, UNDIRECTED * (1.0 - 1.0 / found.factor))
 
 
 def until(time_s: float, now_s: float | None) -> float:

@@ -102,7 +102,7 @@ class FilterSettings:
     mix_s: float = 1.0 / 30.0
     one_of: int = 0
     marks_bounds: tuple[float, float] = (1.0, 1.0)
-    white_bounds: tuple[float, float] = (0.0625, 16.0)
+    white_bounds: tuple[float, float] = (0.1, 16.0)
     fix_bias: FixBias | None = None
     hidden_share: float = 0.3
     strain_sd: float = 0.01

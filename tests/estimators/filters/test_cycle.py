@@ -297,7 +297,7 @@ def test_the_level_of_its_noise_is_learnt():
         for seed in range(10):
             rng, x = np.random.default_rng(seed), np.array([1.0, 2.0])
             mixture = mixture_of(straight, passes=3)
-            mixture.level = NoiseLevel((1e-3, 1e3), 2, 0.0)
+            mixture.level = NoiseLevel((1e-3, 1e3), 2)
             mixture.move = Move(mixture.move.points, linear=lambda _k, _dt, level: (partial(louder, level), 3))
             for k in range(1200):
                 x = F @ x + np.sqrt(true) * np.linalg.cholesky(Q) @ rng.normal(size=2)

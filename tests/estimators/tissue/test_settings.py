@@ -80,9 +80,9 @@ def test_tuned_noise_of_a_stiff_body_is_what_was_tuned():
 
 
 def test_the_level_of_a_stiff_body_falls_to_a_quarter():
-    """And that of others to a sixteenth; one that is stated stays."""
+    """And that of others to a tenth; one that is stated stays."""
     usual, stated = FilterSettings(), FilterSettings(white_bounds=(1.0, 1.0))
-    assert usual.white_bounds == (0.0625, 16.0)
+    assert usual.white_bounds == (0.1, 16.0)
     assert usual.for_stiff_or_large().white_bounds == (0.25, 16.0)
     assert stated.for_stiff_or_large().white_bounds == (1.0, 1.0)
 
