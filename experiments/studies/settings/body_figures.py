@@ -19,6 +19,7 @@ from estimators import FilterSettings, ForceMode, coverage, normalised_error_squ
 from estimators.process.linear_motion import TURNED
 from estimators.tissue.gate import CROWD
 from estimators.tissue.model import STIFFEST
+from estimators.tissue.model_error import UNDIRECTED
 from estimators.tissue.settings import LED
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
@@ -52,6 +53,7 @@ class BodyConstants:
     led_inflation: by so much at most innovations inflate the covariance of a simulation led along the marks [1]; choice
     remember_s: for so long innovations that exceed their covariance are remembered, at least [s]; choice
     remember_swings: so many of a body's slowest oscillations they are [1]; choice
+    undirected: share by which a covariance is made even that is of an inflation [1]; choice
     """
 
     strain_sd: float = FilterSettings().strain_sd
@@ -70,6 +72,7 @@ class BodyConstants:
     led_inflation: float = FilterSettings().led_inflation
     remember_s: float = FilterSettings().remember_s
     remember_swings: float = FilterSettings().remember_swings
+    undirected: float = UNDIRECTED
 
 
 def body_figures(
@@ -100,6 +103,7 @@ def body_figures(
         patch("estimators.tissue.model.STIFFEST", constants.stiffest),
         patch("estimators.tissue.settings.LED", led),
         patch("estimators.tissue.gate.CROWD", constants.crowd),
+        patch("estimators.tissue.prediction.UNDIRECTED", constants.undirected),
         patch("estimators.process.linear_motion.TURNED", constants.turned),
         patch("experiments.studies.zoo.run.FilterSettings", settings),
     ):

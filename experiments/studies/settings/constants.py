@@ -16,6 +16,7 @@ PLACES = {
     "longest_step_s": "estimators.process.process_model.LONGEST_STEP",
     "narrow": "estimators.filters.mixture.NARROW",
     "least_frames": "estimators.tissue.health.LEAST_FRAMES",
+    "information": "estimators.filters.noise_level.INFORMATION",
 }
 """The module's constant of each name."""
 
@@ -42,11 +43,13 @@ class Constants:
     longest_step_s: time between two additions of process noise, and longest integration step [s]; choice
     narrow: spread of sigma points that would leave the model's range, by the usual spread [1]; choice
     least_frames: frames whose innovations are tested together, at least [1]; choice
+    information: how many independent coordinates the stated level of white noise is worth [1]; choice
     """
 
     longest_step_s: float = constant(PLACES["longest_step_s"])
     narrow: float = constant(PLACES["narrow"])
     least_frames: int = int(constant(PLACES["least_frames"]))
+    information: float = constant(PLACES["information"])
 
 
 def constants_figures(constants: Constants) -> Mapping[str, float]:
