@@ -31,7 +31,7 @@ def test_constants_reach_the_filter(name, default):
 
 @pytest.mark.parametrize("changed", [{"turned": 1e-3}, {"hidden_share": 3.0}, {"undirected": 1.0}])
 def test_constants_of_large_bodies_reach_the_filter(changed):
-    """A sheet of 25 free nodes: more passes, pokes on nodes within, and covariances that are all even give other figures."""
+    """A sheet of 25 free nodes: more passes, pokes within, and covariances that are all even give other figures."""
     sheet = {"sheet": 0.2}
     usual = body_figures(BodyConstants(), (5,), sheet)
     assert body_figures(replace(BodyConstants(), **changed), (5,), sheet) != usual
