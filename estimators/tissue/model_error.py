@@ -33,7 +33,7 @@ FLAT = 1e-3
 """A body is flat in a direction in which it extends by less than this share of its size as drawn; numerical."""
 
 UNDIRECTED = 0.1
-"""A covariance that is all of an inflation, whose direction nothing tells, is told more even by this share [1]; choice."""
+"""A covariance that is all of an inflation, which tells of no direction, goes even by this share [1]; choice."""
 
 CHANCE_SIGMAS = 5.0
 """Standard deviations of a normal variable beyond which a NIS is none by chance; numerical: a frame in four million."""
