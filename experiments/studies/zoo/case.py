@@ -18,7 +18,7 @@ SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass")
 REPORT_SEEDS = range(1000, 1020)
 """Those that the table reports on; 0 to 19 are for development."""
 
-N_SCALED = 5
+N_SCALED = 10
 """Seeds of a scaled body."""
 
 
@@ -75,7 +75,7 @@ def _body(name: str, seed: int, scale: Scale, length_s: float) -> Body:
 def cases(
     bodies: Sequence[str] = tuple(BODIES), seeds: Iterable[int] = REPORT_SEEDS, *, scaled: bool = True
 ) -> list[Case]:
-    """All cases of these bodies, cell by cell; scaled bodies with the first five seeds."""
+    """All cases of these bodies, cell by cell; scaled bodies with the first ten seeds."""
     all_seeds = list(seeds)
     found = []
     for body in bodies:
