@@ -15,13 +15,23 @@ def default() -> dict[str, float]:
 
 
 def test_links_taken_as_exact_are_covered_less(default):
-    exact = body_figures(BodyConstants(strain_sd=1e-9, quiet_white=0.03), (5,), LINKS)
+    exact = body_figures(BodyConstants(strain_sd=1e-9, quiet_white=0.03, undirected=0.0), (5,), LINKS)
     assert set(exact) == set(default) == {"chain2_mm", "chain2_coverage"}
     assert exact["chain2_coverage"] < default["chain2_coverage"] - 0.1
 
 
 @pytest.mark.parametrize(
-    "name", ["strain_length", "quiet_white", "poked_white", "led_white", "led_poke", "led_lasting_s", "hidden_share"]
+    "name",
+    [
+        "strain_length",
+        "quiet_white",
+        "poked_white",
+        "led_white",
+        "led_poke",
+        "led_lasting_s",
+        "hidden_share",
+        "undirected",
+    ],
 )
 def test_constants_reach_the_filter(name, default):
     """Ten times of each gives other figures; two links have one mark, no crowd, and two directions of strain."""
@@ -29,9 +39,9 @@ def test_constants_reach_the_filter(name, default):
     assert body_figures(ten_times, (5,), LINKS) != default
 
 
-@pytest.mark.parametrize("changed", [{"turned": 1e-3}, {"hidden_share": 3.0}, {"undirected": 1.0}])
+@pytest.mark.parametrize("changed", [{"turned": 1e-3}, {"hidden_share": 3.0}])
 def test_constants_of_large_bodies_reach_the_filter(changed):
-    """A sheet of 25 free nodes: more passes, pokes within, and covariances that are all even give other figures."""
+    """A sheet of 25 free nodes: more passes, and pokes on nodes within, give other figures."""
     sheet = {"sheet": 0.2}
     usual = body_figures(BodyConstants(), (5,), sheet)
     assert body_figures(replace(BodyConstants(), **changed), (5,), sheet) != usual

@@ -83,7 +83,7 @@ def test_wrong_constants_scatter_by_a_fifth_and_rest_where_drawn():
 
 def test_cases_cover_every_body_and_travel_as_json():
     all_cases = cases(seeds=range(1000, 1020))
-    assert len(all_cases) == 9 * (3 * 20 + 6 * 5)
+    assert len(all_cases) == 9 * (3 * 20 + 6 * 10)
     assert len({case.cell for case in all_cases}) == 9 * 9
     assert [Case.from_json(json.loads(json.dumps(case.to_json()))) for case in quick_cases()] == quick_cases()
 
