@@ -70,7 +70,7 @@ def test_its_score_is_the_slope_of_the_likelihood():
         x = x + K @ (z - H @ x)
     wanted = (plus[0] - minus[0]) / 2e-4
     np.testing.assert_allclose(scores, wanted, rtol=0.0, atol=1e-5 * np.abs(wanted).max())
-    for found, k in ((levels.state.mean, 1), (levels.state.cov, 2)):
+    for found, k in ((levels.state.mean_slope, 1), (levels.state.cov_slope, 2)):
         slope = (plus[k] - minus[k]) / 2e-4
         np.testing.assert_allclose(found, slope, rtol=0.0, atol=1e-5 * np.abs(slope).max())
 
@@ -97,13 +97,13 @@ def test_a_belief_that_became_narrower_otherwise_is_not_all_of_the_level():
     """A sensitivity as it was before a restart: it counts as the whole covariance of the innovation, and no more."""
     levels = followed(level(), 2.0, np.random.default_rng(0), 1.0)
     before = levels.state
-    S = H @ before.cov @ H.T / 100.0
+    S = H @ before.cov_slope @ H.T / 100.0
     levels.learn((np.zeros(1), S, np.zeros((2, 1))), H)
     # half of a coordinate, and what the mean's derivative, as much smaller, tells of it
-    told = 0.5 + float((H @ before.mean)[0] / 100.0) ** 2 / S[0, 0]
+    told = 0.5 + float((H @ before.mean_slope)[0] / 100.0) ** 2 / S[0, 0]
     assert levels.state.information <= before.information + told
-    np.testing.assert_allclose(levels.state.mean, before.mean / 100.0, rtol=1e-12)
-    np.testing.assert_allclose(levels.state.cov, before.cov / 100.0, rtol=1e-12)
+    np.testing.assert_allclose(levels.state.mean_slope, before.mean_slope / 100.0, rtol=1e-12)
+    np.testing.assert_allclose(levels.state.cov_slope, before.cov_slope / 100.0, rtol=1e-12)
 
 
 def test_it_stays_within_its_bounds_and_goes_back_to_what_it_was():
@@ -114,13 +114,13 @@ def test_it_stays_within_its_bounds_and_goes_back_to_what_it_was():
     assert levels.scale < 2.0
     levels.resume(then)
     assert levels.scale == 2.0
-    np.testing.assert_array_equal(levels.state.cov, then.cov)
+    np.testing.assert_array_equal(levels.state.cov_slope, then.cov_slope)
 
 
 def test_a_belief_that_is_another_owes_nothing_to_the_level():
     levels = followed(level(), 2.0, np.random.default_rng(0), 1.0)
-    assert np.abs(levels.state.cov).max() > 0.0
-    assert np.abs(levels.state.mean).max() > 0.0
+    assert np.abs(levels.state.cov_slope).max() > 0.0
+    assert np.abs(levels.state.mean_slope).max() > 0.0
     levels.forget()
-    assert np.abs(levels.state.cov).max() == 0.0
-    assert np.abs(levels.state.mean).max() == 0.0
+    assert np.abs(levels.state.cov_slope).max() == 0.0
+    assert np.abs(levels.state.mean_slope).max() == 0.0
