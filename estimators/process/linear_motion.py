@@ -48,9 +48,17 @@ five times 19."""
 
 
 def is_linearised(model: TissueModel) -> bool:
-    """Whether a network is moved so: stability would much shorten the filter's steps, or it has many states."""
-    longest_s = LONGEST_STEP / (1 if has_links(model.network) else SUBSTEPS)
-    return model.stiff or model.stepper.max_step_s < longest_s or model.network.n_state > MANY_STATES
+    """Whether a network is moved so: it has rigid links or many states, or stability would much shorten the steps."""
+    network = model.network
+    longest_s = LONGEST_STEP / (1 if has_links(network) else SUBSTEPS)
+    stiff = model.stiff or has_rigid_links(network) or model.stepper.max_step_s < longest_s
+    return stiff or network.n_state > MANY_STATES
+
+
+def has_rigid_links(network: MassSpringNetwork) -> bool:
+    """Whether a spring is so stiff that the body's weight would hardly stretch it."""
+    weight = GRAVITY * float(network.masses[~network.fixed].sum())
+    return float((network.stiffness * network.rest_lengths).max(initial=0.0)) > RIGID * weight
 
 
 def has_links(network: MassSpringNetwork) -> bool:
@@ -58,9 +66,7 @@ def has_links(network: MassSpringNetwork) -> bool:
 
     That is by Maxwell's count one of fewer springs than free coordinates, as a chain is. Source: [maxwell1864].
     """
-    weight = GRAVITY * float(network.masses[~network.fixed].sum())
-    rigid = float((network.stiffness * network.rest_lengths).max(initial=0.0)) > RIGID * weight
-    return rigid or len(network.springs) < network.n_state // 2
+    return has_rigid_links(network) or len(network.springs) < network.n_state // 2
 
 
 class LinearisedTissue:

@@ -59,6 +59,12 @@ def mark_speeds(
     return np.concatenate(values), np.concatenate(variances)
 
 
+def unseen_speed(network: MassSpringNetwork, settings: FilterSettings) -> float:
+    """Speed that tissue may have had before it was seen [m/s]: after an impulse, or as it swings by its weight."""
+    swing = float(np.linalg.norm(network.gravity) * reaches(network).max()) ** 0.5
+    return max(settings.impulse_m_s, swing)
+
+
 def restart_from_shape(
     mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, shape: Floats
 ) -> None:
@@ -122,7 +128,7 @@ def restart_from_marks(
     nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
     of the marks, and so are its covariance (Joseph's form) and columns. Where the marks leave several such shapes, an
     elbow to the left or to the right, a branch follows each, at odds by its energy: exp(-E / E0), E0 that of the nodes
-    which differ at a velocity of impulse_m_s. So are the shapes to which an elbow of several stiff links turns within
+    which differ at `unseen_speed`. So are the shapes to which an elbow of several stiff links turns within
     itself, for linear motion about one of them tells nothing of the others.
     inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
     unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
@@ -134,10 +140,10 @@ def restart_from_marks(
         restart_from_shape(mixture, model, settings, rest_shape(network))
         mixture.update_linear(stacked.z, stacked.H(model.dim_x), stacked.R, stacked.shared)
         return
-    likely = [(1.0, shape)]
+    likely, velocity = [(1.0, shape)], unseen_speed(network, settings)
     for energy, other in mirrored_shapes(network, places, shape):
         differ = np.abs(other - shape).max(axis=1) > SAME * float(np.abs(other - shape).max())
-        unseen = 0.5 * float(network.masses[differ & ~network.fixed].sum()) * settings.impulse_m_s**2
+        unseen = 0.5 * float(network.masses[differ & ~network.fixed].sum()) * velocity**2
         likely.append((float(np.exp(min(-energy / unseen, settings.gate))), other))
     odds = np.array([each for each, _ in likely])
     kept = odds >= settings.least_odds * odds.max()
@@ -151,8 +157,7 @@ def restart_from_marks(
     elbows = find_elbows(network, list(places)) if mixture.move.linear is not None else ()
     for elbow in elbows:
         if elbow.turns:
-            velocity, least = settings.impulse_m_s, settings.least_odds
-            beliefs, odds = turned_shapes(network, elbow, beliefs, velocity=velocity, least=least)
+            beliefs, odds = turned_shapes(network, elbow, beliefs, velocity=velocity, least=settings.least_odds)
     if len(beliefs) == 1:
         mixture.restart(*beliefs[0])
         return
