@@ -7,7 +7,7 @@ from estimators import MarkMeasurement
 from estimators.identification.budget import Budget, OutOfTimeError
 from estimators.identification.filter_pass import Pass, failed_pass
 from estimators.identification.search import followed, from_starts, gauss_newton, starts
-from estimators.identification.stretch import affordable, liveliest
+from estimators.identification.stretch import affordable, frame_seconds, liveliest
 
 T = np.random.default_rng(0).normal(size=(50, 3))
 Z = T @ np.array([1.0, -2.0, 0.5]) + np.random.default_rng(1).normal(size=50)
@@ -108,3 +108,15 @@ def test_the_liveliest_frames_are_kept_where_the_time_does_not_do():
     assert affordable(frames, 0.0, 5, budget) is frames
     with pytest.raises(OutOfTimeError):
         affordable(frames, 0.1, 50, budget)
+
+
+def test_a_pause_does_not_count_as_the_time_of_a_pass():
+    """A frame takes 0.1 s; compiled code is loaded for 5 s in the first pass, and 2 s are lost in the second."""
+    clock, lost = [0.0], iter([5.0, 2.0])
+    frames = [(float(k), []) for k in range(10)]
+
+    def run(some):
+        clock[0] += 0.1 * len(some) + next(lost, 0.0)
+
+    taken = frame_seconds(run, frames, Budget(60.0, lambda: clock[0]))
+    assert taken == pytest.approx(0.1)
