@@ -9,6 +9,9 @@ from estimators.arrays import Floats
 FLOOR = 1e-12
 """Least eigenvalue that a repaired covariance has, by its largest; a thousand times rounding."""
 
+OF_TWO = 0.5
+"""Variance of the mean of two that err alike and independently, by that of each [1]."""
+
 
 def nearest_definite(P: Floats) -> Floats:
     """The covariance (n, n) with eigenvalues below rounding lifted to it.
@@ -79,8 +82,9 @@ def corrected_each(
 
     beliefs, given and returned: means (k, n), covariances (k, n, n), and columns (k, n, r) of considered errors of unit
     variance, which enter the gain and are no part of the covariances
-    trust: the gain is that of covariances so many times smaller [1]; those returned are of the errors that it leaves,
-        but no larger at z than z's own, by their traces: a gain that is the best, of trust 1, leaves none that are
+    trust: the gain is that of covariances so many times smaller [1]; those returned are of the errors that it leaves.
+        At z they are no larger, by their traces, than what it leaves of errors so many times smaller, or than half of
+        z's own, whichever is the more: what the mean of two leaves that err alike
     """
     xs, Ps, columns = beliefs
     HP, C = H @ Ps, H @ columns
@@ -90,5 +94,8 @@ def corrected_each(
     ahead = xs + np.einsum("kni,ki->kn", K, z - xs @ H.T)
     left, of_columns = Ps + (beside + beside.swapaxes(1, 2)), columns - K @ C
     at_z = np.trace(H @ left @ H.T, axis1=1, axis2=2) + ((H @ of_columns) ** 2).sum(axis=(1, 2))
-    kept = np.trace(R) / np.maximum(at_z, np.trace(R)) if len(z) else np.ones(len(xs))
+    if not len(z):
+        return ahead, left, of_columns
+    most = np.maximum(np.trace(H @ K @ R, axis1=1, axis2=2), OF_TWO * np.trace(R))
+    kept = most / np.maximum(at_z, most)
     return ahead, kept[:, None, None] * left, np.sqrt(kept)[:, None, None] * of_columns

@@ -32,7 +32,7 @@ from estimators.tissue.settings import FilterSettings
 FLAT = 1e-3
 """A body is flat in a direction in which it extends by less than this share of its size as drawn; numerical."""
 
-UNDIRECTED = 0.1
+UNDIRECTED = 0.3
 """A covariance that is all of an inflation, which tells of no direction, goes even by this share [1]; choice."""
 
 CHANCE_SIGMAS = 5.0
