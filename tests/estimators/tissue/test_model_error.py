@@ -65,7 +65,7 @@ def followed(seed=0, n=60, **noise):
     return tissue, np.array(reported), np.array(alone)
 
 
-def test_what_is_told_is_even_by_a_tenth_where_all_of_it_is_inflated():
+def test_what_is_told_is_even_by_three_tenths_where_all_of_it_is_inflated():
     """A filter whose innovations were a hundred times too large: no direction is told surer than by that."""
     tissue, _, _ = followed()
     shown, target = tissue.model_error.shown, target_map(tissue.model.network, "n5")
@@ -76,7 +76,7 @@ def test_what_is_told_is_even_by_a_tenth_where_all_of_it_is_inflated():
     inflated = tissue.place_of(target)
     factor = tissue.model_error.of_target(target, tissue.mixture.x, tissue.mixture.P).factor
     assert factor > 50.0
-    share = 0.1 * (1.0 - 1.0 / factor)
+    share = 0.3 * (1.0 - 1.0 / factor)
     evened = (1.0 - share) * alone[1] + share * np.trace(alone[1]) / len(alone[1]) * np.eye(len(alone[1]))
     np.testing.assert_allclose(inflated[1], factor * evened, rtol=1e-6)
     np.testing.assert_allclose(inflated[0], alone[0], rtol=0.0, atol=1e-12)
@@ -140,14 +140,14 @@ def test_what_marks_refute_is_not_tracked_beyond_chance(n_marks, ratio):
 def test_a_lone_mark_that_is_not_believed_yet_leaves_the_target_anywhere():
     """The only mark, 0.7 m from where a start expects it: until it is confirmed the body may be all over its reach.
 
-    A twentieth of that goes to the other direction, in which the belief is surer.
+    Three twentieths of that go to the other direction, in which the belief is surer.
     """
     tissue = TissueFilter(cable(), "n5", ("n10",))
     for k in range(3):
         tissue.predict(k / 30.0)
         estimate = tissue.update([MarkMeasurement("n10", np.array([0.6, -0.5]), SD_M**2 * np.eye(2))])
         assert estimate.marks_used == 0
-        assert np.linalg.eigvalsh(estimate.cov)[-1] == pytest.approx(0.95 * 0.5**2 / 4.0, rel=0.05)
+        assert np.linalg.eigvalsh(estimate.cov)[-1] == pytest.approx(0.85 * 0.5**2 / 4.0, rel=0.05)
     tissue.predict(0.2)
     estimate = tissue.update([MarkMeasurement("n10", np.array([0.6, -0.5]), SD_M**2 * np.eye(2))])
     assert estimate.marks_used == 1
