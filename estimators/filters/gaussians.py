@@ -86,6 +86,8 @@ def corrected_each(
         At z they are no larger, by their traces, than what it leaves of errors so many times smaller, or than half of
         z's own, whichever is the more: what the mean of two leaves that err alike
     """
+    if not len(z):
+        return beliefs
     xs, Ps, columns = beliefs
     HP, C = H @ Ps, H @ columns
     S = HP @ H.T + R
@@ -94,8 +96,6 @@ def corrected_each(
     ahead = xs + np.einsum("kni,ki->kn", K, z - xs @ H.T)
     left, of_columns = Ps + (beside + beside.swapaxes(1, 2)), columns - K @ C
     at_z = np.trace(H @ left @ H.T, axis1=1, axis2=2) + ((H @ of_columns) ** 2).sum(axis=(1, 2))
-    if not len(z):
-        return ahead, left, of_columns
     most = np.maximum(np.trace(H @ K @ R, axis1=1, axis2=2), OF_TWO * np.trace(R))
     kept = most / np.maximum(at_z, most)
     return ahead, kept[:, None, None] * left, np.sqrt(kept)[:, None, None] * of_columns

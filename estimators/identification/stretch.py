@@ -17,7 +17,7 @@ PROBED = 3
 
 TIMED = 3
 """Passes that are timed; numerical: what else the machine or the interpreter does meanwhile takes longer than a few
-frames, and one fit of the zoo's block of 64 in twenty was given up for it."""
+frames, and a fit that counts it as theirs gives up though there is time."""
 
 
 def liveliest(frames: Frames, n: int) -> Frames:
