@@ -99,7 +99,7 @@ def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
     return Scene(
         network=network,
         marks=marks,
-        target=Target(phantom.target, 1e-3 * RADIUS_MM),
+        target=Target(phantom.target, 1e-3 * RADIUS_MM, position_sd_m=0.0),
         cameras=(_camera(network.positions),) if network.dim == 2 else (),
         spring_groups=phantom.groups,
     )

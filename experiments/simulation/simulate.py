@@ -83,7 +83,9 @@ def scene_of(scenario: Scenario) -> Scene:
         (seen.centre_mm[0] * 1e-3, seen.centre_mm[1] * 1e-3),
         calibration_sd_px=seen.calibration_sd_px,
     )
-    return Scene(network=network, marks=marks, target=Target(HIDDEN, TARGET_RADIUS_M), cameras=(camera,))
+    return Scene(
+        network=network, marks=marks, target=Target(HIDDEN, TARGET_RADIUS_M, position_sd_m=0.0), cameras=(camera,)
+    )
 
 
 def exposures(scenario: Scenario) -> Floats:

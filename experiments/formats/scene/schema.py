@@ -74,6 +74,7 @@ class TargetTable(Strict):
     node: Name
     radius_mm: Positive
     offset_mm: Coordinates | None = None
+    position_sd_mm: NotNegative | None = None
 
 
 class CameraTable(Strict):

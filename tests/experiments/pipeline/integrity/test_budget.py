@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from dynamics import ParameterUncertainty, parameters, rest_shape, scale_parameters
-from estimators import MarkMeasurement, StaticBalance, TissueFilter
+from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, TissueFilter
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.integrity.budget import USUAL, balance_of, error_budget, unstated, variance_shares
 from experiments.pipeline.line import Line
-from experiments.pipeline.live.usual import USUAL, balance_of
 from experiments.simulation.simulate import scene_of
 
 SMALL = 1e-3
@@ -43,13 +43,18 @@ def larger(scene: Scene, share: float) -> np.ndarray:
     return middle + (1.0 + share) * (scene.network.positions - middle)
 
 
-def target_m(scene: Scene, changes: np.ndarray, share: float = 0.0) -> np.ndarray:
-    """Where the target rests while marks stay where they are seen, springs stiffer by exp(changes)."""
+def target_m(scene: Scene, changes: np.ndarray, seen: np.ndarray | None = None, heavier: float = 0.0) -> np.ndarray:
+    """Where the target rests while marks stay where they are seen, springs stiffer by exp(changes).
+
+    seen: where all nodes are seen, (n_nodes, dim); heavier: by how much the target's node is, relative
+    """
     network = scale_parameters(scene.network, stiffnesses(scene), changes)
-    positions, held = network.positions.copy(), network.fixed.copy()
-    positions[marked(scene)] = larger(scene, share)[marked(scene)]
+    positions, held, masses = network.positions.copy(), network.fixed.copy(), network.masses.copy()
+    positions[marked(scene)] = (network.positions if seen is None else seen)[marked(scene)]
+    masses[network.index(scene.target.node)] *= 1.0 + heavier
     held[marked(scene)] = True
-    return rest_shape(replace(network, positions=positions, fixed=held))[network.index(scene.target.node)]
+    body = replace(network, positions=positions, fixed=held, masses=masses)
+    return rest_shape(body)[network.index(scene.target.node)]
 
 
 def of_stiffnesses(scene: Scene) -> np.ndarray:
@@ -62,8 +67,22 @@ def of_stiffnesses(scene: Scene) -> np.ndarray:
 def of_scale(scene: Scene) -> np.ndarray:
     """Covariance of the target by the usual error of the camera's scale [m²]."""
     none = np.zeros(len(stiffnesses(scene)))
-    slope = (target_m(scene, none, SMALL) - target_m(scene, none)) / SMALL
+    slope = (target_m(scene, none, larger(scene, SMALL)) - target_m(scene, none)) / SMALL
     return USUAL.scale**2 * np.outer(slope, slope)
+
+
+def of_drift(scene: Scene) -> np.ndarray:
+    """Covariance of the target by the usual drift of the camera [m²]."""
+    none, drift = np.zeros(len(stiffnesses(scene))), 1e-5 * np.eye(2)
+    moved = [target_m(scene, none, scene.network.positions + one) - target_m(scene, none) for one in drift]
+    return (USUAL.drift_m / 1e-5) ** 2 * np.einsum("ki,kj->ij", moved, moved)
+
+
+def of_mass(scene: Scene) -> np.ndarray:
+    """Covariance of the target by the usual error of its mass [m²]: the marks hold all other free nodes."""
+    none = np.zeros(len(stiffnesses(scene)))
+    slope = (target_m(scene, none, heavier=SMALL) - target_m(scene, none)) / SMALL
+    return USUAL.mass**2 * np.outer(slope, slope)
 
 
 def stated(scene: Scene, *, constants: bool = False, scale_sd: float | None = None, seen: bool = True) -> Scene:
@@ -76,7 +95,7 @@ def stated(scene: Scene, *, constants: bool = False, scale_sd: float | None = No
 
 def probability(scene: Scene, tissue: TissueFilter, positions: np.ndarray) -> float:
     """Of the force that marks ask for that are seen here for a second."""
-    balance, found = balance_of(scene, tissue)[0], None
+    balance, found = balance_of(scene, tissue), None
     for k in range(31):
         marks = [
             MarkMeasurement(node, positions[scene.network.index(node)], 1e-9 * np.eye(2))
@@ -89,15 +108,58 @@ def probability(scene: Scene, tissue: TissueFilter, positions: np.ndarray) -> fl
 
 @pytest.mark.parametrize("constants", [False, True])
 @pytest.mark.parametrize(("scale_sd", "seen"), [(None, True), (0.01, True), (None, False)])
-def test_a_target_is_as_uncertain_as_what_is_unsaid_makes_it_and_no_more(scene, tissue, constants, scale_sd, seen):
-    """Within 1 %: the slopes are those of small changes; the largest, 2.5 mm, is of the scale."""
-    expected = np.zeros((2, 2))
+def test_the_filter_lacks_what_the_scene_leaves_unstated_and_no_more(scene, tissue, constants, scale_sd, seen):
+    """Within 1 %: the slopes are those of small changes; the scale's is the largest, 2.5 mm."""
+    expected = of_drift(scene)
     if not constants:
-        expected += of_stiffnesses(scene)
+        expected += of_stiffnesses(scene) + of_mass(scene)
     if seen and scale_sd is None:
         expected += of_scale(scene)
-    cov = balance_of(stated(scene, constants=constants, scale_sd=scale_sd, seen=seen), tissue)[1]
+    cov = unstated(error_budget(stated(scene, constants=constants, scale_sd=scale_sd, seen=seen), tissue))
     np.testing.assert_allclose(cov, expected, atol=0.01 * (2.5e-3) ** 2, rtol=0.01)
+
+
+def test_a_place_that_is_not_stated_widens_what_is_advised_and_a_stated_one_the_estimate(scene, tissue):
+    known = unstated(error_budget(scene, tissue))
+    silent = replace(scene, target=replace(scene.target, position_sd_m=None))
+    more = unstated(error_budget(silent, Line(silent, baseline=False).filter)) - known
+    np.testing.assert_allclose(more, USUAL.position_m**2 * np.eye(2), rtol=1e-9)
+    loose = replace(scene, target=replace(scene.target, position_sd_m=4e-3))
+    wider = Line(loose, baseline=False).filter
+    np.testing.assert_allclose(unstated(error_budget(loose, wider)), known, rtol=1e-9)
+    estimates = []
+    for each in (tissue, wider):
+        filter_ = TissueFilter(scene.network, each.target.point, scene.measured_nodes, scene.settings)
+        filter_.predict(0.0)
+        marks = [
+            MarkMeasurement(node, scene.network.positions[scene.network.index(node)], 1e-6 * np.eye(2))
+            for node in scene.measured_nodes
+        ]
+        estimates.append(filter_.update(marks))
+    added = estimates[1].cov - estimates[0].cov
+    np.testing.assert_allclose(added, 16e-6 * np.eye(2), rtol=1e-6, atol=1e-12)
+
+
+def test_a_body_that_rests_elsewhere_than_it_is_drawn_is_as_uncertain_as_that(scene):
+    """The sag of the target by `rest_shape`, where the scene takes the body to be weightless."""
+    floating = replace(scene, network=replace(scene.network, gravity=np.zeros(2)))
+    sag = np.linalg.norm(
+        (rest_shape(floating.network) - floating.network.positions)[scene.network.index(scene.target.node)]
+    )
+    assert sag > 1e-3
+    [source] = [
+        one for one in error_budget(floating, Line(floating, baseline=False).filter) if one.name.startswith("rest")
+    ]
+    np.testing.assert_allclose(source.cov, sag**2 * np.eye(2), rtol=1e-9)
+
+
+def test_the_largest_source_is_named_first(scene, tissue):
+    silent = replace(scene, target=replace(scene.target, position_sd_m=20e-3))
+    estimate = TargetEstimate(0.0, np.zeros(2), 5e-4 * np.eye(2), Status.TRACKING, 3)
+    shares = variance_shares(error_budget(silent, tissue), estimate)
+    assert next(iter(shares)) == "the target's place in the tissue"
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares["marks and disturbances"] == pytest.approx(0.25 * shares["the target's place in the tissue"])
 
 
 def test_a_cut_spring_contradicts_whichever_it_is(scene, tissue):
@@ -115,7 +177,7 @@ def test_a_scale_that_may_be_off_contradicts_nothing_and_one_that_is_said_to_be_
 
 def test_constants_that_are_stated_are_those_of_the_balance(scene, tissue):
     """By the covariance of its force, which no stiffness known to 1 % makes as wide as one known to 30 %."""
-    balance = balance_of(stated(scene, constants=True, scale_sd=0.0), tissue)[0]
+    balance = balance_of(stated(scene, constants=True, scale_sd=0.0), tissue)
     other = StaticBalance(tissue, stated(scene, constants=True).uncertainty)
     marks = [
         MarkMeasurement(node, scene.network.positions[scene.network.index(node)], 1e-9 * np.eye(2))
