@@ -23,6 +23,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, read_scene
+from experiments.pipeline.integrity.budget import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.simulate import draw
 
@@ -46,6 +47,7 @@ class SceneCheck:
     interval_s: of the frames; seen: the measured marks as a frame at rest gives them; unfound: nodes whose marks no
         detector finds in a picture of the scene
     estimate: what the scene's filter knows of the target after some seconds at rest
+    variance_shares: share of each source of error in the target's variance, the largest first
     quiet_m, pushed_m: standard deviation of the target, an axis, below which no unbiased estimate is while nobody
         pushes, and while all marked nodes may be pushed as the scene's filter assumes
     """
@@ -63,6 +65,7 @@ class SceneCheck:
     estimate: TargetEstimate
     quiet_m: float
     pushed_m: float
+    variance_shares: Mapping[str, float]
 
     @property
     def offsets_m(self) -> Floats:
@@ -131,6 +134,7 @@ def checked(
         estimate=estimate,
         quiet_m=per_axis(at.cov(quiet)),
         pushed_m=per_axis(at.cov(pushed)),
+        variance_shares=variance_shares(error_budget(scene, line.filter), estimate),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,9 @@ from dynamics import ParameterUncertainty, independent_uncertainty, parameter_fo
 from estimators import ErrorSource, StaticBalance, StaticResponse, TargetEstimate, TissueFilter
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
+
+MOST = 0.9
+"""Share of the variance whose sources are named [1]."""
 
 SEEN = "marks and disturbances"
 """The source of what the filter's covariance has beside what is considered."""
@@ -63,30 +66,34 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
     uncertainty = stated or independent_uncertainty(parameters(network, ("stiffness",)), usual.stiffness)
     own = parameter_forces(network, uncertainty.parameters, at_rest.rest, np.zeros_like(at_rest.rest))
     constants = at_rest.to_forces(own.T @ uncertainty.directions.T)
-    found.append(ErrorSource.of("constants", constants, considered=stated is not None))
+    found.append(_source("constants", constants, stated=stated is not None))
     if stated is None:
         weights = np.zeros((len(network.free), dim, len(network.free)))
         weights[range(len(network.free)), :, range(len(network.free))] = np.outer(
             network.masses[network.free], tissue.model.network.gravity
         )
         masses = usual.mass * at_rest.to_forces(weights.reshape(-1, len(network.free)))
-        found.append(ErrorSource.of("masses", masses, considered=False))
+        found.append(_source("masses", masses, stated=False))
     if scene.cameras:
         camera, unscaled = scene.cameras[0], _is_unscaled(scene)
         seen = replace(camera, scale_sd=usual.scale) if unscaled else camera
         places = at_rest.rest[[network.index(node) for node in nodes]]
         shifts = seen.calibration_error(places).reshape(len(nodes) * dim, -1)
-        found.append(ErrorSource.of("the camera's calibration", at_rest.to_marks(shifts), considered=not unscaled))
+        found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not unscaled))
     alike = at_rest.to_marks(np.tile(usual.drift_m * np.eye(dim), (len(nodes), 1)))
-    found.append(ErrorSource.of("drift of the camera", alike, considered=False))
+    found.append(_source("drift of the camera", alike, stated=False))
     sd_m = scene.target.position_sd_m
     place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
-    found.append(ErrorSource.of("the target's place in the tissue", place, considered=sd_m is not None))
+    found.append(_source("the target's place in the tissue", place, stated=sd_m is not None))
     sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
         network.positions[network.free].ravel()
     )
     found.append(ErrorSource.of("rest elsewhere than drawn", np.linalg.norm(sag) * np.eye(dim), considered=False))
     return tuple(found)
+
+
+def _source(name: str, directions: Floats, *, stated: bool) -> ErrorSource:
+    return ErrorSource.of(name if stated else f"{name} (supposed)", directions, considered=stated)
 
 
 def unstated(budget: Sequence[ErrorSource]) -> Floats:
@@ -106,6 +113,17 @@ def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> 
     found[SEEN] = max(float(np.trace(estimate.cov)) - considered, 0.0)
     whole = sum(found.values()) or 1.0
     return {name: found[name] / whole for name in sorted(found, key=lambda name: -found[name])}
+
+
+def shares_words(shares: Mapping[str, float]) -> str:
+    """Which errors have most of the target's variance: the largest sources, to `MOST` of it together."""
+    named, together = [], 0.0
+    for name, share in shares.items():
+        named.append(f"{name} {100.0 * share:.0f} %")
+        together += share
+        if together >= MOST:
+            break
+    return ", ".join(named)
 
 
 def _is_unscaled(scene: Scene) -> bool:
