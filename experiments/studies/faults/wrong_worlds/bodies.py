@@ -36,9 +36,9 @@ def _four_masses() -> Phantom:
 BODIES = {
     one.name: one
     for one in (
-        Body("four masses", _four_masses, 20.0),
-        Body("light phantom", lambda: planar_phantom(5), 20.0),
-        Body("breast", lambda: breast_phantom(10), 20.0),
+        Body("four masses", _four_masses, 12.0),
+        Body("light phantom", lambda: planar_phantom(5), 12.0),
+        Body("breast", lambda: breast_phantom(10), 12.0),
     )
 }
 

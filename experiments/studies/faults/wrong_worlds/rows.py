@@ -11,17 +11,13 @@ from dynamics import MassSpringNetwork, rest_shape
 from dynamics.equilibrium import fit_rest_lengths
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
-from experiments.formats.scene.schema import MarkTable, TargetTable
+from experiments.formats.scene.schema import SceneFile, TargetTable
 from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.wrong_worlds.seen import MARK_SD_M, Seen, Sees
 from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Pushes, Truth
 
 WEIGHT = 9.81
 """Of a mass of 1 kg [N]."""
-
-Keys = Mapping[str, Mapping[str, float]]
-KEYS = {"target": TargetTable, "mark": MarkTable}
-"""Tables of a scene file that rows add keys to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +26,8 @@ class World:
 
     onset_s: from when on it is wrong, and counted [s]
     truth: how the body differs from the scene; seen: what becomes of the frames of a tracker
-    scene: the scene that is stated; keys: by table, what is stated beside that
-    sd_m: of the marks, as the tracker states it [m]; reference: marks on the anchors are seen, too
+    scene: the scene that is stated; target: keys of `[target]` that are stated, too
+    sd_m: of the marks, as the tracker states it [m]; reference: reference marks on the anchors are stated, and seen
     """
 
     name: str
@@ -39,15 +35,15 @@ class World:
     truth: Truth = AS_STATED
     seen: Sees = lambda seen, _rng: seen
     scene: Callable[[Scene], Scene] = lambda scene: scene
-    keys: Keys = field(default_factory=dict)
+    target: Mapping[str, float] = field(default_factory=dict)
     sd_m: float = MARK_SD_M
     reference: bool = False
 
     @property
     def is_supported(self) -> bool:
         """Whether scene files have the keys that it states."""
-        needed = {**self.keys, **({"mark": {"reference": True}} if self.reference else {})}
-        return all(key in KEYS[table].model_fields for table, keys in needed.items() for key in keys)
+        has_reference = "reference" in SceneFile.model_fields
+        return self.target.keys() <= TargetTable.model_fields.keys() and (has_reference or not self.reference)
 
 
 def _way(dim: int, rng: np.random.Generator) -> Floats:
@@ -164,7 +160,9 @@ def _rests_at(by_m: float) -> Truth:
     return Truth(moved)
 
 
-def _springs(factors: Callable[[Scene], Floats], damping: Callable[[Scene], Floats] = lambda _scene: np.ones(1)) -> Truth:
+def _springs(
+    factors: Callable[[Scene], Floats], damping: Callable[[Scene], Floats] = lambda _scene: np.ones(1)
+) -> Truth:
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = scene.network
         stiffness, dashpots = network.stiffness * factors(scene), network.damping * damping(scene)
@@ -203,7 +201,9 @@ def _nodes(change: Callable[[MassSpringNetwork], Mapping[str, Floats]]) -> Truth
 
 def _dragged(network: MassSpringNetwork) -> Mapping[str, Floats]:
     """Ten times as much; where there is none, such that a free mass would stop in a tenth of a second."""
-    return {"drag": np.where(network.drag > 0.0, 10.0 * network.drag, np.where(network.fixed, 0.0, 10.0 * network.masses))}
+    return {
+        "drag": np.where(network.drag > 0.0, 10.0 * network.drag, np.where(network.fixed, 0.0, 10.0 * network.masses))
+    }
 
 
 def _rough(network: MassSpringNetwork) -> Mapping[str, Floats]:
@@ -241,7 +241,7 @@ WORLDS: tuple[World, ...] = (
     World("all marks move by 8 mm for half a second", ONSET_S, seen=_shaken),
     *_PLACED,
     *(
-        replace(one, name=f"{one.name}; so stated", keys={"target": {"position_sd_mm": mm}})
+        replace(one, name=f"{one.name}; so stated", target={"position_sd_mm": mm})
         for one, mm in zip(_PLACED, (10.0, 3.0), strict=True)
     ),
     World("the target's springs are a third as stiff", truth=_soft(1.0 / 3.0, one=False)),

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from estimators import Advice, Status
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.scene import Scene, read_scene, scene_text
-from experiments.formats.toml_file import toml_value
+from experiments.formats.toml_file import toml_text, toml_value
 from experiments.log import LOG
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.following import follow
@@ -30,9 +31,14 @@ from experiments.studies.faults.wrong_worlds.bodies import BODIES, plan_of, scen
 from experiments.studies.faults.wrong_worlds.rows import World, world_of
 from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
 from experiments.studies.faults.wrong_worlds.truth import motion_of
-from scipy.stats import chi2
 
 REFUSED = "refused"
+
+REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
+"""Squared radius of the region of 95 %, by dimension [sigmas²]."""
+
+REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
+"""How reference marks look, where a camera stands before the body: no other mark has that hue."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +88,7 @@ class Judging(Publisher):
                 None if guidance is None else str(guidance.advice),
                 shown.fault or ("" if guidance is None else guidance.reason),
                 float(np.linalg.norm(off)),
-                known and bool(off @ np.linalg.solve(cov, off) <= chi2.ppf(0.95, len(off))),
+                known and bool(off @ np.linalg.solve(cov, off) <= REGION[len(off)]),
                 is_wrong(estimate.mean, cov, truth),
             )
         )
@@ -113,8 +119,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
     path = folder / "scene.toml"
     write_whole(path, stated_text(world, scene))
     stated = read_scene(path)
-    anchors = tuple(name for name, fixed in zip(scene.network.names, scene.network.fixed, strict=True) if fixed)
-    nodes = scene.measured_nodes + (anchors if world.reference else ())
+    nodes = scene.measured_nodes + (_anchors(scene) if world.reference else ())
     seen = world.seen(seen_of(scene, nodes, motion, seed), np.random.default_rng([seed, 13]))
     judging = Judging(motion, scene.network.index(scene.target.node), world.onset_s)
     frames = ScriptedMarks(stated, lines_of(seen, world.sd_m))
@@ -132,12 +137,17 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 def stated_text(world: World, scene: Scene) -> str:
     """The scene file that the world's user has written."""
-    lines = []
-    for line in scene_text(world.scene(scene)).splitlines():
-        lines.append(line)
-        added = world.keys.get(line.strip("[]"), {}) if line.startswith("[") else {}
-        lines += [f"{key} = {toml_value(value)}" for key, value in added.items()]
+    lines = scene_text(world.scene(scene)).splitlines()
+    target = lines.index("[target]") + 1
+    lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
+    for anchor in _anchors(scene) if world.reference else ():
+        lines += ["", "[[reference.mark]]", f"name = {toml_text(anchor)}", f"node = {toml_text(anchor)}"]
+        lines += [f"hue_deg = {REFERENCE_HUE_DEG}", f"diameter_mm = {REFERENCE_MM}"] if scene.cameras else []
     return "\n".join(lines) + "\n"
+
+
+def _anchors(scene: Scene) -> tuple[str, ...]:
+    return tuple(scene.network.names[i] for i in np.flatnonzero(scene.network.fixed))
 
 
 def counted(moments: list[Moment]) -> dict[str, Any]:

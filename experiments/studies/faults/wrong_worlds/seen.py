@@ -52,7 +52,7 @@ Sees = Callable[[Seen, np.random.Generator], Seen]
 
 
 def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
-    """The marks on these nodes as a tracker sees them, all to `MARK_SD_M`; its clock is the own one, nothing is late."""
+    """The marks on these nodes as a tracker sees them, all to `MARK_SD_M`; its clock is right, and no line is late."""
     times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
     columns = [scene.network.index(node) for node in nodes]
     places = np.array([motion.at(float(t))[columns] for t in times])
@@ -62,7 +62,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
-    """When each line arrives on the clock [s], and the line, in the order of arrival; sd_m: as the tracker states it."""
+    """When each line arrives on the clock [s], and the line, in the order of arrival; sd_m: as is stated [m]."""
     axes = AXES[: seen.places.shape[2]]
     lines = []
     for k, arrives_s in enumerate(seen.arrive_s):
