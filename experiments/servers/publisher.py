@@ -122,6 +122,7 @@ class Shows:
                 events=events,
                 recording=recording,
                 paused=paused,
+                errors=shown.errors,
             ),
             image,
         )

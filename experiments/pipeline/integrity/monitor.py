@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from estimators import Doubt, MarkMeasurement, TargetEstimate, TissueFilter
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.integrity.budget import balance_of, error_budget, unstated
+from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 
 
 class IntegrityMonitor:
@@ -31,6 +31,10 @@ class IntegrityMonitor:
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
         """The estimate with what the scene leaves unstated in its covariance."""
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
+
+    def largest_errors(self, estimate: TargetEstimate) -> str:
+        """Which errors have most of the variance of the target of an estimate by the filter."""
+        return shares_words(variance_shares(self.budget, estimate))
 
     def restart(self) -> None:
         """Forget the marks: the filter begins again."""
