@@ -49,6 +49,7 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("--bodies", action="append", default=[], help=f"of {', '.join(BODIES)}; again for more")
     parser.add_argument("--seeds", type=int, default=20, help="runs of each row and body: %(default)s")
     parser.add_argument("--first-seed", type=int, default=0, help="of them: %(default)s")
+    parser.add_argument("--seconds", type=float, help="of each run; default: 12")
     parser.add_argument("--page", action="store_true", help="rewrite the table of docs/faults.md")
     add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))
@@ -58,7 +59,12 @@ def main(arguments: Iterable[str] | None = None) -> int:
         worlds = [world.name for world in WORLDS if world.name in names and world.is_supported]
         seeds = range(given.first_seed, given.first_seed + given.seeds)
         # worlds last: most of a body and a seed have the same truth, which is kept
-        cases = [{"body": body, "seed": seed, "world": world} for seed in seeds for body in bodies for world in worlds]
+        cases = [
+            {"body": body, "seed": seed, "world": world, **({"duration_s": given.seconds} if given.seconds else {})}
+            for seed in seeds
+            for body in bodies
+            for world in worlds
+        ]
         with run_bar("wrong worlds") as advance:
             found = run_study(run, cases, given.out, chosen_workers(given), advance).checked()
     except InputError as error:

@@ -63,7 +63,7 @@ class Moment:
         if self.advice == str(Advice.GO):
             return self.advice
         what = self.status if self.advice in (None, str(Advice.NO_GUIDANCE)) else self.advice
-        return re.sub(r"[\d.]+", "…", f"{what}: {self.why}" if self.why else what)
+        return _plain(f"{what}: {self.why}" if self.why else what)
 
 
 class Judging(Publisher):
@@ -104,13 +104,14 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as folder:
             return counted(moments_of(world, scene, case["seed"], duration_s, Path(folder)))
     except InputError as error:
-        return {**counted([]), REFUSED: True, "shown": _plain(str(error), folder)}
+        return {**counted([]), REFUSED: True, "shown": _plain(str(error).replace(f"{folder}/", ""))}
     finally:
         LOG.setLevel(level)
 
 
-def _plain(text: str, folder: str) -> str:
-    return re.sub(r"[\d.]+", "…", text.replace(f"{folder}/", ""))
+def _plain(text: str) -> str:
+    """A text whatever its figures."""
+    return re.sub(r"\d+(\.\d+)?", "…", text)
 
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
