@@ -91,7 +91,7 @@ def world_under(pushes: Pushes, seed: int) -> World:
 
 
 class Run:
-    """A phantom, its filter and the advice. State: these, where the truth is, what was said, where the target was."""
+    """A phantom, its filter and the advice. State: these, the next frame, where all is, what was said, the target's places."""
 
     def __init__(self, pushes: Pushes, seed: int, radius_mm: float, folder: Path) -> None:
         self.world, self.k = world_under(pushes, seed), 0
@@ -112,7 +112,7 @@ class Run:
         """Go on to this time [s]; there is no advice before 7.5 s, when the breath is known."""
         world = self.world
         away = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
-        for self.k in range(self.k, round(end_s * 30)):
+        while self.k < round(end_s * 30):
             now = world.frame_s(self.k)
             self.tissue.predict(now)
             estimate = self.tissue.update(world.marks(self.k, self.state))
@@ -122,8 +122,8 @@ class Run:
                 self.said.append((now, self.advice.plan.insertion, guided))
                 turned = replace(self.plan.insertion, axis=guided.turned_axis)
                 self.advice.plan = replace(self.plan, insertion=turned)
-            self.state, _ = world.moved(self.state, away, (now, world.frame_s(self.k + 1)), False)
-        self.k += 1
+            self.k += 1
+            self.state, _ = world.moved(self.state, away, (now, world.frame_s(self.k)), False)
 
 
 @cache

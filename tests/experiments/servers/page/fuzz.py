@@ -101,7 +101,7 @@ def attack(one: Served, rng: random.Random) -> int:
 
 
 def trial(n: int, seed: int = 0) -> dict[str, float]:
-    """Send n hostile messages while a client watches; AssertionError where that client misses a state or waits in vain."""
+    """Send n hostile messages while a client watches; AssertionError where a state does not come to it."""
     rng, sent, waits, works = random.Random(seed), 0, [0.0], [0.0]
     with served(messages.scene()) as one, stream(one, query="?pace=1") as honest:
         honest.recv(SOON_S)
