@@ -91,7 +91,7 @@ def world_under(pushes: Pushes, seed: int) -> World:
 
 
 class Run:
-    """A phantom, its filter and the advice. State: these, the next frame, where all is, what was said, the target's places."""
+    """A phantom, its filter and the advice. State: these, the next frame, where all is, what was said."""
 
     def __init__(self, pushes: Pushes, seed: int, radius_mm: float, folder: Path) -> None:
         self.world, self.k = world_under(pushes, seed), 0
