@@ -33,6 +33,7 @@ def test_the_tutorial_has_the_steps_of_a_new_project(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     """All commands of the page, 6 s in place of 20 recorded: the target is followed no worse than by the open loop.
 
