@@ -26,7 +26,10 @@ AXES = ("x_mm", "y_mm", "z_mm")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkRow:
-    """A mark that another tracker found: its node, where it was [m], (dim,), one standard deviation an axis [m]."""
+    """A mark that another tracker found: its node, where it was [m], (dim,), one standard deviation an axis [m].
+
+    Of a reference mark the node is its name.
+    """
 
     node: str
     position_m: Floats
@@ -183,8 +186,9 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
     """Exposure times of the frames and the marks of each; without given times, those at which a mark was seen."""
     table = _read_places(path, scene, ["time_s", "sd_mm"], ["node"])
-    nodes = _node_indices(table, scene)
-    marked = [scene.network.index(mark.node) for mark in scene.marks]
+    names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
+    nodes = _indices(table, names)
+    marked = [names.index(name) for name in scene.mark_names]
     table.check("node", np.isin(nodes, marked), "a node with a mark in the scene")
     table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
     table.check_order("time_s", strictly=False)
@@ -199,7 +203,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
         distances = np.abs(exposures_s[near] - times_s)
         frames = np.where(distances[0] <= distances[1], near[0], near[1])
         table.check("time_s", distances.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
-    _, first = np.unique(frames * scene.network.n_nodes + nodes, return_index=True)
+    _, first = np.unique(frames * len(names) + nodes, return_index=True)
     table.check("node", np.isin(np.arange(table.n_rows), first), "each node once at one time")
     positions, sds = _positions(table, scene), (1e-3 * table.numbers["sd_mm"]).tolist()
     rows = [MarkRow(*row) for row in zip(table.texts["node"], positions, sds, strict=True)]
@@ -211,7 +215,7 @@ def _read_truth(path: Path, scene: Scene) -> Truth:
     table = _read_places(path, scene, ["time_s"], ["node"])
     if not table.n_rows:
         raise InputError.at(path, "a row for each time and node", "none")
-    nodes, times_s, positions = _node_indices(table, scene), table.numbers["time_s"], _positions(table, scene)
+    nodes, times_s, positions = _indices(table, scene.network.names), table.numbers["time_s"], _positions(table, scene)
     table.check_order("time_s", strictly=True, groups=nodes)
     rows = {scene.network.names[i]: np.flatnonzero(nodes == i) for i in np.unique(nodes)}
     return Truth(
@@ -235,8 +239,8 @@ def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str])
     return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, rejected=rejected)
 
 
-def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:
-    indices = {name: i for i, name in enumerate(scene.network.names)}
+def _indices(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
+    indices = {name: i for i, name in enumerate(names)}
     nodes = np.array([indices.get(name, -1) for name in table.texts["node"]], dtype=np.int64)
     if (nodes < 0).any():
         row = int(np.argmax(nodes < 0))

@@ -64,7 +64,7 @@ class Imported:
     def counts(self) -> dict[str, int]:
         """In how many frames each node was seen."""
         seen = Counter(mark.node for found in self.marks for mark in found)
-        return {mark.node: seen[mark.node] for mark in self.scene.marks}
+        return {name: seen[name] for name in self.scene.mark_names}
 
 
 def import_table(
@@ -120,7 +120,7 @@ def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str |
             parts = ", ".join(poses.parts)
             raise InputError.at("--rename", f"PART=NODE once, of the parts {parts}", shown(text))
         names[part] = node
-    marked = [mark.node for mark in scene.marks]
+    marked = scene.mark_names
     nodes = [names.get(part, part) for part in poses.parts]
     for part, node in zip(poses.parts, nodes, strict=True):
         if node and node not in marked:

@@ -28,7 +28,7 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_distractors, report_event, report_swap
+from experiments.pipeline.events import report_distractors, report_event, report_move, report_swap
 from experiments.pipeline.frame_sources import check_size
 from experiments.pipeline.integrity.monitor import IntegrityMonitor
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
@@ -183,6 +183,9 @@ class Session:
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
+        if step.reference is not None and step.reference.moved is not None:
+            moved = step.reference.moved
+            report_move(replace(moved, time_s=self._own_s(moved.time_s)))
         return step
 
     @property

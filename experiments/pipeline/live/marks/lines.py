@@ -63,7 +63,7 @@ def _mark(place: str, stated: object, scene: Scene) -> MarkRow:
     axes = AXES[: scene.network.dim]
     table = _table(place, stated, ("node", *axes, "sd_mm"))
     node = table["node"]
-    if not isinstance(node, str) or node not in (mark.node for mark in scene.marks):
+    if not isinstance(node, str) or node not in scene.mark_names:
         raise LineError(f"{place}.node: expected a node with a mark in the scene, found {shown(node)}")
     position_mm = np.array([_number(f"{place}.{axis}", table[axis], -FARTHEST_MM) for axis in axes])
     return MarkRow(node, 1e-3 * position_mm, 1e-3 * _number(f"{place}.sd_mm", table["sd_mm"], FINEST_MM))
