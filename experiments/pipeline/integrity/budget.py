@@ -80,8 +80,11 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
         places = at_rest.rest[[network.index(node) for node in nodes]]
         shifts = seen.calibration_error(places).reshape(len(nodes) * dim, -1)
         found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not unscaled))
-    alike = at_rest.to_marks(np.tile(usual.drift_m * np.eye(dim), (len(nodes), 1)))
-    found.append(_source("drift of the camera", alike, stated=False))
+    if not scene.reference.marks:  # they are seen to move with the camera
+        drift_m = scene.reference.drift_sd_m
+        alike = np.tile((usual.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
+        name = "drift of the camera" if drift_m is not None else "drift of the camera (supposed)"
+        found.append(ErrorSource.of(name, at_rest.to_marks(alike), considered=False))
     sd_m = scene.target.position_sd_m
     place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
     found.append(_source("the target's place in the tissue", place, stated=sd_m is not None))
