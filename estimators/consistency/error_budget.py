@@ -8,7 +8,7 @@ Khh^-1 gh, with K the stiffness at rest: static condensation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,21 +23,21 @@ class ErrorSource:
     """One source of error of the target.
 
     name: in a few words; cov: of the target by it [m²], (dim, dim); considered: whether the filter's covariance has it
+    variance: trace of cov [m²]
     """
 
     name: str
     cov: Floats
     considered: bool
+    variance: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "variance", float(np.trace(self.cov)))
 
     @classmethod
     def of(cls, name: str, directions: Floats, *, considered: bool) -> ErrorSource:
         """A source of independent directions of one standard deviation each [m], (dim, r)."""
         return cls(name, directions @ directions.T, considered)
-
-    @property
-    def variance(self) -> float:
-        """Trace of its covariance [m²]."""
-        return float(np.trace(self.cov))
 
 
 class StaticResponse:
