@@ -19,6 +19,7 @@ SCENARIOS = ("quiet", "poked")
 PAPER_MM = {"quiet": (15.93, 9.28), "poked": (18.29, 12.31)}
 """Mean and SD of the hidden mass's error as published [mm], at 1.09 s a frame and marks found to 4.14 ± 1.47 mm."""
 
+
 def tracked(
     name: str,
     recording: Path,
@@ -34,9 +35,9 @@ def tracked(
     return track(read_recording(recording), stage(f"{name}: track"))
 
 
-def seeds() -> dict[str, int]:
-    """The seed of each scenario's run."""
-    return {name: read_scenario(name).seed for name in SCENARIOS}
+def heads() -> tuple[str, ...]:
+    """The scenarios with their seeds, as tables of the demo have them."""
+    return tuple(f"{name}, seed {read_scenario(name).seed}" for name in SCENARIOS)
 
 
 Figures = dict[str, dict[str, dict[str, float | int | None]]]
