@@ -59,7 +59,7 @@ class Study:
 def run_study(
     work: Work,
     cases: Sequence[Case],
-    folder: Path,
+    folder: str | Path,
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Study:
@@ -72,6 +72,7 @@ def run_study(
     Raises InputError for a missing extra or scheduler, ValueError for two cases alike.
     """
     require("studies", "cluster")
+    folder = Path(folder)
     shared = importable(work)
     keys = [key_of(shared, case) for case in cases]
     if len(set(keys)) < len(keys):
