@@ -16,7 +16,7 @@ from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, 
 from experiments.formats.scene.scene import Scene, read_scene
 from experiments.formats.tables import Table, read_table, write_table
 from experiments.log import LOG
-from vision import SourceError
+from vision import FilePath, SourceError
 
 SAME_TIME_S = 1e-9
 """Times that differ by less are one time: no file is written finer than this."""
@@ -108,16 +108,17 @@ class Recording:
 
 
 def read_recording(
-    folder: Path, scene_path: Path | None = None, advance: Callable[[float], None] = lambda _share: None
+    folder: FilePath, scene_path: FilePath | None = None, advance: Callable[[float], None] = lambda _share: None
 ) -> Recording:
     """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError.
 
     advance: gets the share done, of a film that is read through
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
-    scene_path = folder / "scene.toml" if scene_path is None else scene_path
+    scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
     scene = read_scene(scene_path)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None

@@ -169,7 +169,7 @@ def test_a_scheduler_that_is_not_there_is_bad_input(tmp_path, monkeypatch):
 
 
 def test_without_the_extra_the_message_has_the_command(tmp_path, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    monkeypatch.setattr("experiments.extras.find_spec", lambda _name: None)
     with pytest.raises(InputError, match=r'pip install "softaim\[cluster\]"'):
         run_study(small_runs.paired, cases(2), tmp_path, OWN_PROCESS)
 

@@ -3,6 +3,7 @@
 import socket
 import time
 from contextlib import suppress
+from typing import BinaryIO
 
 import pytest
 
@@ -81,3 +82,41 @@ def test_connections_beyond_the_most_are_ended_at_once(patient: pytest.MonkeyPat
         assert not ended(held[0], 0.1)
         for raw in held:
             raw.close()
+
+
+def head(port: int, n_bytes: int) -> bytes:
+    """A request for the page whose head is so long."""
+    begin = b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nX-Long: " % port
+    return begin + b"a" * (n_bytes - len(begin) - 4) + b"\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    ("n_before", "n_bytes", "taken"),
+    [
+        *[(0, 1000, True), (0, 16_384, True), (0, 16_385, False), (0, 70_000, False), (0, 250_000, False)],
+        *[(200, 16_384, True), (200, 16_385, False)],
+    ],
+)
+def test_a_head_of_more_than_16_kib_is_refused(n_before: int, n_bytes: int, taken: bool) -> None:
+    """However it comes: at once, or together with another request on the same connection."""
+    with served(messages.scene()) as one:
+        sent = (head(one.port, n_before) if n_before else b"") + head(one.port, n_bytes)
+        with socket.create_connection(("127.0.0.1", one.port), timeout=20.0) as raw, raw.makefile("rb") as answers:
+            with suppress(OSError):  # ended while it was sent
+                raw.sendall(sent)
+            if n_before:
+                assert answered(answers) == b"200"
+            assert answered(answers) in ([b"200"] if taken else [b"400", b""])
+
+
+def answered(answers: BinaryIO) -> bytes:
+    """The status of the next answer, which is read whole; nothing where the connection ended with what was unread."""
+    try:
+        status, length = answers.readline().split()[1], 0
+    except ConnectionResetError:
+        return b""
+    while (line := answers.readline().strip()) != b"":
+        name, _, value = line.partition(b":")
+        length = int(value) if name.lower() == b"content-length" else length
+    answers.read(length)
+    return status
