@@ -88,13 +88,15 @@ def as_stiff_as_known(network: MassSpringNetwork, strain_sd: float) -> MassSprin
     """
     weight = float(network.masses[~network.fixed].sum()) * GRAVITY
     stiffest = STIFFEST * weight / (strain_sd * np.maximum(network.rest_lengths, SHORTEST_M))
-    too_stiff = network.stiffness > stiffest
-    if not too_stiff.any():
+    if not (network.stiffness > stiffest).any():
         return network
     i, j = network.springs.T
     shape = rest_shape(network)
     lengths = np.linalg.norm(shape[j] - shape[i], axis=1)
     tension = network.stiffness * (lengths - network.rest_lengths)
+    # one under more tension than the body weighs keeps half of its length
+    stiffest = np.maximum(stiffest, 2.0 * tension / lengths)
+    too_stiff = network.stiffness > stiffest
     return replace(
         network,
         stiffness=np.where(too_stiff, stiffest, network.stiffness),

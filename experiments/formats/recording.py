@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.formats.tables import Table, read_table, write_table
 from experiments.log import LOG
 from vision import FilePath, SourceError
@@ -119,7 +119,7 @@ def read_recording(
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
     scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
-    scene = read_scene(scene_path)
+    scene = usable_scene(scene_path)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:

@@ -14,15 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import ImplicitStepper, NetworkError, Oscillations, oscillations, rest_shape, stable_step
+from dynamics import ImplicitStepper, Oscillations, oscillations, rest_shape, stable_step
 from estimators import MarkMeasurement, TargetEstimate, resting_bound
 from estimators.process.linear_motion import is_linearised
 from estimators.process.target import target_map
 from experiments.arrays import Floats
-from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity.budget import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.simulate import draw
@@ -98,12 +97,9 @@ def checked(
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
-    scene = read_scene(path) if recording is None else recording.scene
+    scene = usable_scene(path) if recording is None else recording.scene
     network = scene.network
-    try:
-        rest = rest_shape(network)
-    except NetworkError as error:
-        raise InputError(f"{path}: network: {error}; braces, stiffer springs or anchors would hold it") from None
+    rest = rest_shape(network)
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
     seen, unfound = _seen(scene, rest, recording, sd_mm)

@@ -14,6 +14,7 @@ from experiments.formats.scene.filter import filter_table, settings_of, uncertai
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import is_node_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of
+from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
@@ -130,6 +131,16 @@ class Scene:
 def read_scene(path: FilePath) -> Scene:
     """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
     return scene_of_tables(read_toml(Path(path), SceneFile), Path(path))
+
+
+def usable_scene(path: FilePath) -> Scene:
+    """The scene of a file, to simulate or estimate with: its body rests near where it is drawn. Raises InputError."""
+    scene = read_scene(path)
+    try:
+        check_rest(scene.network)
+    except SceneError as error:
+        raise InputError(f"{path}: {error}") from None
+    return scene
 
 
 def scene_of_tables(file: SceneFile, path: Path) -> Scene:

@@ -8,6 +8,7 @@ import pytest
 from dynamics import ParameterUncertainty, parameters, rest_shape, scale_parameters
 from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, TissueFilter
 from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import USUAL, balance_of, error_budget, unstated, variance_shares
 from experiments.pipeline.line import Line
@@ -19,8 +20,8 @@ SMALL = 1e-3
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    """The phantom that comes along; nothing is said of its constants, nor of its camera's scale."""
-    return scene_of(read_scenario("webcam"))
+    """The phantom that comes along; nothing is stated of its constants, its camera's scale, nor of drift."""
+    return replace(scene_of(read_scenario("webcam")), reference=Reference())
 
 
 @pytest.fixture(scope="module")
