@@ -24,7 +24,7 @@ from vision.sources.segments import (
 )
 from vision.sources.settings import SourceSettings
 from vision.sources.video import Codec, VideoWriter, compress
-from vision.sources.watchdog import SourceWatchdog
+from vision.sources.watchdog import FrozenValues, SourceWatchdog
 
 __all__ = [
     "FILMS",
@@ -41,6 +41,7 @@ __all__ = [
     "FolderFrames",
     "Frame",
     "FrameFile",
+    "FrozenValues",
     "LiveFrames",
     "PictureFolderFrames",
     "Playback",

@@ -16,6 +16,11 @@ MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
 """Frames in which the estimate did not rest on marks that fit; in the order in which a verdict names them."""
 
 
+NO_MARKS = "no marks were taken in after the start: the model alone estimates "
+LOOK = "(is the hue right? softaim hue)"
+CHECK = "(do times, positions and nodes of the table fit the scene?)"
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """Mean NIS of the frames of a run, and the band that holds it with 95 % where model and noise levels are right.
@@ -64,10 +69,13 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
     return {str(status): statuses.count(status) for status in Status}
 
 
-def verdict(fit: Fit | None, by_status: Mapping[str, int], refused: int = 0) -> str:
+def verdict(
+    fit: Fit | None, by_status: Mapping[str, int], refused: int = 0, *, frozen: int = 0, pictures: bool = True
+) -> str:
     """One sentence: do the marks fit the model, and in how many frames were there any; what to do where not.
 
-    refused: marks that the gate rejected
+    refused: marks that the gate rejected; frozen: frames whose given values repeat; pictures: whether marks were looked
+    for in pictures, and not given
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -76,15 +84,15 @@ def verdict(fit: Fit | None, by_status: Mapping[str, int], refused: int = 0) -> 
         counted = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         counted = f"none of {frames} frames coasting, lost or diverged"
-    told = [_fit_words(fit), counted]
+    told = [NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit), counted]
+    if frozen:
+        told.append(f"{frozen} frames frozen: their values repeat those before")
     if refused:
         told.append(f"{refused} marks refused")
     return "; ".join(told)
 
 
-def _fit_words(fit: Fit | None) -> str:
-    if fit is None:
-        return "no marks were taken in after the start: the model alone estimates (is the hue right? softaim hue)"
+def _fit_words(fit: Fit) -> str:
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"the marks fit the model: NIS {fit.mean_nis:.2f} in {band}"
