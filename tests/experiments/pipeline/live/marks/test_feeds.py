@@ -17,7 +17,7 @@ SCENE = scene_of(read_scenario("webcam"))
 
 
 def line(time_s: float) -> bytes:
-    return f'{{"time_s": {time_s}, "marks": [{{"node": "M3", "x_mm": 0, "y_mm": 390, "sd_mm": 1}}]}}\n'.encode()
+    return f'{{"time_s": {time_s}, "marks": [{{"node": "M3", "x_mm": {time_s}, "y_mm": 390, "sd_mm": 1}}]}}\n'.encode()
 
 
 def until(condition) -> None:
