@@ -19,7 +19,8 @@ from estimators import MarkMeasurement, TargetEstimate, resting_bound
 from estimators.process.linear_motion import is_linearised
 from estimators.process.target import target_map
 from experiments.arrays import Floats
-from experiments.formats.recording import MarkRow, Recording, read_recording
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity.budget import error_budget, variance_shares
@@ -178,9 +179,9 @@ def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
     """Covariance of each measured mark that has rows [m²], the usual one of all where none has; nodes without rows."""
-    sds = {node: [row.sd_m for row in rows if row.node == node] for node in usual}
-    covs = {node: float(np.median(own)) ** 2 * np.eye(scene.network.dim) for node, own in sds.items() if own}
-    return covs or dict(usual), tuple(node for node, own in sds.items() if not own)
+    found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
+    covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
+    return covs or dict(usual), tuple(node for node, own in found.items() if not own)
 
 
 def _picture(scene: Scene, recording: Recording | None) -> NDArray[np.uint8]:

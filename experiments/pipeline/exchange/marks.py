@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.exchange.pose_table import PoseTable, read_poses
-from experiments.formats.recording import MarkRow, read_frames, write_frames_csv, write_marks_csv
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.recording import read_frames, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from vision import PlaneCamera, fronto_parallel_camera
 

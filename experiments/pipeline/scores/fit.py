@@ -26,6 +26,11 @@ MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
 """Frames in which the estimate did not rest on marks that fit; in the order in which a verdict names them."""
 
 
+NO_MARKS = "no marks were taken in after the start: the model alone estimates "
+LOOK = "(is the hue right? softaim hue)"
+CHECK = "(do times, positions and nodes of the table fit the scene?)"
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """Mean NIS of the frames of a run, and the band that holds it with 95 % where model and noise levels are right.
@@ -94,10 +99,19 @@ class TruthScore:
         )
 
 
-def verdict(fit: Fit | None, by_status: Mapping[str, int], refused: int = 0, *, truth: TruthScore | None = None) -> str:
+def verdict(
+    fit: Fit | None,
+    by_status: Mapping[str, int],
+    refused: int = 0,
+    *,
+    frozen: int = 0,
+    pictures: bool = True,
+    truth: TruthScore | None = None,
+) -> str:
     """What innovations show, what they do not, and in how many frames there were any.
 
-    refused: marks that the gate rejected; truth: scores of the target, where its truth is known
+    refused: marks that the gate rejected; frozen: frames whose given values repeat; pictures: whether marks were looked
+    for in pictures, and not given; truth: scores of the target, where its truth is known
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -106,14 +120,17 @@ def verdict(fit: Fit | None, by_status: Mapping[str, int], refused: int = 0, *, 
         counted = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         counted = f"none of {frames} frames coasting, lost or diverged"
+    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit)
     of_target = UNTESTED if truth is None and fit is not None else truth.words if truth is not None else None
-    counts = [counted, f"{refused} marks refused" if refused else None]
-    return "; ".join(part for part in (_fit_words(fit), of_target, *counts) if part)
+    counts = [
+        counted,
+        f"{frozen} frames frozen: their values repeat those before" if frozen else None,
+        f"{refused} marks refused" if refused else None,
+    ]
+    return "; ".join(part for part in (of_marks, of_target, *counts) if part)
 
 
-def _fit_words(fit: Fit | None) -> str:
-    if fit is None:
-        return "no marks were taken in after the start: the model alone estimates (is the hue right? softaim hue)"
+def _fit_words(fit: Fit) -> str:
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks are predicted as well as stated: NIS {fit.mean_nis:.2f} in {band}"

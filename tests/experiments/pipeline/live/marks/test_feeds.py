@@ -19,7 +19,7 @@ SOON_S = 60.0
 
 
 def line(time_s: float) -> bytes:
-    return f'{{"time_s": {time_s}, "marks": [{{"node": "M3", "x_mm": 0, "y_mm": 390, "sd_mm": 1}}]}}\n'.encode()
+    return f'{{"time_s": {time_s}, "marks": [{{"node": "M3", "x_mm": {time_s}, "y_mm": 390, "sd_mm": 1}}]}}\n'.encode()
 
 
 def until(condition) -> None:
