@@ -23,7 +23,7 @@ pytestmark = [
 ]
 
 SEED = 7000
-STARTS_S = [12, 48, 192]
+STARTS_S = [6, 24, 96]
 """How much of the film may go by before the first state [s]: where that is too little, a longer film is begun."""
 
 
