@@ -29,6 +29,13 @@ def _rehearsed_once():
 
 
 @pytest.fixture(autouse=True)
+def _coarse_pictures(request, monkeypatch):
+    """Pictures have a ninth of the pixels, where their size is not what is tested: a page of 300 dpi takes a second."""
+    if request.path.name not in {"test_style.py", "test_plan.py"}:
+        monkeypatch.setattr("experiments.plots.style.DPI", 100)
+
+
+@pytest.fixture(autouse=True)
 def _said_with_the_first_frame(monkeypatch):
     """Where a run is served is said with its first frame, however long a busy machine takes for that."""
     monkeypatch.setattr("experiments.servers.publisher.TELLS_S", 3600.0)
