@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from dynamics import HIDDEN, OUTER, Phantom, breast_phantom, four_mass_phantom, planar_phantom
 from estimators import AdviceSettings, Insertion, Lesion, Needle
 from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
 from experiments.projects.template import scene_with_marks
 from experiments.studies.faults.scripted import ABOVE_M, LESION_M
@@ -45,8 +46,9 @@ BODIES = {
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
-    """The body of this name with a colour for each mark, as `softaim new` writes it: nothing is said of how well."""
-    return scene_with_marks(BODIES[name].phantom(), {})
+    """The body of this name with a colour for each mark, as a user writes it who states nothing of how well."""
+    scene = scene_with_marks(BODIES[name].phantom(), {})
+    return replace(scene, target=replace(scene.target, position_sd_m=None), reference=Reference())
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
