@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from experiments.arrays import Floats
 from experiments.formats.scenario import Breathing, Pokes, Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.simulate import breathing_force
@@ -98,8 +97,3 @@ def _breath(scene: Scene, strength_m_s2: float, direction: list[float] | None = 
         longest_s=6.0,
         direction=direction,
     )
-
-
-def straight(motion: Motion, times_s: Floats) -> Floats:
-    """Where all nodes are at these times [s], (n,), [m], (n, n_nodes, dim)."""
-    return np.array([motion.at(float(t)) for t in times_s])
