@@ -19,7 +19,7 @@ from experiments.studies.faults.wrong_worlds.rows import WORLDS, world_of
 from experiments.studies.faults.wrong_worlds.run import Moment, counted, run, stated_text
 from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
 from experiments.studies.faults.wrong_worlds.table import markdown, rows_of
-from experiments.studies.faults.wrong_worlds.truth import AS_STATED
+from experiments.studies.faults.wrong_worlds.truth import AS_STATED, motion_of
 
 SEED = 7000
 
@@ -130,6 +130,18 @@ def test_a_target_rests_so_far_from_where_it_is_drawn():
     away = np.linalg.norm(network.positions - scene.network.positions, axis=1)
     assert away[target] == pytest.approx(10e-3, abs=1e-6)
     assert np.delete(away, target).max() < 1e-6
+
+
+def test_other_pushes_move_the_body_otherwise():
+    """Of the same seed, by more than a millimetre; both begin at rest."""
+    scene = scene_of_body("light phantom")
+    usual = motion_of(scene, AS_STATED, SEED, 3.0).positions
+    poked = motion_of(scene, world_of("the target is poked, too").truth, SEED, 3.0).positions
+    breathing = motion_of(scene, world_of("a second breath from aside").truth, SEED, 3.0).positions
+    apart = np.linalg.norm(poked - usual, axis=2).max(axis=1)
+    assert apart[0] == 0.0
+    assert apart.max() > 1e-3
+    assert np.linalg.norm(breathing - usual, axis=2).max() > 1e-3
 
 
 def test_keys_that_a_row_adds_stand_in_their_tables():
