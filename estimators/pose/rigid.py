@@ -8,7 +8,6 @@ import numpy as np
 
 from estimators.arrays import Floats
 
-
 GENERATORS = {
     2: np.array([[[0.0, -1.0], [1.0, 0.0]]]),
     3: np.array(
