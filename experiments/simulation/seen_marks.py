@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arrays import Floats
-from experiments.formats.recording import MarkRow, Recording
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.recording import Recording
 from experiments.formats.recording import Truth as TruthTable
 from experiments.formats.scenario import SeenMarks
 from experiments.formats.scene.reference import reference_places

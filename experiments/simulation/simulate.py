@@ -33,7 +33,7 @@ from experiments.errors import InputError, read_text
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
 from experiments.formats.scenario import UPWARD, Breathing, Pokes, Scenario, Tremor
-from experiments.formats.scene.reference import reference_places
+from experiments.formats.scene.reference import Reference, reference_places
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, with_step, write_scene
 from experiments.formats.scene.schema import SceneFile
 from experiments.formats.scene.steps import step_lines
@@ -84,7 +84,13 @@ def scene_of(scenario: Scenario) -> Scene:
         (seen.centre_mm[0] * 1e-3, seen.centre_mm[1] * 1e-3),
         calibration_sd_px=seen.calibration_sd_px,
     )
-    return Scene(network=network, marks=marks, target=Target(HIDDEN, TARGET_RADIUS_M), cameras=(camera,))
+    return Scene(
+        network=network,
+        marks=marks,
+        target=Target(HIDDEN, TARGET_RADIUS_M, position_sd_m=0.0),
+        cameras=(camera,),
+        reference=Reference(drift_sd_m=0.0),
+    )
 
 
 def exposures(scenario: Scenario) -> Floats:

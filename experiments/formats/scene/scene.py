@@ -14,11 +14,12 @@ from experiments.formats.scene.filter import filter_table, settings_of, uncertai
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import is_node_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of
+from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, read_toml, toml_list, toml_text, toml_value
-from vision import PlaneCamera
+from vision import FilePath, PlaneCamera
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,9 +128,19 @@ class Scene:
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: FilePath) -> Scene:
     """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
-    return scene_of_tables(read_toml(path, SceneFile), path)
+    return scene_of_tables(read_toml(Path(path), SceneFile), Path(path))
+
+
+def usable_scene(path: FilePath) -> Scene:
+    """The scene of a file, to simulate or estimate with: its body rests near where it is drawn. Raises InputError."""
+    scene = read_scene(path)
+    try:
+        check_rest(scene.network)
+    except SceneError as error:
+        raise InputError(f"{path}: {error}") from None
+    return scene
 
 
 def scene_of_tables(file: SceneFile, path: Path) -> Scene:
@@ -160,9 +171,9 @@ def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
         raise SceneError(f"camera[{i}].{error}") from None
 
 
-def write_scene(scene: Scene, path: Path) -> None:
+def write_scene(scene: Scene, path: FilePath) -> None:
     """Write a scene as `scene.toml`, whole or not at all; raises InputError."""
-    write_whole(path, scene_text(scene))
+    write_whole(Path(path), scene_text(scene))
 
 
 def scene_text(scene: Scene) -> str:

@@ -108,6 +108,7 @@ class TargetTable(Strict):
     node: Name
     radius_mm: Positive
     offset_mm: Coordinates | None = None
+    position_sd_mm: NotNegative | None = None
 
 
 class CameraTable(Strict):
@@ -145,6 +146,10 @@ class CameraTable(Strict):
         return self
 
 
+LogSd = Annotated[float, Field(gt=0, le=700)]
+"""Standard deviation of the log of a constant: of a larger one the factor is no finite number."""
+
+
 class UncertaintyTable(Strict):
     """`[uncertainty]`: how well the constants are known, relative standard deviations.
 
@@ -152,11 +157,11 @@ class UncertaintyTable(Strict):
     direction, independent of the others, of the logs of the parameters named.
     """
 
-    stiffness: Positive | None = None
-    rest_length: Positive | None = None
-    damping: Positive | None = None
-    drag: Positive | None = None
-    friction: Positive | None = None
+    stiffness: LogSd | None = None
+    rest_length: LogSd | None = None
+    damping: LogSd | None = None
+    drag: LogSd | None = None
+    friction: LogSd | None = None
     parameters: list[Name] | None = None
     directions: list[list[float]] | None = None
 
