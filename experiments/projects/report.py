@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
-from experiments.pipeline.events import SAGS, steps_left_out
+from experiments.pipeline.events import SAGS, pose_line, steps_left_out
 from experiments.pipeline.integrity.budget import USUAL, shares_words
 from experiments.projects.check import SceneCheck
 
@@ -229,6 +229,8 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
         )
     elif not scene.cameras:
         yield Missing("no camera, as every scene in space", "marks of a tracker in marks.csv")
+    if (unnoticed := pose_line(scene)) is not None:
+        yield Missing(unnoticed, "three or more [[reference.mark]] on anchors or on the rig")
     left_out = steps_left_out(scene, "track")
     if "identify" in left_out:
         yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is seen, too")

@@ -11,6 +11,7 @@ from dynamics import build_network, four_mass_phantom, independent_uncertainty, 
 from estimators import FilterSettings
 from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
 from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.projects.check import checked
@@ -134,6 +135,7 @@ def complete() -> Scene:
         (camera,),
         uncertainty=independent_uncertainty(parameters(network, ("stiffness",)), 0.02),
         settings=replace(FilterSettings(), quiet=replace(FilterSettings().quiet, white=0.05)),
+        reference=Reference((ReferenceMark("R", "In2", look=Mark("R", 240.0, 0.03)),)),
     )
 
 
@@ -143,6 +145,7 @@ def test_a_complete_scene_lacks_nothing(tmp_path) -> None:
 
 
 LACKS = {
+    "a moved camera or tracker cannot be noticed": lambda s: replace(s, reference=Reference()),
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),
