@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
+from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, steps_left_out
 from experiments.pipeline.integrity.budget import USUAL, shares_words
 from experiments.projects.check import SceneCheck
@@ -222,12 +223,14 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
-    if not scene.cameras and scene.network.dim == 2:
+    for lens in scene.lenses:
+        yield Missing(f"camera {lens.name} has a lens but no place: no picture of it can be used", POSE)
+    if not scene.cameras and not scene.lenses and scene.network.dim == 2:
         yield Missing(
             "no camera: a film can be neither made nor read",
             "softaim calibrate, or marks of another tracker in marks.csv",
         )
-    elif not scene.cameras:
+    elif scene.network.dim == 3:
         yield Missing("no camera, as every scene in space", "marks of a tracker in marks.csv")
     if (unnoticed := pose_line(scene)) is not None:
         yield Missing(unnoticed, "three or more [[reference.mark]] on anchors or on the rig")
