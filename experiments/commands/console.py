@@ -55,9 +55,14 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """What the filter says without any truth, from its object in summary.json: statuses, refusals, the verdict."""
+    """What the filter says of itself, from its object in summary.json: statuses, verdict, sources of variance."""
+    from experiments.pipeline.integrity.budget import shares_words
+
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
-    return [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
+    lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
+    if ours.get("variance_shares"):
+        lines.append(f"Of the target's variance for advice: {shares_words(ours['variance_shares'])}")
+    return lines
 
 
 def withheld_table(ours: Row) -> Table:

@@ -180,17 +180,16 @@ class Run:
 
         inputs: files and folders that are read, None for one that is not given. Raises InputError.
         """
-        from experiments.formats.outputs import check_new, check_outside, streamed_file, write_together
+        from experiments.formats.outputs import check_new, check_outside, streamed_file
         from experiments.formats.provenance import beside
 
         for folder in inputs:
             if folder is not None and folder.is_dir():
                 check_outside(path, folder)
         check_new(path, force)
-        with streamed_file(path) as file:
+        with streamed_file(path, lambda: {beside(path): self._provenance(inputs)}) as file:
             yield file
             self.begun()
-            write_together({beside(path): self._provenance(inputs)})
 
     def _provenance(self, inputs: Sequence[Path | None]) -> str:
         from datetime import UTC, datetime

@@ -8,7 +8,7 @@ import vision
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import Scene, read_scene, with_step
+from experiments.formats.scene.scene import Scene, usable_scene, with_step
 from experiments.simulation.phantom_process import PHANTOM, SCENARIO, PhantomProcess
 from experiments.simulation.simulate import scene_of
 from experiments.version import version
@@ -67,7 +67,7 @@ def without_fps(spec: str, fps: float | None, what: str) -> None:
 
 def filmed_scene(path: Path) -> Scene:
     """The scene of a file; InputError where it has no camera."""
-    scene = read_scene(path)
+    scene = usable_scene(path)
     if not scene.cameras:
         raise InputError.at(f"{path}: camera", "one", "none")
     return scene

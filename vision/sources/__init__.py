@@ -33,7 +33,7 @@ from vision.sources.segments import (
 )
 from vision.sources.settings import SourceSettings
 from vision.sources.video import Codec, VideoWriter, compress
-from vision.sources.watchdog import SourceWatchdog
+from vision.sources.watchdog import FrozenValues, SourceWatchdog
 
 __all__ = [
     "FILMS",
@@ -51,6 +51,7 @@ __all__ = [
     "FolderFrames",
     "Frame",
     "FrameFile",
+    "FrozenValues",
     "LiveFrames",
     "PictureFolderFrames",
     "Playback",

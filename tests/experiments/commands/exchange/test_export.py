@@ -1,6 +1,9 @@
 """`softaim export` as it is called: what it prints, what it leaves."""
 
+import errno
 import json
+import os
+import re
 from pathlib import Path
 
 import pytest
@@ -44,6 +47,37 @@ def test_its_provenance_stands_beside_it(here: Path) -> None:
     found = json.loads(Path("film.provenance.json").read_text(encoding="utf-8"))
     assert [one["path"] for one in found["inputs"]] == ["film", "results"]
     assert found["scene"]["steps"] == []
+
+
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+@pytest.mark.parametrize("nth", [1, 2])
+def test_on_a_full_disk_nothing_is_left_beside_it(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], nth: int, call: str, force: bool
+) -> None:
+    """Whichever of its two files there is no room for."""
+    if force:
+        assert softaim(*CALL) == 0
+        Path("film.provenance.json").write_text("mine", encoding="utf-8")
+    before, calls = tree(here), []
+    owner = os if call == "fsync" else Path
+    real = getattr(owner, call)
+
+    def full(*words: object) -> object:
+        calls.append(words)
+        if len(calls) == nth:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(*words)
+
+    capfd.readouterr()
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, call, full)
+        assert softaim(*CALL, *(["--force"] if force else [])) == 2
+    assert re.fullmatch(
+        r"softaim: \S+: expected (room to write|a file that can be written), found no space left on device\n",
+        capfd.readouterr().err.splitlines(keepends=True)[-1],
+    )
+    assert tree(here) == before
 
 
 def test_with_force_a_file_is_replaced() -> None:
