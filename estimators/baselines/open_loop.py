@@ -12,7 +12,6 @@ from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
-
 LONGEST_S = FilterSettings().forget_s
 """Of a longer time between two frames so much is simulated [s]: after it `TissueFilter` forgets, too."""
 
