@@ -23,7 +23,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, read_scene
-from experiments.pipeline.line import FILTER, Line
+from experiments.pipeline.line import FILTER, Line, check_followed
 from experiments.simulation.simulate import draw
 
 FRAMES_PER_S = 30.0
@@ -97,6 +97,7 @@ def checked(
     path = source / "scene.toml" if source.is_dir() else source
     scene = read_scene(path) if recording is None else recording.scene
     network = scene.network
+    check_followed(scene, path)
     try:
         rest = rest_shape(network)
     except NetworkError as error:
