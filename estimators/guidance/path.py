@@ -16,6 +16,7 @@ from dynamics import all_positions, rest_shape
 from estimators.arrays import Floats
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
+from estimators.threads import one_blas_thread
 from estimators.tissue.fast_prediction import (
     FastPredictionTables,
     MomentsNow,
@@ -160,6 +161,7 @@ def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
     return path_near_rest(tables, tissue, times_s)
 
 
+@one_blas_thread()
 def _first_of_tables(tables: FastPredictionTables, tissue: TissueFilter, n: int) -> TargetPath:
     """As `path_by_tables`, at the first n times."""
     now = moments_now(tables, tissue)

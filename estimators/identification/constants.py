@@ -33,6 +33,7 @@ from estimators.identification.withheld import (
     principal_directions,
     withheld_target,
 )
+from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
@@ -128,6 +129,7 @@ class IdentificationResult:
         return left[::-1], directions.T[::-1]
 
 
+@one_blas_thread()
 def identify_constants(
     network: MassSpringNetwork,
     frames: Frames,

@@ -30,19 +30,15 @@ innovations are a fifth larger, or smaller, than stated is off by as much; chose
 def left_open(ends: Sequence[Optimum], best: Optimum) -> Floats:
     """Mean square of the way from the best end to all that explain the recording as well, (n, n), in prior units."""
     n_innovations, times = float(best.found.dof.sum()), best.times
-    ways = [
-        one.theta - best.theta
-        for one in ends
-        if best.at(times) - one.at(times) <= ALIKE * n_innovations / times
-    ]
+    ways = [one.theta - best.theta for one in ends if best.at(times) - one.at(times) <= ALIKE * n_innovations / times]
     return np.mean([np.outer(way, way) for way in ways], axis=0)
 
 
 def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, int]:
-    """Constants found, (n,), but as given, at 0, along all that is not determined; covariance (n, n), see `within_prior`.
+    """Constants found, (n,), but as given, at 0, along all that is not determined; their covariance (n, n).
 
-    In prior standard deviations. A constant that has next to no part in any determined combination is kept itself; the
-    others are the most probable ones where what is kept is as given. What was given up is in the covariance. Last, in
+    In prior standard deviations; see `within_prior`. A constant that has next to no part in any determined combination
+    is kept itself; the others are the most probable ones where what is kept is as given. What was given up is in the covariance. Last, in
     how many directions the prior limits that.
     """
     kept = (_determined(cov) ** 2).sum(axis=1) < LEAST_PART

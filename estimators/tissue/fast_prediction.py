@@ -101,9 +101,7 @@ def fast_prediction_tables(tissue: TissueFilter, horizon_s: float, *, at_once: b
     rest = np.zeros(model.network.n_state)
     rest[: len(rest) // 2] = shape[model.network.free].ravel()
     speeds = np.array(SPEEDS_M_S if model.network.friction.any() else SPEEDS_M_S[:1])
-    tables = FastPredictionTables(
-        cycle, n_times, rest, shape, tissue.target, _staying_quiet(tissue, n_times), speeds
-    )
+    tables = FastPredictionTables(cycle, n_times, rest, shape, tissue.target, _staying_quiet(tissue, n_times), speeds)
     if at_once:
         for level in range(len(speeds)):
             tables.at(level, tissue)

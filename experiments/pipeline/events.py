@@ -46,8 +46,8 @@ def _edited(scene: Scene) -> bool:
 def rest_line(scene: Scene) -> str | None:
     """Where the network rests elsewhere than it is drawn: its target is then expected elsewhere, too; None if it does.
 
-    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull. None, too,
-    where they were found since: then other constants may move the rest.
+    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull. None,
+    too, where they were found since: then other constants may move the rest.
     """
     if rest_is_known(scene):
         return None

@@ -33,7 +33,9 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option("--duration", min=0.0, help="Stop so many seconds after frames are first used; preparing is before."),
+        typer.Option(
+            "--duration", min=0.0, help="Stop so many seconds after frames are first used; preparing is before."
+        ),
     ] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,

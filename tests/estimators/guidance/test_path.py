@@ -130,7 +130,7 @@ def test_guide_goes_by_tables_that_are_made_once(phantom, monkeypatch):
     estimate = own.predict_at(own.time_s)
     estimate = replace(estimate, nis=1.0)
     tables = fast_prediction_tables(own, 4.0)
-    down = replace(DOWN, entry=estimate.mean + [0.0, 0.06])
+    down = replace(DOWN, entry=estimate.mean + np.array([0.0, 0.06]))
     made = []
     monkeypatch.setattr("estimators.guidance.path.fast_prediction_tables", lambda *at, **how: made.append(at) or tables)
     monkeypatch.setattr(TissueFilter, "predict_path", None)

@@ -30,7 +30,7 @@ def test_what_is_not_determined_keeps_its_value(theta, cov, expected):
 
 
 def test_what_is_given_up_is_in_the_covariance():
-    """A constant of variance 0.6 that is kept though it was found 0.5 off: 0.6 + 0.5²; what is determined is as it was."""
+    """A constant of variance 0.6 that is kept though found 0.5 off: 0.6 + 0.5²; what is determined is as it was."""
     _, wide, n_limited = keeping_undetermined(np.array([0.3, 0.5]), np.diag([0.04, 0.6]))
     np.testing.assert_allclose(wide, np.diag([0.04, 0.85]), atol=1e-12)
     assert n_limited == 0

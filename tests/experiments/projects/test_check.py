@@ -3,6 +3,7 @@
 import json
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -211,7 +212,7 @@ def string(n_free: int, dim: int) -> Scene:
     names = ["A", *(f"N{k}" for k in range(n_free))]
     places = np.zeros((n_free + 1, dim))
     places[:, 0] = 0.01 * np.arange(n_free + 1)
-    edges = list(zip(names[:-1], names[1:], strict=True))
+    edges = list(pairwise(names))
     away = [1.0] + [0.0] * (dim - 1)
     network = build_network(names, places, edges, stiffness=100.0, masses=1e-3, gravity=away, fixed=["A"])
     return Scene(network, (Mark("N0", 0.0, 0.01),), Target(names[-1], 0.005), ())
