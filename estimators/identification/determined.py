@@ -38,8 +38,8 @@ def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, in
     """Constants found, (n,), but as given, at 0, along all that is not determined; their covariance (n, n).
 
     In prior standard deviations; see `within_prior`. A constant that has next to no part in any determined combination
-    is kept itself; the others are the most probable ones where what is kept is as given. What was given up is in the covariance. Last, in
-    how many directions the prior limits that.
+    is kept itself; the others are the most probable ones where what is kept is as given. What was given up is in the
+    covariance. Last, in how many directions the prior limits that.
     """
     kept = (_determined(cov) ** 2).sum(axis=1) < LEAST_PART
     rest, at = ~kept, np.zeros_like(theta)
