@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -202,9 +203,14 @@ def network_digest(scene: Scene) -> str:
     return digest(network_lines(scene.network, scene.spring_groups))
 
 
-def with_step(scene: Scene, step: StepName, program: str, recording: str | None = None) -> Scene:
-    """The scene on which one more step was done, by this version of the program, with a recording of this digest."""
-    done = Step(step, program, recording, network_digest(scene), scene_digest(scene))
+def with_step(
+    scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
+) -> Scene:
+    """The scene on which one more step was done, by this version of the program, with a recording of this digest.
+
+    kept: constants that the step left as they were
+    """
+    done = Step(step, program, recording, network_digest(scene), scene_digest(scene), tuple(kept))
     return replace(scene, steps=(*scene.steps, done))
 
 

@@ -212,6 +212,7 @@ class ProvenanceTable(Strict):
     recording_sha256: Name | None = None
     network_sha256: Name
     scene_sha256: Name
+    kept: list[Name] = Field(default_factory=list)
 
 
 class SceneFile(Strict):
