@@ -21,7 +21,7 @@ from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.line import Line
-from experiments.pipeline.track import measurement
+from experiments.pipeline.track import marks_to_use
 
 Advance = Callable[[float], None]
 
@@ -56,8 +56,8 @@ def planned(
         line = Line(scene, baseline=False, fixes=recording.fixes)
         n_frames = len(recording.exposures_s)
         if recording.marks is not None:
-            for k, (exposure_s, marks) in enumerate(zip(recording.exposures_s, recording.marks, strict=True)):
-                line.take(float(exposure_s), [measurement(mark) for mark in marks])
+            for k, (exposure_s, marks) in enumerate(marks_to_use(recording)):
+                line.take(exposure_s, marks)
                 advance((k + 1) / n_frames)
         else:
             with recording.open_frames() as frames:

@@ -1,4 +1,4 @@
-"""Watchdogs of a live source: blocked, frozen, failed or back, from when its reads came back; too few of its pictures.
+"""Watchdogs of a source: blocked, frozen, failed or back; too few of its pictures; values that repeat.
 
 No threads, no clock.
 """
@@ -6,12 +6,17 @@ No threads, no clock.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from statistics import median_low
 
 import numpy as np
 
+from vision.arrays import Image
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
+
+DARK = 60
+"""Mean brightness of a picture, of 255, below which cameras lengthen their exposure; chosen."""
 
 
 class SourceWatchdog:
@@ -83,6 +88,49 @@ class SourceWatchdog:
         return [SourceEvent(now_s, kind, text)]
 
 
+IN_TURN = 8
+"""Last frames of which none may come again: a driver that hangs may hand out its buffers in turn, four as a rule."""
+
+
+class FrozenValues:
+    """Whether a frame's values repeat: to the last digit all of them are those of one of the last `IN_TURN` frames.
+
+    Noise makes that next to impossible. A sender that states each of its values several times is not frozen: FROZEN are
+    two more repeats in succession than usually come between new values. A frame without values says nothing.
+
+    frozen: whether that lasts
+    State: the last new frames; how many repeats came before each, and since the newest; when that came [s].
+    """
+
+    def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
+        self.frozen = False
+        self._most = settings.stuck_frames - 1
+        self._recent: deque[dict[str, tuple[float, ...]]] = deque(maxlen=IN_TURN)
+        self._repeats: deque[int] = deque([0], maxlen=settings.settled_frames)
+        self._n_repeats, self._new_s = 0, 0.0
+
+    def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
+        """Whether the values of a frame, by name, repeat and must not be used, and what happened then [s]."""
+        if not values:
+            return False, []
+        if any(values.items() <= one.items() for one in self._recent):
+            self._n_repeats += 1
+            if self.frozen or self._n_repeats < self._most + median_low(self._repeats):
+                return True, []
+            self.frozen = True
+            text = f"{self._n_repeats} times the same values, to the last digit, in {time_s - self._new_s:.2f} s"
+            return True, [SourceEvent(time_s, EventKind.FROZEN, f"{text}: they are not used")]
+        events = []
+        if self.frozen:
+            text = f"new values after {time_s - self._new_s:.2f} s"
+            events.append(SourceEvent(time_s, EventKind.RESUMED, text))
+        if self._recent:
+            self._repeats.append(self._n_repeats)
+        self._recent.append(dict(values))
+        self.frozen, self._n_repeats, self._new_s = False, 0, time_s
+        return False, events
+
+
 class SparsePictures:
     """Whether pictures are lost between those that come, from when they were exposed: every other one, or more.
 
@@ -106,7 +154,7 @@ class SparsePictures:
         """Pictures come again after a pause, which says nothing of their rate."""
         self._last_s = None
 
-    def saw(self, exposure_s: float) -> list[SourceEvent]:
+    def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
         """A picture was exposed at this time [s]."""
         before_s, self._last_s = self._last_s, exposure_s
         if before_s is None or not exposure_s > before_s:
@@ -124,9 +172,9 @@ class SparsePictures:
         self._of_late.append(interval_s)
         if interval_s > 1.5 * usual_s and self._gap_s is not None:
             self._gap_s = exposure_s
-        return self._judged(exposure_s, usual_s)
+        return self._judged(exposure_s, usual_s, image)
 
-    def _judged(self, now_s: float, usual_s: float) -> list[SourceEvent]:
+    def _judged(self, now_s: float, usual_s: float, image: Image) -> list[SourceEvent]:
         n, late, s = len(self._of_late), self._of_late, self._settings
         if self._gap_s is not None:
             if now_s - self._gap_s < s.even_s:
@@ -137,11 +185,10 @@ class SparsePictures:
         if n < s.stuck_frames or due < 2 * n or gaps < 2:
             return []
         self._gap_s = now_s
-        text = (
-            f"{n} pictures came in the time of {due}: the rest is lost on cable or machine, or the camera is slower in "
-            "the dark; give it light, and take load off"
-        )
-        return [SourceEvent(now_s, EventKind.SPARSE, text)]
+        why = "the rest is lost on cable or machine; take load off"
+        if image.mean() < DARK:
+            why = f"the camera is slower in the dark, or {why}, and give it light"
+        return [SourceEvent(now_s, EventKind.SPARSE, f"{n} pictures came in the time of {due}: {why}")]
 
     @property
     def _usual_s(self) -> float | None:

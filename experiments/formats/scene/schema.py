@@ -54,18 +54,52 @@ class NetworkTable(Strict):
     spring: list[SpringTable]
 
 
-class MarkTable(Strict):
-    """`[[mark]]`."""
+Hue = Annotated[float, Field(ge=0, lt=360)]
 
-    node: Name
-    hue_deg: Annotated[float, Field(ge=0, lt=360)]
-    diameter_mm: Positive
-    measured: bool = True
+
+class _LookTable(Strict):
+    """How a film shows a mark, hue and diameter aside."""
+
     half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
     min_value: Annotated[float, Field(gt=0, lt=1)] = 0.2
     even: bool = True
     ball: bool = False
+
+
+class MarkTable(_LookTable):
+    """`[[mark]]`."""
+
+    node: Name
+    hue_deg: Hue
+    diameter_mm: Positive
+    measured: bool = True
+
+
+class ReferenceMarkTable(_LookTable):
+    """`[[reference.mark]]`: a mark that stands still, on an anchor or at a place of the rig."""
+
+    name: Name
+    node: Name | None = None
+    position_mm: Coordinates | None = None
+    hue_deg: Hue | None = None
+    diameter_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> ReferenceMarkTable:
+        if (self.node is None) == (self.position_mm is None):
+            found = "neither" if self.node is None else "both"
+            raise ValueError(f"expected node or position_mm, found {found}")
+        if (self.hue_deg is None) != (self.diameter_mm is None):
+            raise ValueError("expected hue_deg and diameter_mm together, found one of them")
+        return self
+
+
+class ReferenceTable(Strict):
+    """`[reference]`: marks by which the pose of a camera or tracker is corrected, and its drift."""
+
+    drift_sd_mm: NotNegative | None = None
+    mark: list[ReferenceMarkTable] = Field(default_factory=list)
 
 
 class TargetTable(Strict):
@@ -74,6 +108,7 @@ class TargetTable(Strict):
     node: Name
     radius_mm: Positive
     offset_mm: Coordinates | None = None
+    position_sd_mm: NotNegative | None = None
 
 
 class CameraTable(Strict):
@@ -177,6 +212,7 @@ class ProvenanceTable(Strict):
     recording_sha256: Name | None = None
     network_sha256: Name
     scene_sha256: Name
+    kept: list[Name] = Field(default_factory=list)
 
 
 class SceneFile(Strict):
@@ -188,5 +224,6 @@ class SceneFile(Strict):
     filter: FilterTable | None = None
     mark: list[MarkTable] = Field(default_factory=list)
     target: TargetTable
+    reference: ReferenceTable | None = None
     camera: list[CameraTable] = Field(default_factory=list)
     provenance: list[ProvenanceTable] = Field(default_factory=list)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.exchange.pose_table import PoseTable, read_poses
-from experiments.formats.recording import MarkRow, read_frames, write_frames_csv, write_marks_csv
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.recording import read_frames, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from vision import PlaneCamera, fronto_parallel_camera
 
@@ -67,7 +68,7 @@ class Imported:
     def counts(self) -> dict[str, int]:
         """In how many frames each node was seen."""
         seen = Counter(mark.node for found in self.marks for mark in found)
-        return {mark.node: seen[mark.node] for mark in self.scene.marks}
+        return {name: seen[name] for name in self.scene.mark_names}
 
 
 def import_table(
@@ -125,7 +126,7 @@ def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str |
             parts = ", ".join(poses.parts)
             raise InputError.at("--rename", f"PART=NODE once, of the parts {parts}", shown(text))
         names[part] = node
-    marked = [mark.node for mark in scene.marks]
+    marked = scene.mark_names
     nodes = [names.get(part, part) for part in poses.parts]
     for part, node in zip(poses.parts, nodes, strict=True):
         if node and node not in marked:

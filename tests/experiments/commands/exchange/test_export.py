@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import re
-import sys
 from pathlib import Path
 
 import pytest
@@ -92,9 +91,9 @@ def test_with_force_a_file_is_replaced() -> None:
 def test_without_the_package_it_is_one_line(
     here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setattr("experiments.extras.find_spec", lambda _name: None)
     before = tree(here)
     assert softaim(*CALL) == 2
-    said = 'expected the package mcap of the extra "export" (pip install "softaim[export]"), found none'
+    said = 'expected the extra export (pip install "softaim[export]"), found no mcap'
     assert capfd.readouterr().err == f"softaim: --to mcap: {said}\n"
     assert tree(here) == before
