@@ -166,7 +166,7 @@ def test_links_are_no_stiffer_than_is_known_of_them():
 
 
 def test_a_string_under_more_tension_than_it_weighs_keeps_half_of_its_length():
-    """A bead of 1 g amid a string that pulls with 100 N: softened by its weight alone a link would be shorter than 0."""
+    """A bead of 1 g amid a string that pulls with 100 N: by weight alone a link would be below 0."""
     places, gravity = [[-0.1, 0.0], [0.0, 0.0], [0.1, 0.0]], [0.0, -9.81]
     network = build_network(
         ["left", "bead", "right"],
