@@ -84,7 +84,8 @@ class Baseline(ABC):
         if self.seen_s is None:
             self._starter.predict(time_s)
         elif self.time_s is not None and time_s > self.time_s:
-            self._advance(time_s - self.time_s)
+            # over more `TissueFilter` forgets the state, and no step through days is worth its time
+            self._advance(min(time_s - self.time_s, self.settings.forget_s))
         self.time_s = time_s
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:

@@ -10,6 +10,10 @@ from dynamics import MassSpringNetwork, Stepper, rest_shape
 from estimators.process.led import Simulated, led_along
 from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.settings import FilterSettings
+
+LONGEST_S = FilterSettings().forget_s
+"""Of a longer time between two frames so much is simulated [s]: after it `TissueFilter` forgets, too."""
 
 
 class OpenLoop:
@@ -39,7 +43,7 @@ class OpenLoop:
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if not set(seen) <= self._free:
             raise ValueError(f"marks: expected them on free nodes, found {[mark.node for mark in marks]}")
-        dt = 0.0 if self.time_s is None else time_s - self.time_s
+        dt = 0.0 if self.time_s is None else min(time_s - self.time_s, LONGEST_S)
         moved = led_along(self._stepper, Simulated(self.positions, self.velocities), dt, seen)
         self.positions, self.velocities = moved.positions, moved.velocities
         self.time_s = time_s

@@ -19,7 +19,7 @@ from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
 from estimators.identification.determined import keeping_undetermined, left_open
-from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear
+from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, with_short_gaps
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
 from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
@@ -166,7 +166,7 @@ def identify_constants(
     sd = group_prior_sd(network, groups, prior_sd, dt)
     problem = Problem(network, groups, sd, (tuple(marked), target), calm, limit, elastic)
     try:
-        return _identified(problem, frames[first:], chosen, workers, advance)
+        return _identified(problem, with_short_gaps(frames[first:], calm.forget_s), chosen, workers, advance)
     except OutOfTimeError:
         raise IdentificationError(
             f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"

@@ -90,6 +90,14 @@ def frame_interval(frames: Frames) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
 
+def with_short_gaps(frames: Frames, longest_s: float) -> Frames:
+    """The frames, later by less where longer than this passes between two [s]: an integrator steps through a gap."""
+    times = np.array([time_s for time_s, _ in frames])
+    shorter = times[:1] + np.r_[0.0, np.cumsum(np.minimum(np.diff(times), longest_s))]
+    closed = shorter if np.diff(times).max(initial=0.0) > longest_s else times
+    return [(time_s, marks) for time_s, (_, marks) in zip(closed.tolist(), frames, strict=True)]
+
+
 def is_linear(network: MassSpringNetwork, n_marked: int) -> bool:
     """Whether a network is too large or too stiff for sigma points."""
     large = network.n_state + n_marked * network.dim > LARGEST

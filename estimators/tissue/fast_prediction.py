@@ -271,10 +271,9 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
         Qs.append(total)
     F_each, Q_each = np.array(Fs)[of_state], np.array(Qs)[of_state]
     begun = rising(onset_of(model, forces)[of_state])
-    matrix = tissue.target.matrix
-    dim = len(matrix)
-    y = np.zeros((len(of_state), dim, model.dim_x))
-    y[:, :, : matrix.shape[1]] = matrix
+    of_target = tissue.target.over(model.dim_x)
+    dim = len(of_target)
+    y = np.tile(of_target, (len(of_state), 1, 1))
     pairs = list(zip(*_lower(dim), strict=True))
     Y = np.array([[np.outer(own[a], own[b]) for a, b in pairs] for own in y])
     Y = 0.5 * (Y + Y.swapaxes(2, 3))

@@ -103,6 +103,8 @@ def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequen
     modes: those of the settings, made once: what was worked out for them is known again by the tuple itself
     """
     filters = [UnscentedKalmanFilter(model.dim_x, unmoved) for _ in modes]
+    for f in filters:
+        f.P[model.slow, model.slow] = np.diag(model.slow_sd**2)
     motion = MotionOfModes(model, modes)
     linear = LinearisedCycles(LinearisedTissue(model), modes) if is_linearised(model) else None
     move = Move(motion.points, motion.columns, model.turned, linear)
@@ -157,6 +159,9 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
     """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
     if not model_error.is_looked_for:
         return place_and_cov(mixture, target)
+    if target.error_rows is not None:  # the field has the node's place, not the target's
+        with reported(mixture, target, model_error):
+            return place_and_cov(mixture, target)
     modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
     ahead, H = target.linear(found.ahead[:, None])[:, 0], np.eye(len(target.constant))

@@ -12,25 +12,27 @@ from numpy.typing import NDArray
 
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
+from experiments.formats.marks.drawing import first_marks_line
+from experiments.formats.marks.repeats import without_repeats
+from experiments.formats.marks.rows import (
+    AXES,
+    MarkRow,
+    are_definite,
+    are_round,
+    cov_columns,
+    cov_entries_mm2,
+    cov_names,
+    cov_of,
+)
+from experiments.formats.marks.times import check_seconds, check_within
 from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
-from experiments.formats.scene.scene import Scene, read_scene
-from experiments.formats.tables import Table, read_table, write_table
+from experiments.formats.scene.scene import Scene, usable_scene
+from experiments.formats.tables import Table, read_rows, read_table, write_table
 from experiments.log import LOG
-from vision import SourceError
+from vision import FilePath, SourceError
 
 SAME_TIME_S = 1e-9
 """Times that differ by less are one time: no file is written finer than this."""
-
-AXES = ("x_mm", "y_mm", "z_mm")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MarkRow:
-    """A mark that another tracker found: its node, where it was [m], (dim,), one standard deviation an axis [m]."""
-
-    node: str
-    position_m: Floats
-    sd_m: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +89,7 @@ class Recording:
     marks: for each frame the marks that another tracker found; None where there are pictures
     truth: where nodes really were, if that is known
     fixes: direct sightings of the target, in order of time
+    aside: which other axes or units its first marks seem to have; None where they lie as drawn, or nothing simple fits
     """
 
     folder: Path
@@ -96,6 +99,7 @@ class Recording:
     marks: tuple[tuple[MarkRow, ...], ...] | None
     truth: Truth | None
     fixes: tuple[Fix, ...]
+    aside: str | None = None
 
     def open_frames(self) -> Pictures:
         """The frames from the first on; InputError if there are none to open, or they cannot be opened."""
@@ -105,17 +109,18 @@ class Recording:
 
 
 def read_recording(
-    folder: Path, scene_path: Path | None = None, advance: Callable[[float], None] = lambda _share: None
+    folder: FilePath, scene_path: FilePath | None = None, advance: Callable[[float], None] = lambda _share: None
 ) -> Recording:
     """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError.
 
     advance: gets the share done, of a film that is read through
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
-    scene_path = folder / "scene.toml" if scene_path is None else scene_path
-    scene = read_scene(scene_path)
+    scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
+    scene = usable_scene(scene_path)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:
@@ -133,8 +138,9 @@ def read_recording(
         exposures_s=exposures_s,
         source=None if marks is not None else source,
         marks=marks,
-        truth=_read_truth(truth_csv, scene) if truth_csv.exists() else None,
-        fixes=_read_fixes(fixes_csv, scene) if fixes_csv.exists() else (),
+        truth=_read_truth(truth_csv, scene, exposures_s) if truth_csv.exists() else None,
+        fixes=_read_fixes(fixes_csv, scene, exposures_s) if fixes_csv.exists() else (),
+        aside=None if marks is None else first_marks_line(scene, marks),
     )
     if marks is None:
         try:
@@ -142,6 +148,10 @@ def read_recording(
         except SourceError as error:
             raise InputError(str(error)) from error
     advance(1.0)
+    if recording.aside is not None:
+        LOG.warning("%s: %s", source, recording.aside)
+    for event in () if marks is None else without_repeats(exposures_s, marks)[1]:
+        LOG.warning("%s: %.2f s: %s: %s", source, event.time_s, event.kind, event.text)
     LOG.info(
         "read %s: %d frames of %s, scene %s, truth of %s, %d fixes",
         folder,
@@ -177,21 +187,24 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
         raise InputError.at(path, "a row for each frame", "none")
     table.check_each("frame", np.arange(table.n_rows, dtype=float))
     table.check_order("exposure_s", strictly=True)
+    check_seconds(table, "exposure_s")
     return table.numbers["exposure_s"]
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
     """Exposure times of the frames and the marks of each; without given times, those at which a mark was seen."""
-    table = _read_places(path, scene, ["time_s", "sd_mm"], ["node"])
-    nodes = _node_indices(table, scene)
-    marked = [scene.network.index(mark.node) for mark in scene.marks]
+    spread = _spread_columns(path, scene.network.dim)
+    table = _read_places(path, scene, ["time_s", *spread], ["node"])
+    names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
+    nodes = _indices(table, names)
+    marked = [names.index(name) for name in scene.mark_names]
     table.check("node", np.isin(nodes, marked), "a node with a mark in the scene")
-    table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
     table.check_order("time_s", strictly=False)
     times_s = table.numbers["time_s"]
     if exposures_s is None:
         if not table.n_rows:
             raise InputError.at(path, "a row for each mark", "none, and no frames.csv")
+        check_seconds(table, "time_s")
         exposures_s, frames = np.unique(times_s, return_inverse=True)
     else:
         after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
@@ -199,20 +212,41 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
         distances = np.abs(exposures_s[near] - times_s)
         frames = np.where(distances[0] <= distances[1], near[0], near[1])
         table.check("time_s", distances.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
-    _, first = np.unique(frames * scene.network.n_nodes + nodes, return_index=True)
+    _, first = np.unique(frames * len(names) + nodes, return_index=True)
     table.check("node", np.isin(np.arange(table.n_rows), first), "each node once at one time")
-    positions, sds = _positions(table, scene), (1e-3 * table.numbers["sd_mm"]).tolist()
-    rows = [MarkRow(*row) for row in zip(table.texts["node"], positions, sds, strict=True)]
+    rows = _mark_rows(table, scene, spread)
     starts = np.searchsorted(frames, np.arange(len(exposures_s) + 1)).tolist()
     return exposures_s, tuple(tuple(rows[a:b]) for a, b in pairwise(starts))
 
 
-def _read_truth(path: Path, scene: Scene) -> Truth:
+def _spread_columns(path: Path, dim: int) -> list[str]:
+    """The columns of a table that state how well its marks are known: sd_mm, or those of a full covariance."""
+    named = next(read_rows(path, "columns"))
+    return cov_columns(dim) if any(column.startswith("cov_") for column in named) else ["sd_mm"]
+
+
+def _mark_rows(table: Table, scene: Scene, spread: list[str]) -> list[MarkRow]:
+    nodes, positions = table.texts["node"], _positions(table, scene)
+    if spread == ["sd_mm"]:
+        table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
+        sds = (1e-3 * table.numbers["sd_mm"]).tolist()
+        return [MarkRow(*row) for row in zip(nodes, positions, sds, strict=True)]
+    entries = np.stack([table.numbers[column] for column in spread], axis=1)
+    covs = cov_of(entries, scene.network.dim)
+    if not (good := are_definite(covs)).all():
+        row = int(np.argmin(good))
+        expected = f"a positive definite covariance ({', '.join(cov_names(scene.network.dim))})"
+        raise InputError.at(table.place(row, "cov_mm2"), expected, ", ".join(f"{x:g}" for x in entries[row]))
+    return [MarkRow.of_cov(*row) for row in zip(nodes, positions, covs, strict=True)]
+
+
+def _read_truth(path: Path, scene: Scene, exposures_s: Floats) -> Truth:
     table = _read_places(path, scene, ["time_s"], ["node"])
     if not table.n_rows:
         raise InputError.at(path, "a row for each time and node", "none")
-    nodes, times_s, positions = _node_indices(table, scene), table.numbers["time_s"], _positions(table, scene)
+    nodes, times_s, positions = _indices(table, scene.network.names), table.numbers["time_s"], _positions(table, scene)
     table.check_order("time_s", strictly=True, groups=nodes)
+    check_within(table, "time_s", exposures_s)
     rows = {scene.network.names[i]: np.flatnonzero(nodes == i) for i in np.unique(nodes)}
     return Truth(
         times_s={name: times_s[own] for name, own in rows.items()},
@@ -220,10 +254,11 @@ def _read_truth(path: Path, scene: Scene) -> Truth:
     )
 
 
-def _read_fixes(path: Path, scene: Scene) -> tuple[Fix, ...]:
+def _read_fixes(path: Path, scene: Scene, exposures_s: Floats) -> tuple[Fix, ...]:
     table = _read_places(path, scene, ["time_s", "sd_mm"], [])
     table.check("sd_mm", table.numbers["sd_mm"] > 0, "more than 0")
     table.check_order("time_s", strictly=False)
+    check_within(table, "time_s", exposures_s)
     times_s, sds = table.numbers["time_s"].tolist(), (1e-3 * table.numbers["sd_mm"]).tolist()
     return tuple(Fix(*row) for row in zip(times_s, _positions(table, scene), sds, strict=True))
 
@@ -235,8 +270,8 @@ def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str])
     return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, rejected=rejected)
 
 
-def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:
-    indices = {name: i for i, name in enumerate(scene.network.names)}
+def _indices(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
+    indices = {name: i for i, name in enumerate(names)}
     nodes = np.array([indices.get(name, -1) for name in table.texts["node"]], dtype=np.int64)
     if (nodes < 0).any():
         row = int(np.argmax(nodes < 0))
@@ -275,8 +310,17 @@ def write_marks_csv(path: Path, times_s: Floats, marks: Sequence[Sequence[MarkRo
     for _, row in rows:
         if len(row.position_m) != dim or not np.isfinite([*row.position_m, row.sd_m]).all() or row.sd_m <= 0:
             raise ValueError(f"marks: expected {dim} finite coordinates and a deviation above 0, found {row}")
-    header = ["time_s", "node", *AXES[:dim], "sd_mm"]
-    write_table(path, header, ([f"{t:.9f}", r.node, *_mm(r.position_m), f"{1e3 * r.sd_m:.9g}"] for t, r in rows))
+    covs = not are_round([row for _, row in rows])
+    header = ["time_s", "node", *AXES[:dim], *(cov_columns(dim) if covs else ["sd_mm"])]
+    spreads = (cov_entries_mm2(row.cov) if covs else [1e3 * row.sd_m] for _, row in rows)
+    write_table(
+        path,
+        header,
+        (
+            [f"{t:.9f}", r.node, *_mm(r.position_m), *(f"{x:.9g}" for x in spread)]
+            for (t, r), spread in zip(rows, spreads, strict=True)
+        ),
+    )
 
 
 def _mm(position_m: Floats) -> list[str]:

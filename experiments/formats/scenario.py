@@ -11,7 +11,7 @@ from pydantic import Field, create_model, model_validator
 
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
 from experiments.errors import InputError, shown
-from experiments.formats.scene.scene import read_scene
+from experiments.formats.scene.scene import usable_scene
 from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
@@ -234,7 +234,7 @@ def read_scenario(name: str) -> Scenario:
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
-    scene = read_scene(Path(scenario.scene))
+    scene = usable_scene(Path(scenario.scene))
     return completed(scenario, scene.network, scene.measured_nodes, name)
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from dynamics import rest_shape
-from estimators import FilterSettings, IdentitySwap
+from estimators import CameraMove, FilterSettings, IdentitySwap
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene, network_digest
 from experiments.log import LOG
@@ -121,6 +121,17 @@ def report_swap(swap: IdentitySwap) -> None:
         "swap",
         f"{', '.join(first)} and {last} were taken for each other since {swap.since_s:.2f} s; undone",
     )
+
+
+def report_move(moved: CameraMove) -> None:
+    """Report that the camera or tracker was moved, or has drifted."""
+    report_event(moved.time_s, "camera", move_line(moved))
+
+
+def move_line(moved: CameraMove) -> str:
+    """By how much the camera or tracker has moved, and that it is corrected."""
+    distance_mm, angle_deg = 1e3 * moved.distance_m, np.degrees(moved.angle_rad)
+    return f"moved by {distance_mm:.1f} mm, {angle_deg:.1f} deg: corrected by reference marks"
 
 
 def distractor_line(came: Distractor) -> str:

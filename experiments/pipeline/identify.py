@@ -24,7 +24,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
-from experiments.pipeline.track import measurement
+from experiments.pipeline.track import marks_to_use
 from experiments.threads import ahead
 
 Advance = Callable[[float], None]
@@ -45,10 +45,7 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
     """All marks of each frame, those that are there for scoring only included; raises InputError, SourceError."""
     times = recording.exposures_s
     if recording.marks is not None:
-        return [
-            (float(time_s), tuple(measurement(mark) for mark in marks))
-            for time_s, marks in zip(times, recording.marks, strict=True)
-        ]
+        return list(marks_to_use(recording))
     line = Line(recording.scene, baseline=False)
     frames = []
     with recording.open_frames() as film, ahead(film) as pictures:

@@ -19,9 +19,9 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import read_recording
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.line import Line
-from experiments.pipeline.track import measurement
+from experiments.pipeline.track import marks_to_use
 
 Advance = Callable[[float], None]
 
@@ -56,8 +56,8 @@ def planned(
         line = Line(scene, baseline=False, fixes=recording.fixes)
         n_frames = len(recording.exposures_s)
         if recording.marks is not None:
-            for k, (exposure_s, marks) in enumerate(zip(recording.exposures_s, recording.marks, strict=True)):
-                line.take(float(exposure_s), [measurement(mark) for mark in marks])
+            for k, (exposure_s, marks) in enumerate(marks_to_use(recording)):
+                line.take(exposure_s, marks)
                 advance((k + 1) / n_frames)
         else:
             with recording.open_frames() as frames:
@@ -69,7 +69,7 @@ def planned(
             raise InputError.at(source, "marks that start the filter", "none")
         mean, cov, belief, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
     else:
-        scene = read_scene(source)
+        scene = usable_scene(source)
         task = read_task(plan_path, scene.network.dim)
         shape = rest_shape(scene.network)
         model = TissueModel(scene.network, scene.measured_nodes, uncertainty=scene.uncertainty)

@@ -16,10 +16,13 @@ from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
-from experiments.formats.recording import MarkRow, Recording
+from experiments.formats.marks.repeats import without_repeats
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
+from experiments.pipeline.integrity.budget import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
-from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
+from experiments.pipeline.scores.fit import TruthScore, fit_of, frames_by_status, sigmas_m, verdict
 from experiments.pipeline.scores.marks import MarkShares, MarkTally, marks_verdict
 from experiments.pipeline.scores.withheld import Withheld, withheld_of
 from experiments.threads import ahead
@@ -38,6 +41,7 @@ class Track:
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
     withheld: of the check, by node: marks predicted as if they were hidden
+    variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     marks: by node, in how many frames each was found, refused and lost, and why
     """
 
@@ -47,6 +51,7 @@ class Track:
     counts: Mapping[str, float | int | None] = field(default_factory=dict)
     withheld: Mapping[str, Withheld] = field(default_factory=dict)
     marks: Mapping[str, MarkShares] = field(default_factory=dict)
+    variance_shares: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def has_truth(self) -> bool:
@@ -95,6 +100,7 @@ def track(
         "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != "fix"),
         "repairs": sum(line.filter.repairs.values()),
         "swaps_undone": len(line.identity.swaps),
+        "frames_frozen": frames_frozen(recording),
         "rest_offset_mm": 1e3 * float(rest_offsets(recording.scene).max()),
     }
     if line.checks is not None:
@@ -102,7 +108,10 @@ def track(
         counts["check_nees"] = float(np.mean(nees)) if nees else None
         counts["check_scale"] = line.checks.scale
     withheld = {node: withheld_of(checked[node]) for node in recording.scene.measured_nodes if node in checked}
-    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares())
+    budget = error_budget(recording.scene, line.filter)
+    last = next((step.estimates[FILTER] for step in reversed(steps)), None)
+    shares = {} if last is None else variance_shares(budget, last)
+    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares(), shares)
 
 
 def each_step(line: Line, recording: Recording) -> Iterator[Step]:
@@ -113,17 +122,31 @@ def each_step(line: Line, recording: Recording) -> Iterator[Step]:
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
     """As `each_step`, with the frames; None where marks stand in their place."""
     if recording.marks is not None:
-        for exposure_s, marks in zip(recording.exposures_s, recording.marks, strict=True):
-            yield None, line.take(float(exposure_s), [measurement(mark) for mark in marks])
+        for exposure_s, marks in marks_to_use(recording):
+            yield None, line.take(exposure_s, marks)
         return
     with recording.open_frames() as film, ahead(film) as frames:
         for frame in frames:
             yield frame, line.see(frame.exposure_s, frame.image)
 
 
+def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasurement, ...]]]:
+    """The times [s] and given marks of a recording's frames, none of frames whose values repeat."""
+    used, _ = without_repeats(recording.exposures_s, recording.marks or ())
+    for exposure_s, marks in zip(recording.exposures_s.tolist(), used, strict=True):
+        yield exposure_s, tuple(measurement(mark) for mark in marks)
+
+
+def frames_frozen(recording: Recording) -> int:
+    """How many frames of given marks repeat values, and are not used."""
+    marks = recording.marks or ()
+    used, _ = without_repeats(recording.exposures_s, marks)
+    return sum(bool(given) and not left for given, left in zip(marks, used, strict=True))
+
+
 def measurement(mark: MarkRow) -> MarkMeasurement:
     """A row of marks.csv as the filter takes it."""
-    return MarkMeasurement(mark.node, mark.position_m, mark.sd_m**2 * np.eye(len(mark.position_m)))
+    return MarkMeasurement(mark.node, mark.position_m, mark.cov)
 
 
 def target_truth(recording: Recording, steps: list[Step]) -> Floats:
@@ -223,6 +246,7 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
     ours: dict[str, Any] = figures(done, FILTER) | dict(done.counts)
     ours["frames_by_status"] = frames_by_status(done.estimates(FILTER))
     ours["verdict"] = verdict_of(done)
+    ours["variance_shares"] = dict(done.variance_shares)
     if done.marks:
         ours["marks"] = {node: asdict(one) for node, one in done.marks.items()}
         ours["marks_verdict"] = marks_verdict(done.recording.scene, done.marks)
@@ -232,10 +256,15 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
 
 
 def verdict_of(done: Track) -> str:
-    """One sentence: do the marks fit the model of the filter, and in how many frames were there any."""
-    estimates = done.estimates(FILTER)
+    """What innovations and a truth show of the filter, and in how many frames there were marks."""
+    estimates, found = done.estimates(FILTER), figures(done, FILTER)
     refused = int(done.counts.get("marks_refused") or 0)
-    return verdict(fit_of(estimates), frames_by_status(estimates), refused)
+    frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None
+    covered, nees = found.get("coverage95"), found.get("mean_nees")
+    truth = None if covered is None or nees is None else TruthScore(covered, nees, done.recording.scene.network.dim)
+    by_status = frames_by_status(estimates)
+    said = verdict(fit_of(estimates), by_status, refused, frozen=frozen, pictures=pictures, truth=truth)
+    return said if done.recording.aside is None else f"{said}; {done.recording.aside}"
 
 
 def write_tables(done: Track, folder: Path) -> None:

@@ -14,15 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import ImplicitStepper, NetworkError, Oscillations, oscillations, rest_shape, stable_step
+from dynamics import ImplicitStepper, Oscillations, oscillations, rest_shape, stable_step
 from estimators import MarkMeasurement, TargetEstimate, resting_bound
 from estimators.process.linear_motion import is_linearised
 from estimators.process.target import target_map
 from experiments.arrays import Floats
-from experiments.errors import InputError
-from experiments.formats.recording import MarkRow, Recording, read_recording
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
+from experiments.pipeline.integrity.budget import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line, check_followed
 from experiments.simulation.simulate import draw
 
@@ -46,6 +47,7 @@ class SceneCheck:
     interval_s: of the frames; seen: the measured marks as a frame at rest gives them; unfound: nodes whose marks no
         detector finds in a picture of the scene
     estimate: what the scene's filter knows of the target after some seconds at rest
+    variance_shares: share of each source of error in the target's variance, the largest first
     quiet_m, pushed_m: standard deviation of the target, an axis, below which no unbiased estimate is while nobody
         pushes, and while all marked nodes may be pushed as the scene's filter assumes
     """
@@ -63,6 +65,7 @@ class SceneCheck:
     estimate: TargetEstimate
     quiet_m: float
     pushed_m: float
+    variance_shares: Mapping[str, float]
 
     @property
     def offsets_m(self) -> Floats:
@@ -95,13 +98,10 @@ def checked(
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
-    scene = read_scene(path) if recording is None else recording.scene
+    scene = usable_scene(path) if recording is None else recording.scene
     network = scene.network
     check_followed(scene, path)
-    try:
-        rest = rest_shape(network)
-    except NetworkError as error:
-        raise InputError(f"{path}: network: {error}; braces, stiffer springs or anchors would hold it") from None
+    rest = rest_shape(network)
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
     seen, unfound = _seen(scene, rest, recording, sd_mm)
@@ -132,6 +132,7 @@ def checked(
         estimate=estimate,
         quiet_m=per_axis(at.cov(quiet)),
         pushed_m=per_axis(at.cov(pushed)),
+        variance_shares=variance_shares(error_budget(scene, line.filter), estimate),
     )
 
 
@@ -179,9 +180,9 @@ def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
     """Covariance of each measured mark that has rows [m²], the usual one of all where none has; nodes without rows."""
-    sds = {node: [row.sd_m for row in rows if row.node == node] for node in usual}
-    covs = {node: float(np.median(own)) ** 2 * np.eye(scene.network.dim) for node, own in sds.items() if own}
-    return covs or dict(usual), tuple(node for node, own in sds.items() if not own)
+    found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
+    covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
+    return covs or dict(usual), tuple(node for node, own in found.items() if not own)
 
 
 def _picture(scene: Scene, recording: Recording | None) -> NDArray[np.uint8]:

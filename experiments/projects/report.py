@@ -9,6 +9,7 @@ import numpy as np
 
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
 from experiments.pipeline.events import SAGS, rest_is_known, steps_left_out
+from experiments.pipeline.integrity.budget import USUAL, shares_words
 from experiments.projects.check import SceneCheck
 
 N_NAMED = 6
@@ -64,6 +65,7 @@ def check_report(done: SceneCheck) -> dict[str, object]:
             "frames_per_s": 1.0 / done.interval_s,
             "marks_mm": 1e3 * _mark_sd_m(done),
         },
+        "variance_shares": dict(done.variance_shares),
         "best_hit_probability": best_hit(done),
         "missing": [{"what": one.what, "next": one.next} for one in missing(done)],
     }
@@ -78,6 +80,7 @@ def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
         ("steps", _steps(done)),
         ("marks", _marks(done)),
         ("target", _target(done)),
+        ("errors", f"of the target's variance for advice: {shares_words(done.variance_shares)}"),
     ]
     lacks = [("missing", f"{one.what}. Next: {one.next}") for one in missing(done)]
     return lines + (lacks or [("missing", "nothing")])
@@ -163,6 +166,12 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
         yield Missing(
             f"the target {node} has no mark: nothing can be identified or scored",
             "a [[mark]] with measured = false, seen in the calibration recording only",
+        )
+    if scene.target.position_sd_m is None:
+        yield Missing(
+            f"how well the target's place in the tissue is known is not stated: advice supposes"
+            f" {1e3 * USUAL.position_m:g} mm an axis, and no mark can show it",
+            "position_sd_mm in [target], registration included; a fix of the target makes it smaller",
         )
     if done.estimate.model_only:
         yield Missing(

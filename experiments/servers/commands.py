@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -62,6 +63,9 @@ class NeedleAt(_Command):
     direction: Place
 
 
+UNSEEN = {"command": "needle_unseen"}
+
+
 class NeedleUnseen(_Command):
     """The needle's tracker does not see it: there is no advice on it until its place is told again."""
 
@@ -80,3 +84,13 @@ def read_command(found: Any) -> Command:
         first = error.errors()[0]
         place = ".".join(str(one) for one in first["loc"]) or "command"
         raise ValueError(f"{place}: {first['msg']}") from error
+
+
+def is_needle(found: Any) -> bool:
+    """Whether a decoded JSON object, or its text, states a needle, well or not: one that is refused is `UNSEEN`."""
+    if isinstance(found, str | bytes):
+        try:
+            found = json.loads(found)
+        except (ValueError, RecursionError):
+            return False
+    return isinstance(found, dict) and found.get("command") == "needle"

@@ -92,6 +92,7 @@ def state_message(
     events: Sequence[Mapping[str, Any]] = (),
     recording: Mapping[str, Any] | None = None,
     paused: bool = False,
+    errors: str = "",
 ) -> dict[str, Any]:
     """What is known at one moment.
 
@@ -99,6 +100,7 @@ def state_message(
     overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
     needle: where it is
     fault: why the estimate may not be relied upon, None where it may
+    errors: which errors have most of the target's variance
     events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
@@ -113,6 +115,7 @@ def state_message(
         "target_mm": _mm(estimate.mean),
         "cov_mm2": None if cov is None else (1e6 * cov).tolist(),
         "sigma_mm": None if cov is None else 1e3 * float(np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0))),
+        "errors": errors,
         "marks_used": estimate.marks_used,
         "nis": estimate.nis,
         "nis_band": nis_band,

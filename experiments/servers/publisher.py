@@ -24,7 +24,18 @@ from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.preparing import PREPARING
 from experiments.pipeline.live.shown import Shown
-from experiments.servers.commands import Command, Fix, Hue, NeedleAt, NeedleUnseen, Pause, Record, Reset, read_command
+from experiments.servers.commands import (
+    Command,
+    Fix,
+    Hue,
+    NeedleAt,
+    NeedleUnseen,
+    Pause,
+    Record,
+    Reset,
+    is_needle,
+    read_command,
+)
 from experiments.servers.link import Link
 from experiments.servers.message import LoopFigures, scene_message, state_message
 from vision import Frame, SourceError
@@ -96,7 +107,8 @@ class Shows:
 
     def publish(self, shown: Shown, line: Line) -> None:
         """Hand on what is known now."""
-        camera, watched = self._camera, self.link.wants_picture
+        watched = self.link.wants_picture
+        camera = self._camera if shown.frame is None else line.camera
         overlay = nodes_m = image = None
         if watched and camera is not None and shown.step is not None:
             overlay = overlay_of(line, shown.step, camera, shown.guidance, shown.plan)
@@ -122,6 +134,7 @@ class Shows:
                 events=events,
                 recording=recording,
                 paused=paused,
+                errors=shown.errors,
             ),
             image,
         )
@@ -157,6 +170,8 @@ class Shows:
                 LOG.info("asked for: %s", command)
             except (ValueError, InputError, SourceError) as error:
                 LOG.warning("not done: %s", error)
+                if is_needle(request) and control.session.advice is not None:
+                    control.session.needle_unseen()
         recording = control.recording
         self._recording = None if recording is None else {"folder": str(recording.folder), "frames": recording.n_frames}
         self._paused = control.session.paused

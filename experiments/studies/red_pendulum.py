@@ -37,8 +37,9 @@ from dynamics import MassSpringNetwork
 from estimators import coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.errors import InputError
+from experiments.formats.marks.rows import MarkRow
 from experiments.formats.outputs import output_folder
-from experiments.formats.recording import MarkRow, Recording, read_recording, write_frames_csv, write_marks_csv
+from experiments.formats.recording import Recording, read_recording, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track, write_tables

@@ -5,7 +5,7 @@ Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -81,6 +81,15 @@ class PlaneCamera:
         ):
             value.setflags(write=False)
             object.__setattr__(self, key, value)
+
+    def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
+        """The camera that sees a point x of the plane [m] where this one sees R x + t.
+
+        rotation: R, (2, 2); translation_m: t [m], (2,)
+        """
+        motion = np.eye(3)
+        motion[:2, :2], motion[:2, 2] = rotation, translation_m
+        return replace(self, plane_to_px=self.plane_to_px @ motion)
 
     def project(self, points_m: ArrayLike) -> Floats:
         """Where points of the plane [m], (n, 2), are seen [px], (n, 2); ValueError for points beyond the horizon."""

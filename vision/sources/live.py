@@ -19,15 +19,11 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import Arrivals, DeviceTimes, ExposureRule, RisingTimes
 from vision.sources.frames import Frame, SourceError, bgr, quiet_opencv
 from vision.sources.settings import DEFAULTS, SourceSettings
-from vision.sources.watchdog import SourceWatchdog, SparsePictures
+from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
 """Period of polling, below a frame interval at 30 frames/s: faults are checked for and failed reads tried again; a
 frame wakes its reader at once."""
-
-
-IN_TURN = 8
-"""Last pictures of which none may come again: a driver that hangs may hand out its buffers in turn, four as a rule."""
 
 
 class Capture(Protocol):

@@ -1,4 +1,4 @@
-"""Watchdogs of a live source: blocked, frozen, failed or back, from when its reads came back; too few of its pictures.
+"""Watchdogs of a source: blocked, frozen, failed or back; too few of its pictures; values that repeat.
 
 No threads, no clock.
 """
@@ -6,6 +6,7 @@ No threads, no clock.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from statistics import median_low
 
 import numpy as np
@@ -85,6 +86,49 @@ class SourceWatchdog:
             return []
         self.fault = kind
         return [SourceEvent(now_s, kind, text)]
+
+
+IN_TURN = 8
+"""Last frames of which none may come again: a driver that hangs may hand out its buffers in turn, four as a rule."""
+
+
+class FrozenValues:
+    """Whether a frame's values repeat: to the last digit all of them are those of one of the last `IN_TURN` frames.
+
+    Noise makes that next to impossible. A sender that states each of its values several times is not frozen: FROZEN are
+    two more repeats in succession than usually come between new values. A frame without values says nothing.
+
+    frozen: whether that lasts
+    State: the last new frames; how many repeats came before each, and since the newest; when that came [s].
+    """
+
+    def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
+        self.frozen = False
+        self._most = settings.stuck_frames - 1
+        self._recent: deque[dict[str, tuple[float, ...]]] = deque(maxlen=IN_TURN)
+        self._repeats: deque[int] = deque([0], maxlen=settings.settled_frames)
+        self._n_repeats, self._new_s = 0, 0.0
+
+    def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
+        """Whether the values of a frame, by name, repeat and must not be used, and what happened then [s]."""
+        if not values:
+            return False, []
+        if any(values.items() <= one.items() for one in self._recent):
+            self._n_repeats += 1
+            if self.frozen or self._n_repeats < self._most + median_low(self._repeats):
+                return True, []
+            self.frozen = True
+            text = f"{self._n_repeats} times the same values, to the last digit, in {time_s - self._new_s:.2f} s"
+            return True, [SourceEvent(time_s, EventKind.FROZEN, f"{text}: they are not used")]
+        events = []
+        if self.frozen:
+            text = f"new values after {time_s - self._new_s:.2f} s"
+            events.append(SourceEvent(time_s, EventKind.RESUMED, text))
+        if self._recent:
+            self._repeats.append(self._n_repeats)
+        self._recent.append(dict(values))
+        self.frozen, self._n_repeats, self._new_s = False, 0, time_s
+        return False, events
 
 
 class SparsePictures:

@@ -24,6 +24,7 @@ def identify(
     force: Replace = False,
 ) -> Answer:
     """Find the tissue's constants: write a scene to track with, state how well each is known."""
+    run.not_with("--at-rest", "--minutes")
     from experiments.commands.console import constants_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new

@@ -53,6 +53,8 @@ def live(
     force: Force = False,
 ) -> Answer:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
+    run.not_with("--no-page", "--page")
+    run.only_with("--out", "--force")
     from experiments.servers.opening import served
     from experiments.simulation.phantom_process import PHANTOM, PhantomProcess
 

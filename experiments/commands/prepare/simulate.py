@@ -22,11 +22,14 @@ def simulate(
     force: Force = False,
 ) -> Answer:
     """Move a scenario's tissue and film it, or note its marks: write a recording with its truth."""
+    from experiments.errors import InputError
     from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of
     from experiments.simulation.simulate import simulate as write_recording
 
     read = read_scenario(scenario)
+    if "--film" in run.given and not scene_of(read).cameras:
+        raise InputError.at("--film", "a scene with a camera", "none")
     first = read.seed if seed is None else seed
     names = [""] if runs is None else [f"seed-{first + k}" for k in range(runs)]
     with run.folder(out, force=force, inputs=[scenario_file(scenario), scene_file(read)]) as folder:

@@ -54,18 +54,52 @@ class NetworkTable(Strict):
     spring: list[SpringTable]
 
 
-class MarkTable(Strict):
-    """`[[mark]]`."""
+Hue = Annotated[float, Field(ge=0, lt=360)]
 
-    node: Name
-    hue_deg: Annotated[float, Field(ge=0, lt=360)]
-    diameter_mm: Positive
-    measured: bool = True
+
+class _LookTable(Strict):
+    """How a film shows a mark, hue and diameter aside."""
+
     half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
     min_value: Annotated[float, Field(gt=0, lt=1)] = 0.2
     even: bool = True
     ball: bool = False
+
+
+class MarkTable(_LookTable):
+    """`[[mark]]`."""
+
+    node: Name
+    hue_deg: Hue
+    diameter_mm: Positive
+    measured: bool = True
+
+
+class ReferenceMarkTable(_LookTable):
+    """`[[reference.mark]]`: a mark that stands still, on an anchor or at a place of the rig."""
+
+    name: Name
+    node: Name | None = None
+    position_mm: Coordinates | None = None
+    hue_deg: Hue | None = None
+    diameter_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> ReferenceMarkTable:
+        if (self.node is None) == (self.position_mm is None):
+            found = "neither" if self.node is None else "both"
+            raise ValueError(f"expected node or position_mm, found {found}")
+        if (self.hue_deg is None) != (self.diameter_mm is None):
+            raise ValueError("expected hue_deg and diameter_mm together, found one of them")
+        return self
+
+
+class ReferenceTable(Strict):
+    """`[reference]`: marks by which the pose of a camera or tracker is corrected, and its drift."""
+
+    drift_sd_mm: NotNegative | None = None
+    mark: list[ReferenceMarkTable] = Field(default_factory=list)
 
 
 class TargetTable(Strict):
@@ -74,6 +108,7 @@ class TargetTable(Strict):
     node: Name
     radius_mm: Positive
     offset_mm: Coordinates | None = None
+    position_sd_mm: NotNegative | None = None
 
 
 class CameraTable(Strict):
@@ -111,6 +146,10 @@ class CameraTable(Strict):
         return self
 
 
+LogSd = Annotated[float, Field(gt=0, le=700)]
+"""Standard deviation of the log of a constant: of a larger one the factor is no finite number."""
+
+
 class UncertaintyTable(Strict):
     """`[uncertainty]`: how well the constants are known, relative standard deviations.
 
@@ -118,11 +157,11 @@ class UncertaintyTable(Strict):
     direction, independent of the others, of the logs of the parameters named.
     """
 
-    stiffness: Positive | None = None
-    rest_length: Positive | None = None
-    damping: Positive | None = None
-    drag: Positive | None = None
-    friction: Positive | None = None
+    stiffness: LogSd | None = None
+    rest_length: LogSd | None = None
+    damping: LogSd | None = None
+    drag: LogSd | None = None
+    friction: LogSd | None = None
     parameters: list[Name] | None = None
     directions: list[list[float]] | None = None
 
@@ -177,5 +216,6 @@ class SceneFile(Strict):
     filter: FilterTable | None = None
     mark: list[MarkTable] = Field(default_factory=list)
     target: TargetTable
+    reference: ReferenceTable | None = None
     camera: list[CameraTable] = Field(default_factory=list)
     provenance: list[ProvenanceTable] = Field(default_factory=list)

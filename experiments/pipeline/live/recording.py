@@ -10,9 +10,9 @@ from pathlib import Path
 
 import vision
 from experiments.errors import InputError
+from experiments.formats.marks.rows import AXES, cov_columns, cov_entries_mm2
 from experiments.formats.outputs import write_whole
 from experiments.formats.pictures import MARKS
-from experiments.formats.recording import AXES
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.log import LOG
 from experiments.pipeline.live.journal import JOURNAL, Act, Done, JournalTable, mark_values
@@ -88,13 +88,13 @@ class LiveRecording:
 
     def _keep_marks(self, frame: MarksFrame, exposure_s: float) -> None:
         if self._marks is None or self._frames is None:
-            axes = AXES[: self._scene.network.dim]
-            self._marks = LiveTable(self.folder / MARKS, ("time_s", "node", *axes, "sd_mm"))
+            dim = self._scene.network.dim
+            self._marks = LiveTable(self.folder / MARKS, ("time_s", "node", *AXES[:dim], *cov_columns(dim)))
             self._frames = LiveTable(self.folder / "frames.csv", ("frame", "exposure_s"))
         self._frames.write((self.n_frames, f"{exposure_s:.9f}"))
         for mark in frame.marks:
-            sd_mm = 1e3 * float(mark.total_cov.trace() / len(mark.position)) ** 0.5
-            self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), sd_mm))
+            entries_mm2 = cov_entries_mm2(mark.total_cov)
+            self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), *entries_mm2))
 
     def fail(self, fault: Exception) -> None:
         """End it for this reason; what it has is kept."""

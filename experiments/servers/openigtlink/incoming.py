@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from experiments.servers.commands import read_command
+from experiments.arrays import Floats
+from experiments.servers.commands import UNSEEN, read_command
 from experiments.servers.openigtlink.bodies import PointBody, read_points, read_transform
 from experiments.servers.openigtlink.codec import Message
 from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 
 RIGID = 1e-2
-"""By how much the length of an axis may differ from 1: more is no tracked tool's pose; rounding of trackers, chosen."""
+"""By how much products of axes may differ from those of a rotation: more is no tracked tool's pose; chosen."""
 IN_PLANE = 0.5
 """Share of a needle's direction that must lie in the plane of flat tissue, within 60 degrees of it; chosen."""
 MOST_POINTS = 100
@@ -21,11 +22,13 @@ MOST_POINTS = 100
 
 Command = dict[str, Any]
 
-UNSEEN: Command = {"command": "needle_unseen"}
-
 
 class RefusedError(ValueError):
-    """A message that is well formed, and asks for what cannot be done."""
+    """A message that is well formed, and asks for what cannot be done; instead: the commands that stand for it."""
+
+    def __init__(self, text: str, *instead: Command) -> None:
+        super().__init__(text)
+        self.instead = instead
 
 
 class Incoming:
@@ -58,14 +61,23 @@ class Incoming:
             return [UNSEEN]
         if not np.isfinite(matrix).all():  # some trackers say so by NaN
             return [UNSEEN]
-        lengths = np.linalg.norm(matrix[:3, :3], axis=0)
-        if not (np.abs(lengths - 1.0) <= RIGID).all():
-            raise RefusedError("needle: expected axes of length 1")
-        along = matrix[: self._dim, 2]
+        try:
+            return [self._pose(matrix)]
+        except RefusedError as error:
+            raise RefusedError(str(error), UNSEEN) from error
+
+    def _pose(self, matrix: Floats) -> Command:
+        axes, place = matrix[:3, :3].astype(float), matrix[: self._dim, 3]
+        with np.errstate(over="ignore", invalid="ignore"):
+            rigid = bool((np.abs(axes.T @ axes - np.eye(3)) <= RIGID).all())
+        if not rigid:
+            raise RefusedError("needle: expected axes of length 1, square to each other")
+        if np.linalg.det(axes) < 0.0:
+            raise RefusedError("needle: expected a rotation, found a mirrored one")
+        along = axes[: self._dim, 2]
         if np.linalg.norm(along) < IN_PLANE:
             raise RefusedError("needle: expected a direction near the plane of the tissue")
-        place = matrix[: self._dim, 3]
-        return [_checked({"command": "needle", "tip_mm": place.tolist(), "direction": along.tolist()})]
+        return _checked({"command": "needle", "tip_mm": place.tolist(), "direction": along.tolist()})
 
     def _fixes(self, points: Iterable[PointBody]) -> list[Command]:
         sent = tuple(points)

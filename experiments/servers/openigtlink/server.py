@@ -15,6 +15,7 @@ import time
 from dataclasses import dataclass
 
 from experiments.log import LOG
+from experiments.servers.commands import UNSEEN
 from experiments.servers.feed import Feed
 from experiments.servers.openigtlink.bodies import StatusBody
 from experiments.servers.openigtlink.codec import HEADER, MalformedError, decode, decode_header
@@ -142,6 +143,8 @@ class _Server:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+            if incoming.sends_needle and self._may_write(writer):
+                self._feed.command(UNSEEN)  # its tracker is gone
             writer.transport.abort()
 
     async def _tell(self, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
@@ -158,7 +161,7 @@ class _Server:
 
     async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
         """Hand on what the client asks for. Ends by an exception: it is gone, MalformedError, or TimeoutError."""
-        may_write = self._allow_write or _is_local(writer)
+        may_write = self._may_write(writer)
         while True:
             first = await reader.readexactly(1)
             async with asyncio.timeout(self._settings.message_s):
@@ -168,7 +171,7 @@ class _Server:
                 commands = incoming.commands(message)
             except RefusedError as error:
                 self._answer(writer, Code.ILLEGAL_INSTRUCTION, str(error))
-                commands = []
+                commands = list(error.instead) if may_write else []
             if commands and not may_write:
                 self._answer(
                     writer, Code.ACCESS_DENIED, "needles and points are taken from programs of this machine only"
@@ -178,6 +181,9 @@ class _Server:
                 self._feed.command(command)
             # Messages that wait in the buffer are read without a pause: others must have their turn
             await asyncio.sleep(0)
+
+    def _may_write(self, writer: asyncio.StreamWriter) -> bool:
+        return self._allow_write or _is_local(writer)
 
     def _answer(self, writer: asyncio.StreamWriter, code: Code, text: str) -> None:
         """Say why something was not done, unless the client is still taking what it was sent before."""

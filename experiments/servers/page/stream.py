@@ -13,7 +13,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
 
-from experiments.servers.commands import read_command
+from experiments.servers.commands import UNSEEN, is_needle, read_command
 from experiments.servers.feed import Feed
 from experiments.servers.page.access import PROTOCOL, Access
 
@@ -130,6 +130,8 @@ class Viewer:
                 raise ValueError("a token is needed to write")
             self._feed.command(command.model_dump())
         except ValueError as error:
+            if self._may_write and is_needle(text):
+                self._feed.command(UNSEEN)
             return {"type": "answer", "command": name, "error": str(error)[:LONGEST_ERROR]}
         return {"type": "answer", "command": name, "error": None}
 

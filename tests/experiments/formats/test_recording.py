@@ -189,7 +189,7 @@ places = st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=2).map(np.array)
 seen = st.dictionaries(st.sampled_from(MARKED), st.tuples(places, st.floats(1e-6, 1.0)), max_size=3)
 
 
-@given(st.lists(st.tuples(st.integers(1, 10**12), seen), min_size=1, max_size=6))
+@given(st.lists(st.tuples(st.integers(10**6, 5 * 10**9), seen), min_size=1, max_size=6))
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(tracked: Path, frames: list[tuple[int, dict[str, tuple[np.ndarray, float]]]]):
     """Times to 1e-9 s, positions to half of 1e-4 mm, deviations to nine digits."""

@@ -42,7 +42,7 @@ def hanging(**changes) -> Scene:
     )
     marks = (Mark("M", 0.0, 0.01), Mark("T", 120.0, 0.01, measured=False))
     camera = fronto_parallel_camera("front", (320, 240), (1.5, 1.5), (0.0, -0.1))
-    return replace(Scene(network, marks, Target("T", 0.005), (camera,)), **changes)
+    return replace(Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), (camera,)), **changes)
 
 
 def report_of(scene: Scene, tmp_path, **options):
@@ -135,7 +135,7 @@ def complete() -> Scene:
     return Scene(
         network,
         marks,
-        Target("M2", 0.005),
+        Target("M2", 0.005, position_sd_m=5e-4),
         (camera,),
         uncertainty=independent_uncertainty(parameters(network, ("stiffness",)), 0.02),
         settings=replace(FilterSettings(), quiet=replace(FilterSettings().quiet, white=0.05)),
@@ -151,13 +151,16 @@ LACKS = {
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),
+    "how well the target's place in the tissue is known is not stated": lambda s: replace(
+        s, target=Target("M2", 0.005)
+    ),
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),
     "the target M2 has no mark": lambda s: replace(s, marks=tuple(m for m in s.marks if m.node != "M2")),
     "1 free node without any mark, M4": lambda s: replace(s, marks=s.marks[:3]),
     "1 mark not found in its picture or rows: M3": lambda s: replace(
         s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
     ),
-    "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4)),
+    "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4, position_sd_m=0.0)),
     "rest lengths do not fit the drawing": lambda s: replace(
         s, network=replace(s.network, rest_lengths=1.1 * s.network.rest_lengths)
     ),
@@ -189,7 +192,8 @@ def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
         gravity=[0.0, -G],
         fixed=["hook"],
     )
-    scene = Scene(network, (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False)), Target("T", 0.005), ())
+    marks = (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False))
+    scene = Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), ())
     assert any(line.startswith("the marks are too few or too far to carry") for line in lacking(scene, tmp_path))
 
 
@@ -198,7 +202,7 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys) -> None:
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
     subjects = [line.split()[0] for line in told.splitlines() if line[:1].strip()]
-    assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "missing", "Picture"]
+    assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "errors", "missing", "Picture"]
     picture = cv2.imread(str(tmp_path / "out" / "check.png"))
     assert picture is not None
     assert picture.std() > 10.0
@@ -261,7 +265,9 @@ def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:
         fixed=["A", "B"],
         rest_lengths=[0.15, 0.15, 0.1],
     )
-    write_scene(Scene(network, (Mark("M", 0.0, 0.01),), Target("T", 0.005), ()), tmp_path / "scene.toml")
+    write_scene(
+        Scene(network, (Mark("M", 0.0, 0.01),), Target("T", 0.005, position_sd_m=5e-4), ()), tmp_path / "scene.toml"
+    )
     code = softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out")
     err = capsys.readouterr().err
     assert code == 2

@@ -78,7 +78,7 @@ def test_a_folder_with_gaps_or_other_counts_is_told(folder: Path) -> None:
         list(FolderFrames(folder, [0.0] * N))
     (folder / "000002.png").write_bytes(b"no picture")
     (folder / "000007.png").unlink()
-    with pytest.raises(SourceError, match=r"000002.png: expected a PNG picture"):
+    with pytest.raises(SourceError, match=r"000002.png: expected a picture, found a file that cannot be read as one"):
         list(FolderFrames(folder, [0.0] * N))
     with pytest.raises(SourceError, match="expected a folder of frames, found none"):
         FolderFrames(folder / "none", [])

@@ -9,8 +9,9 @@ from typing import Any, Never
 
 import numpy as np
 
+from experiments.arrays import Floats
 from experiments.errors import shown
-from experiments.formats.recording import AXES, MarkRow
+from experiments.formats.marks.rows import AXES, MarkRow, are_definite, cov_names, cov_of
 from experiments.formats.scene.scene import Scene
 
 LONGEST_LINE = 65_536
@@ -61,12 +62,28 @@ def read_line(line: bytes, scene: Scene) -> SentFrame:
 
 def _mark(place: str, stated: object, scene: Scene) -> MarkRow:
     axes = AXES[: scene.network.dim]
-    table = _table(place, stated, ("node", *axes, "sd_mm"))
+    spread = "cov_mm2" if isinstance(stated, dict) and "cov_mm2" in stated else "sd_mm"
+    table = _table(place, stated, ("node", *axes, spread))
     node = table["node"]
-    if not isinstance(node, str) or node not in (mark.node for mark in scene.marks):
+    if not isinstance(node, str) or node not in scene.mark_names:
         raise LineError(f"{place}.node: expected a node with a mark in the scene, found {shown(node)}")
     position_mm = np.array([_number(f"{place}.{axis}", table[axis], -FARTHEST_MM) for axis in axes])
-    return MarkRow(node, 1e-3 * position_mm, 1e-3 * _number(f"{place}.sd_mm", table["sd_mm"], FINEST_MM))
+    if spread == "sd_mm":
+        return MarkRow(node, 1e-3 * position_mm, 1e-3 * _number(f"{place}.sd_mm", table["sd_mm"], FINEST_MM))
+    return MarkRow.of_cov(node, 1e-3 * position_mm, _cov(f"{place}.cov_mm2", table["cov_mm2"], scene.network.dim))
+
+
+def _cov(place: str, stated: object, dim: int) -> Floats:
+    names = cov_names(dim)
+    if not isinstance(stated, list) or len(stated) != len(names):
+        raise LineError(f"{place}: expected {', '.join(names)} in a list, found {shown(stated)}")
+    entries = [_number(f"{place}[{k}]", entry) for k, entry in enumerate(stated)]
+    if not max(map(abs, entries)) <= FARTHEST_MM**2:
+        raise LineError(f"{place}: expected up to {FARTHEST_MM**2:g}, found {shown(stated)}")
+    covs = cov_of([entries], dim)
+    if not are_definite(covs)[0] or covs[0].diagonal().min() < (1e-3 * FINEST_MM) ** 2:
+        raise LineError(f"{place}: expected a positive definite covariance, found {shown(stated)}")
+    return covs[0]
 
 
 def _table(place: str, stated: object, keys: tuple[str, ...]) -> dict[str, Any]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.errors import InputError
+from experiments.formats.marks.drawing import first_marks_line
 from experiments.formats.pictures import MARKS, source_in
 from experiments.formats.recording import read_frames, read_marks
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
+from experiments.log import LOG
 from experiments.pipeline.live.marks.feeds import PipeFeed, udp_feed
 from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
 from experiments.pipeline.live.marks.replay import MarksReplay
@@ -27,14 +29,17 @@ def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSou
     """The marks of `spec`, and the scene: that of scene_path, else that beside marks.csv. Raises InputError."""
     path = source_in(Path(spec)) if Path(spec).is_dir() else Path(spec)
     if path.suffix == ".csv":
-        scene = read_scene(path.with_name("scene.toml") if scene_path is None else scene_path)
+        scene = usable_scene(path.with_name("scene.toml") if scene_path is None else scene_path)
         frames_csv = path.with_name("frames.csv")
         times_s = read_frames(frames_csv) if path.name == MARKS and frames_csv.exists() else None
-        return scene, MarksReplay(*read_marks(path, scene, times_s))
+        exposures_s, marks = read_marks(path, scene, times_s)
+        if (line := first_marks_line(scene, marks)) is not None:
+            LOG.warning("%s: %s", path, line)
+        return scene, MarksReplay(exposures_s, marks)
     name = f"--source {spec}"
     if scene_path is None:
         raise InputError.at(name, "--scene scene.toml beside it", "none")
-    scene = read_scene(scene_path)
+    scene = usable_scene(scene_path)
     try:
         return scene, LiveMarks(scene, PipeFeed() if spec in STDIN else udp_feed(spec))
     except SourceError as error:

@@ -10,11 +10,22 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from estimators import MarkMeasurement
+from experiments.formats.marks.drawing import FirstMarks
+from experiments.formats.marks.repeats import values_of
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live.marks.lines import LineError, SentFrame, read_line
 from experiments.pipeline.live.marks.sender_clock import OrderError, SenderClock
 from experiments.pipeline.track import measurement
-from vision import Closing, EventKind, SourceError, SourceEvent, SourceOf, SourceSettings, SourceWatchdog
+from vision import (
+    Closing,
+    EventKind,
+    FrozenValues,
+    SourceError,
+    SourceEvent,
+    SourceOf,
+    SourceSettings,
+    SourceWatchdog,
+)
 
 SETTINGS = SourceSettings()
 """When a sender counts as blocked, and how its clock is followed: as for a camera."""
@@ -51,10 +62,10 @@ class LiveMarks(Closing):
 
     Lines that are no frame, and frames whose times do not follow, are refused: counted by kind, and reported as events,
     the first at once and then at most one in settings.hung_s. Without a usable frame for settings.blocked_s the sender
-    is BLOCKED, as a camera is.
+    is BLOCKED, as a camera is. A frame whose values repeat is withheld; while they are FROZEN it has no marks.
 
     refused: counts of what came and could not be used, by kind
-    State, shared with the feed's thread: the frame that waits; the sender's clock; the watchdog; events not yet taken,
+    State, shared with the feed's thread: the frame that waits; the sender's clock; the watchdogs; events not yet taken,
     what was refused, of which unreported, and when that was last reported [s].
     """
 
@@ -76,7 +87,8 @@ class LiveMarks(Closing):
         self._changed = threading.Condition()
         self._stop = threading.Event()
         self._sender = SenderClock(settings)
-        self._watch = SourceWatchdog(clock(), settings)
+        self._watch, self._frozen = SourceWatchdog(clock(), settings), FrozenValues(settings)
+        self._first = FirstMarks(scene)
         self._waiting: MarksFrame | None = None
         self._n_frames = 0
         self._events: list[SourceEvent] = []
@@ -125,8 +137,15 @@ class LiveMarks(Closing):
                 text = f"the sender's clock was set to {frame.time_s:.3f} s"
                 self._events.append(SourceEvent(arrival_s, EventKind.RESUMED, text))
             self._events += self._watch.saw_new(arrival_s, (0, 0))
+            line = self._first.take({mark.node: mark.position_m for mark in frame.marks})
+            if line is not None:
+                self._events.append(SourceEvent(arrival_s, EventKind.ASIDE, line))
+            repeats, events = self._frozen.saw(exposure_s, values_of(frame.marks))
+            self._events += events
+            if repeats and not self._frozen.frozen:
+                return
             self.frames_dropped += self._waiting is not None
-            marks = tuple(measurement(mark) for mark in frame.marks)
+            marks = () if repeats else tuple(measurement(mark) for mark in frame.marks)
             self._waiting = MarksFrame(self._n_frames, exposure_s, marks)
             self._n_frames += 1
             self._changed.notify_all()

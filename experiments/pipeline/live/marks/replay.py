@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from experiments.arrays import Floats
-from experiments.formats.recording import MarkRow
+from experiments.formats.marks.repeats import without_repeats
+from experiments.formats.marks.rows import MarkRow
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.track import measurement
 from vision import Closing, EventKind, SourceEvent
@@ -15,7 +18,8 @@ from vision import Closing, EventKind, SourceEvent
 class MarksReplay(Closing):
     """Frames of marks.csv when they are due, the newest first: a `MarkSource`. The first is due when it is asked for.
 
-    State: the next frame, when the first was asked for [s], events not yet taken, whether it ended.
+    A frame whose values repeat has no marks. State: the next frame, when the first was asked for [s], events not yet
+    due, and not yet taken, whether it ended.
     """
 
     def __init__(
@@ -28,7 +32,9 @@ class MarksReplay(Closing):
     ) -> None:
         self.frames_dropped = 0
         self._first_s = float(exposures_s[0])
-        self._times_s, self._marks = (exposures_s - exposures_s[0]).tolist(), marks
+        self._times_s = (exposures_s - exposures_s[0]).tolist()
+        self._marks, events = without_repeats(exposures_s - exposures_s[0], marks)
+        self._due = deque(events)
         self._clock, self._sleep = clock, sleep
         self._next = 0
         self._began_s: float | None = None
@@ -67,6 +73,9 @@ class MarksReplay(Closing):
             k += 1
         self.frames_dropped += k - self._next
         self._next = k + 1
+        while self._due and self._due[0].time_s <= self._times_s[k]:
+            event = self._due.popleft()
+            self._events.append(replace(event, time_s=self._began_s + event.time_s))
         marks = tuple(measurement(mark) for mark in self._marks[k])
         return MarksFrame(k, self._began_s + self._times_s[k], marks)
 

@@ -1,0 +1,167 @@
+"""Whether the first marks lie where the scene has them drawn; if not, which mirror, turn or unit would make them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import permutations, product
+
+import numpy as np
+
+from experiments.arrays import Floats
+from experiments.formats.marks.rows import MarkRow
+from experiments.formats.scene.scene import Scene
+
+FAR = 0.15
+"""Root mean square distance of marks from the drawing, by the body's size, from which on they lie far: more than pokes
+and weight move a body that is drawn as it stands; chosen."""
+
+FITS = 0.1
+"""The same after another reading of the numbers, which then fits; it must also be a quarter of that before; chosen."""
+
+ALIKE = 1.5
+"""Readings that fit worse than the best by no more than this are as good [1]; the simplest of them is named; chosen."""
+
+FLAT = 0.2
+"""Spread of marks across their longest direction, by that along it, below which they are in a row; chosen."""
+
+N_FRAMES = 10
+"""Frames with marks until which those are waited for that the first ones do not have; chosen."""
+
+LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
+"""Units that lengths may be in, in place of mm."""
+
+
+class FirstMarks:
+    """Judges the marks that come first, once. State: by node the first place [m], (dim,); how many frames had marks."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._judged, self._n_frames = scene, False, 0
+        self._places: dict[str, Floats] = {}
+
+    def take(self, places: Mapping[str, Floats]) -> str | None:
+        """What is wrong with the marks until now, by node [m], as `misread`; None but for once."""
+        if self._judged or not places:
+            return None
+        self._places = {**places, **self._places}
+        self._n_frames += 1
+        if self._n_frames < N_FRAMES and not {*self._scene.measured_nodes} <= {*self._places}:
+            return None
+        return self.judge()
+
+    def judge(self) -> str | None:
+        """The same now, where that was not done."""
+        judged, self._judged = self._judged, True
+        return None if judged else misread(self._scene, self._places)
+
+
+def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | None:
+    """`misread` of the first of these frames of marks."""
+    first = FirstMarks(scene)
+    found = (first.take({mark.node: mark.position_m for mark in frame}) for frame in marks)
+    return next((line for line in found if line is not None), None) or first.judge()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reading:
+    """Another reading of the marks' numbers: in words, how far from the simplest, and where the marks are by it [m]."""
+
+    words: str
+    changes: int
+    places: Floats
+
+
+def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
+    """One line where marks, by node [m], (dim,), lie far from the drawing, and a simple other reading of them fits.
+
+    None where they lie near it, and where nothing simple, or too much, would bring them there.
+    """
+    network = scene.network
+    nodes = [name for name in seen_m if name in network.names]  # not reference marks on the rig
+    if len(nodes) < 2:
+        return None
+    drawn = network.positions[[network.index(node) for node in nodes]]
+    seen = np.array([seen_m[node] for node in nodes])
+    size, plain = float(np.ptp(network.positions, axis=0).max()), _rms(seen - drawn)
+    if plain <= FAR * size:
+        return None
+    for readings in (_about_the_origin(scene, seen), _moved(scene, seen, drawn)):
+        off = [(_rms(one.places - drawn), one) for one in readings]
+        best = min((rms for rms, _ in off), default=np.inf)
+        if best > min(FITS * size, 0.25 * plain):
+            continue
+        good = [one for rms, one in off if rms <= ALIKE * best + 1e-3 * size]
+        simplest = [one for one in good if one.changes == min(each.changes for each in good)]
+        if len(simplest) > 2:
+            return None
+        what = ", or with ".join(one.words for one in simplest)
+        return (
+            f"the first marks lie {1e3 * plain:.3g} mm from where the scene has them drawn, and fit that to "
+            f"{1e3 * best:.3g} mm with {what}; positions are in mm, x right, y up, z toward the camera"
+        )
+    return None
+
+
+def _rms(apart: Floats) -> float:
+    return float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
+
+
+def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
+    """Mirrors and turns of the axes, in any unit, and pixels of the camera."""
+    for axes in _axes(seen.shape[1]):
+        words, changes = _axes_words(axes)
+        if changes:
+            yield Reading(words, changes, seen @ axes.T)
+        for unit, length_mm in LENGTHS_MM.items():
+            of = f"lengths in {unit} for mm"
+            yield Reading(f"{of}, {words}" if changes else of, changes + 1, length_mm * seen @ axes.T)
+    for camera in scene.cameras[:1]:
+        if ((seen < 0.0) | (1e3 * seen > camera.size_px)).any():
+            continue
+        yield Reading(f"the numbers as pixels of camera {camera.name}", 1, camera.to_plane(1e3 * seen))
+
+
+def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
+    """Mirrors and turns with any scale and shift, of a body that is held, and of marks that are not in a row."""
+    spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
+    if not scene.network.fixed.any() or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
+        return
+    about = seen - seen.mean(axis=0)
+    for axes in _axes(seen.shape[1]):
+        words, changes = _axes_words(axes)
+        turned = about @ axes.T
+        scale = float(np.sum(turned * drawn) / np.sum(about**2)) if about.any() else 0.0
+        if scale <= 0.0 or (not changes and abs(np.log(scale)) < np.log(1.2)):
+            continue
+        shift = drawn.mean(axis=0) - scale * axes @ seen.mean(axis=0)
+        shifted = f"times {scale:.3g}, moved by ({', '.join(f'{1e3 * x:.0f}' for x in shift)}) mm"
+        yield Reading(f"{words}, {shifted}" if changes else shifted, changes, scale * seen @ axes.T + shift)
+
+
+def _axes(dim: int) -> Iterator[Floats]:
+    """All ways to exchange and mirror axes, (dim, dim)."""
+    for order in permutations(range(dim)):
+        for signs in product((1.0, -1.0), repeat=dim):
+            axes = np.zeros((dim, dim))
+            axes[range(dim), order] = signs
+            yield axes
+
+
+def _axes_words(axes: Floats) -> tuple[str, int]:
+    """Axes in words, which of the marks' stand for the scene's, and how many changes that is."""
+    dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
+    mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
+    moved = ["xyz"[a] for a in range(dim) if order[a] != a]
+    turned = np.linalg.det(axes) > 0.0
+    if not moved:
+        words = f"{' and '.join(mirrored)} mirrored"
+        if turned and mirrored:
+            kept = [name for name in "xyz"[:dim] if name not in mirrored]
+            words = "a turn by 180 degrees" + "".join(f" about {name}" for name in kept)
+    elif turned:
+        words = "a turn by 90 degrees" if dim == 2 else "turned axes"
+    else:
+        words = f"{', '.join(moved[:-1])} and {moved[-1]} exchanged" + (" and mirrored" if mirrored else "")
+    stands = ", ".join(("-" if axes[a, order[a]] < 0.0 else "") + "xyz"[order[a]] for a in range(dim))
+    changes = len(mirrored) + max(len(moved) - 1, 0) - (1 if turned and mirrored else 0)
+    return f"{words}: ({stands}) for ({', '.join('xyz'[:dim])})", changes

@@ -1,0 +1,26 @@
+"""Frames of marks whose values repeat those of a frame before: another tracker is frozen, though its times go on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from experiments.arrays import Floats
+from experiments.formats.marks.rows import MarkRow
+from vision import FrozenValues, SourceEvent
+
+
+def values_of(marks: Iterable[MarkRow]) -> dict[str, tuple[float, ...]]:
+    """The values of a frame that a tracker would not give twice: places by node [m]."""
+    return {mark.node: tuple(mark.position_m.tolist()) for mark in marks}
+
+
+def without_repeats(
+    times_s: Floats, marks: Sequence[Sequence[MarkRow]]
+) -> tuple[tuple[tuple[MarkRow, ...], ...], tuple[SourceEvent, ...]]:
+    """The marks of each frame, none of those whose values repeat, and the events FROZEN and RESUMED."""
+    watch, used, events = FrozenValues(), [], []
+    for time_s, found in zip(times_s.tolist(), marks, strict=True):
+        repeats, told = watch.saw(time_s, values_of(found))
+        used.append(() if repeats else tuple(found))
+        events += told
+    return tuple(used), tuple(events)

@@ -1,0 +1,81 @@
+"""A mark that another tracker found, and its covariance as tables and lines state it: mm², xx, xy, yy, xz, yz, zz."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from experiments.arrays import Floats
+
+AXES = ("x_mm", "y_mm", "z_mm")
+
+LEAST_SHARE = 1e-9
+"""Least variance in any direction of a covariance, by its largest [1]: rounding in a file is no coarser; numerical."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkRow:
+    """A mark that another tracker found: its node, where it was [m], (dim,), one standard deviation an axis [m].
+
+    full_cov: its covariance [m²], (dim, dim), where that was stated in place of sd_m, which is then its mean size
+    """
+
+    node: str
+    position_m: Floats
+    sd_m: float
+    full_cov: Floats | None = None
+
+    @classmethod
+    def of_cov(cls, node: str, position_m: Floats, cov: Floats) -> MarkRow:
+        """A mark with a covariance [m²], (dim, dim), that no standard deviation an axis states."""
+        return cls(node, position_m, float(np.sqrt(np.trace(cov) / len(cov))), cov)
+
+    @property
+    def cov(self) -> Floats:
+        """Its covariance [m²], (dim, dim)."""
+        return self.sd_m**2 * np.eye(len(self.position_m)) if self.full_cov is None else self.full_cov
+
+
+def _entries(dim: int) -> list[tuple[int, int]]:
+    return [(a, b) for b in range(dim) for a in range(b + 1)]
+
+
+def cov_names(dim: int) -> list[str]:
+    """The entries of a covariance, in order: xx, xy, yy, and in space xz, yz, zz."""
+    return ["xyz"[a] + "xyz"[b] for a, b in _entries(dim)]
+
+
+def cov_columns(dim: int) -> list[str]:
+    """Columns of a table that state a covariance."""
+    return [f"cov_{name}_mm2" for name in cov_names(dim)]
+
+
+def cov_of(entries_mm2: ArrayLike, dim: int) -> Floats:
+    """Covariances [m²], (n, dim, dim), of their entries [mm²], (n, n_entries), in the order of `cov_names`."""
+    entries = 1e-6 * np.asarray(entries_mm2, dtype=float)
+    covs = np.empty((len(entries), dim, dim))
+    for k, (a, b) in enumerate(_entries(dim)):
+        covs[:, a, b] = covs[:, b, a] = entries[:, k]
+    return covs
+
+
+def cov_entries_mm2(cov: Floats) -> list[float]:
+    """The entries [mm²] of a covariance [m²], (dim, dim), in the order of `cov_names`."""
+    return [float(1e6 * cov[a, b]) for a, b in _entries(len(cov))]
+
+
+def are_definite(covs: Floats) -> NDArray[np.bool_]:
+    """Which covariances, (n, dim, dim), are positive definite, to what files round, (n,)."""
+    if not len(covs):
+        return np.empty(0, dtype=bool)
+    variances = np.linalg.eigvalsh(covs)
+    found: NDArray[np.bool_] = (variances[:, -1] > 0.0) & (variances[:, 0] > LEAST_SHARE * variances[:, -1])
+    return found
+
+
+def are_round(rows: Sequence[MarkRow]) -> bool:
+    """Whether one standard deviation an axis states all of these marks' covariances."""
+    return all(row.full_cov is None for row in rows)

@@ -1,0 +1,63 @@
+"""Times of frames: whether they can be seconds, and of which other unit they probably are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.tables import Table
+
+SHORTEST_S, LONGEST_S = 1e-3, 5.0
+"""Between which frames follow each other as a rule [s]: 1000 a second, and what the filter forgets after; chosen."""
+
+USUAL_S = 1.0 / 30.0
+"""What a tracker's frames are apart, to tell one unit from another [s]; chosen."""
+
+UNITS = {
+    "nanoseconds": 1e-9,
+    "microseconds": 1e-6,
+    "milliseconds": 1e-3,
+    "minutes": 60.0,
+    "hours": 3600.0,
+    "days": 86400.0,
+}
+
+
+def likely_unit(stated: float, expected_s: float) -> str | None:
+    """The unit in which a stated time is nearest to what it should be [s]; None where seconds are."""
+    off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
+    best = min(off, key=lambda unit: off[unit])
+    return None if best == "seconds" else best
+
+
+def check_seconds(table: Table, column: str) -> None:
+    """Raise InputError where times of frames, in order, that may repeat, cannot be seconds.
+
+    The median interval is judged: a gap may be as long as it will.
+    """
+    times = table.numbers[column]
+    intervals = np.diff(np.unique(times))
+    if not len(intervals):
+        return
+    usual = float(np.median(intervals))
+    if SHORTEST_S <= usual <= LONGEST_S:
+        return
+    later = table.place(int(np.argmax(times > times[0])), column)
+    unit = likely_unit(usual, USUAL_S) or "another unit"
+    expected = f"seconds, frames {SHORTEST_S:g} to {LONGEST_S:g} s apart"
+    raise InputError.at(later, expected, f"{usual:.6g} from one to the next as a rule: it seems to be {unit}")
+
+
+def check_within(table: Table, column: str, times_s: Floats) -> None:
+    """Raise InputError where none of a table's times is near those of the frames [s], (n_frames,)."""
+    times = table.numbers[column]
+    first_s, last_s = float(times_s[0]), float(times_s[-1])
+    if not len(times) or (times.min() <= last_s + LONGEST_S and times.max() >= first_s - LONGEST_S):
+        return
+    units = [unit for unit, seconds in UNITS.items() if first_s <= seconds * times.min() <= last_s + LONGEST_S]
+    found = f"none before {times.min():.6g}" if times.min() > last_s else f"none after {times.max():.6g}"
+    guess = f": it seems to be {units[0]}" if len(units) == 1 else ""
+    raise InputError.at(
+        table.place(0, column), f"seconds, as those of the frames, {first_s:.6g} to {last_s:.6g}", f"{found}{guess}"
+    )
