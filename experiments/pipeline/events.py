@@ -123,6 +123,11 @@ def report_swap(swap: IdentitySwap) -> None:
     )
 
 
+def pose_line(scene: Scene) -> str | None:
+    """That nothing shows a move of the camera or tracker; None where reference marks do."""
+    return None if scene.reference.marks else "a moved camera or tracker cannot be noticed: no reference marks"
+
+
 def report_move(moved: CameraMove) -> None:
     """Report that the camera or tracker was moved, or has drifted."""
     report_event(moved.time_s, "camera", move_line(moved))

@@ -22,6 +22,7 @@ from experiments.arrays import Floats
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
+from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity.budget import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line, check_followed
@@ -108,7 +109,9 @@ def checked(
     # marks that stand still would teach it that nothing trembles, while bounds are for the noise that is stated
     stated = replace(scene.settings, white_bounds=(1.0, 1.0))
     line = Line(replace(scene, settings=stated), baseline=False)
-    estimate = _after_rest(line, seen, interval_s, lambda share: advance(0.1 + 0.6 * share))
+    estimate = _after_rest(
+        line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
+    )
     settings, model = line.filter.settings, line.filter.model
     covs = {mark.node: mark.cov for mark in seen}
     quiet = resting_bound(network, covs, interval_s, settings.quiet)
@@ -169,11 +172,23 @@ def _seen(
         unfound = tuple(node for node in due if node not in found)
         covs = {node: cov for node, cov in covs.items() if node in found} or covs
     at = {node: rest[network.index(node)] for node in covs}
-    marks = (
-        replace(found[node], position=at[node]) if node in found else MarkMeasurement(node, at[node], cov)
-        for node, cov in covs.items()
+    marks = tuple(
+        MarkMeasurement(node, at[node], cov, _calibration_error(scene, at[node])) for node, cov in covs.items()
     )
-    return tuple(marks), unfound
+    return marks, unfound
+
+
+def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
+    """What a mark there shares with the others by the camera's calibration, None where it is exact."""
+    camera = scene.cameras[0] if scene.cameras else None
+    return None if camera is None or not camera.n_calibration else camera.calibration_error(place[None])[0]
+
+
+def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
+    """The reference marks where they stand, seen as well as the others are in the mean."""
+    cov = np.mean([mark.cov for mark in seen], axis=0)
+    places = reference_places(scene.reference, scene.network)
+    return tuple(MarkMeasurement(name, place, cov) for name, place in places.items())
 
 
 def _in_rows(

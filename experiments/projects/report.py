@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
-from experiments.pipeline.events import SAGS, rest_is_known, steps_left_out
+from experiments.formats.camera_yaml import POSE
+from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
 from experiments.pipeline.integrity.budget import USUAL, shares_words
 from experiments.projects.check import SceneCheck
 
@@ -224,11 +225,15 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
-    if not scene.cameras and scene.network.dim == 2:
+    for lens in scene.lenses:
+        yield Missing(f"camera {lens.name} has a lens but no place: no picture of it can be used", POSE)
+    if not scene.cameras and not scene.lenses and scene.network.dim == 2:
         yield Missing(
             "no camera: a film can be neither made nor read",
             "softaim calibrate, or marks of another tracker in marks.csv",
         )
+    if (unnoticed := pose_line(scene)) is not None:
+        yield Missing(unnoticed, "three or more [[reference.mark]] on anchors or on the rig")
     left_out = steps_left_out(scene, "track")
     if "identify" in left_out:
         yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is seen, too")

@@ -17,6 +17,7 @@ from experiments.film.overlay import WITHIN_95, MarkDrawn, Overlay
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.events import pose_line
 from experiments.version import version
 
 VERSION = 1
@@ -73,6 +74,7 @@ def scene_message(
         "target": {"node": scene.target.node, "radius_mm": 1e3 * scene.target.radius_m},
         "picture_px": picture_px,
         "needle": None if plan is None else {"go_probability": plan.settings.go},
+        "notes": [line for line in (pose_line(scene),) if line is not None],
         "stale_ms": STALE_MS,
     }
 

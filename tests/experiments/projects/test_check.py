@@ -15,6 +15,7 @@ from experiments.commands.run import Run
 from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
 from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.log import Kept
@@ -139,6 +140,7 @@ def complete() -> Scene:
         (camera,),
         uncertainty=independent_uncertainty(parameters(network, ("stiffness",)), 0.02),
         settings=replace(FilterSettings(), quiet=replace(FilterSettings().quiet, white=0.05)),
+        reference=Reference((ReferenceMark("R", "In2", look=Mark("R", 240.0, 0.03)),)),
     )
 
 
@@ -148,6 +150,7 @@ def test_a_complete_scene_lacks_nothing(tmp_path) -> None:
 
 
 LACKS = {
+    "a moved camera or tracker cannot be noticed": lambda s: replace(s, reference=Reference()),
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),

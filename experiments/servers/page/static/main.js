@@ -29,6 +29,7 @@ const stream = new Stream({
     anew();
     commands.scene(message);
     text("source", message.source);
+    text("note", message.notes.join("; "));
   },
   state(message) {
     const at = performance.now();
