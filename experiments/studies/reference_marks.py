@@ -3,7 +3,7 @@
 `python -m experiments.studies.reference_marks --seeds 10` prints a row for each body and motion: the four-mass phantom
 with reference marks on its three anchors, and the breast, in space, with four of its anchors marked; pokes of 5 m/s²,
 marks and reference marks to 1 mm an axis at 30 frames/s, 10 s. Truth by DOP853; the camera drifts by 1 mm/s, or after
-4 s is moved by 10 mm at once, or turned by 2 degrees. `still` has no reference marks; `unseen` has none while the
+3 s is moved by 10 mm at once, or turned by 2 degrees. `still` has no reference marks; `unseen` has none while the
 camera drifts. Figures obtained, with ten seeds:
 
 FIGURES
@@ -33,7 +33,7 @@ from experiments.projects.template import scene_with_marks
 from experiments.simulation.simulate import exposures, scene_of, start_and_forces
 from experiments.simulation.truth import Truth
 
-MARK_SD_M, SECONDS, MOVED_S = 1e-3, 10.0, 4.0
+MARK_SD_M, SECONDS, MOVED_S = 1e-3, 10.0, 3.0
 POKE_M_S2 = 5.0
 N_ON_BREAST = 4
 SEEDS = range(100, 110)

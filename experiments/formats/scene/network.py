@@ -53,7 +53,7 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         )
     except NetworkError as error:
         raise SceneError(f"network: {error}") from None
-    for i in np.flatnonzero(~np.isfinite(reaches(network))):
+    for i in np.flatnonzero(~np.isfinite(reaches(network))).tolist():
         expected = "springs that lead to an anchor" if network.fixed.any() else "springs that lead to every other node"
         raise SceneError(f"network.node[{i}]: expected {expected}, found none from {shown(network.names[i])}")
     return network

@@ -111,7 +111,7 @@ def _suspect(network: MassSpringNetwork, lacking: float) -> str:
     # by what the density, to the power that the mended unit has in it, is off
     powers = {"stiffness_N_m": 0, "mass_kg": 1, "position_mm": 3}
     key = min(powers, key=lambda key: abs(np.log(density / DENSITY) - powers[key] * factor))
-    if _is_unit(np.linalg.norm(network.gravity) / GRAVITY):
+    if _is_unit(float(np.linalg.norm(network.gravity)) / GRAVITY):
         key = "gravity_m_s2"
     place, value = {
         "stiffness_N_m": ("network.spring[0].stiffness_N_m", float(network.stiffness[0])),

@@ -130,7 +130,7 @@ def test_a_name_that_is_not_utf_8_never_reaches_opencv(tmp_path: Path, use: Call
     """It would end the process."""
     path = tmp_path / os.fsdecode(b"k\xfcche.png")
     path.write_bytes(b"no picture")
-    with pytest.raises(SourceError, match=r"k\\xfcche.png: expected a name in UTF-8, found other bytes") as fault:
+    with pytest.raises(SourceError, match=r"k\\xfcche.*png: expected a name in UTF-8, found other bytes") as fault:
         use(path)
     assert str(fault.value).isascii()
 
