@@ -116,8 +116,12 @@ class Insertion:
 
         The skin is the plane through this insertion's entry, square to its axis; a tip before it is not inside. A
         needle that points away from the skin is taken to have gone in along its own line no farther than STEEP allows.
+        Raises ValueError for a direction without length.
         """
-        along = np.array(axis, dtype=float) / np.linalg.norm(axis)
+        length = float(np.linalg.norm(axis))
+        if not 0.0 < length < np.inf:
+            raise ValueError(f"insertion: expected a direction, found {axis}")
+        along = np.array(axis, dtype=float) / length
         below_m = float((np.asarray(tip) - self.entry) @ self.axis)
         depth_m = max(below_m, 0.0) / max(float(along @ self.axis), STEEP)
         return Insertion(np.asarray(tip) - depth_m * along, along, self.speed_m_s, depth_m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,6 +20,10 @@ docs/settings.md."""
 
 ROUNDING = 1e-9
 """Stiffness by the largest that is rounding's, of a body that nothing holds [1]; numerical."""
+
+MOST_STATES = 600
+"""Coordinates and velocities of free nodes, 100 nodes in space, beyond which a frame takes a third of a second and
+more, about as their cube, and making the filter a second; measured on one core; the commands refuse more."""
 
 SHORTEST_M = 1e-9
 """Of a link, so that none divides by nothing [m]; numerical."""
@@ -40,6 +45,11 @@ def model_of(
     offset_sd_m: of the error of the target's offset [m]
     Raises ValueError for settings that do not fit the marked nodes.
     """
+    if network.n_state > MOST_STATES:
+        warnings.warn(
+            f"a filter of {len(network.free)} free nodes takes seconds for a frame: the time grows as their cube",
+            stacklevel=3,
+        )
     if settings.one_of not in (0, len(marked)):
         raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {settings.one_of}")
     model_with = partial(

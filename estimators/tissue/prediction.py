@@ -21,6 +21,7 @@ from estimators.process.known_force import ForceHistory, KnownForce
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
+from estimators.threads import one_blas_thread
 from estimators.tissue.estimate import GaussianMixture
 from estimators.tissue.model_error import UNDIRECTED, ModelError, Opinions
 from estimators.tissue.settings import FilterSettings, stationary
@@ -175,15 +176,16 @@ def place_and_cov(mixture: InteractingMixture, target: TargetMap) -> tuple[Float
 
 @contextmanager
 def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> Iterator[None]:
-    """The mixture as it is predicted from for a target, as `reported_place`, until the end, when it is as it was.
+    """The mixture as it is predicted from for a target, as `reported_place`, in one thread; at the end it is as it was.
 
     For a report alone: the errors of the other opinions are much the same from frame to frame, and taken into the state
     with each they would count as new.
     """
     if not model_error.is_looked_for:
-        yield
+        with one_blas_thread():
+            yield
         return
-    with unchanged(mixture):
+    with one_blas_thread(), unchanged(mixture):
         modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
         H = np.zeros((len(target.constant), len(mixture.x)))
         H[:, : target.matrix.shape[1]] = target.matrix

@@ -242,7 +242,8 @@ def constants_table(report: Mapping[str, Any]) -> Table:
     for head in ("constant", "value [SI]", "standard error", "change"):
         table.add_column(head, justify="left" if head == "constant" else "right")
     for row in report["constants"]:
-        table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", f"{row['change']:+.1%}")
+        change = "kept" if row["kept"] else f"{row['change']:+.1%}"
+        table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
     n = len(report["not_told"])
     table.caption = (
         f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording determines"

@@ -103,10 +103,17 @@ class Run:
         return [option for option in options if option in self.given]
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Note the scene of this run, and which steps were not done on it before this one: see `begun`."""
+        """Note the scene of this run, and which steps were not done on it before this one: see `begun`.
+
+        Raises InputError where a step that makes a filter would take too long for its network.
+        """
         from experiments.log import LOG
         from experiments.pipeline.events import scene_line, steps_left_out
 
+        if before not in (None, "simulate"):
+            from experiments.pipeline.line import check_followed
+
+            check_followed(scene)
         LOG.info("%s", scene_line(scene))
         self._scene = scene
         self._left_out = {} if before is None else steps_left_out(scene, before)
@@ -156,14 +163,24 @@ class Run:
         write_together({folder / PROVENANCE: text, folder / LOG_FILE: self.log.text()})
 
     def write_scene(
-        self, scene: Scene, path: Path, step: StepName, *, recording: Path, inputs: Sequence[Path | None] = ()
+        self,
+        scene: Scene,
+        path: Path,
+        step: StepName,
+        *,
+        recording: Path,
+        inputs: Sequence[Path | None] = (),
+        kept: Sequence[str] = (),
     ) -> None:
-        """Write a scene on which this step was done with a recording, its provenance beside it. Raises InputError."""
+        """Write a scene on which this step was done with a recording, its provenance beside it. Raises InputError.
+
+        kept: constants that the step left as they were
+        """
         from experiments.formats.provenance import content_digest
         from experiments.formats.scene.scene import scene_text, with_step
         from experiments.version import version
 
-        self._scene = with_step(scene, step, version(), content_digest(recording))
+        self._scene = with_step(scene, step, version(), content_digest(recording), kept)
         self.write_files({path: scene_text(self._scene)}, [recording, *inputs])
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:

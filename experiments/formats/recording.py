@@ -127,9 +127,7 @@ def read_recording(
         exposures_s, marks = read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
     else:
         if len(scene.cameras) != 1:
-            raise InputError.at(
-                f"{scene_path}: camera", f"one for {source.name} ({ONE_CAMERA})", str(len(scene.cameras))
-            )
+            raise InputError.at(f"{scene_path}: camera", f"one for {source.name} ({ONE_CAMERA})", scene.n_cameras)
         exposures_s = read_frames(frames_csv, torn=source.name == SEGMENTS)
     truth_csv, fixes_csv = folder / "truth.csv", folder / "fixes.csv"
     recording = Recording(

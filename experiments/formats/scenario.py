@@ -15,6 +15,9 @@ from experiments.formats.scene.scene import usable_scene
 from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
+STEPS = "STEPS.md"
+"""Page of a project's steps, beside its scenarios."""
+
 MOST_STEPS = 1_000_000
 """Most frames of a film, samples of a tremor or pokes: more are a misprint, at 30 frames/s nine hours of film."""
 

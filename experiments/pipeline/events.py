@@ -34,11 +34,23 @@ def rest_offsets(scene: Scene) -> Floats:
     return np.asarray(np.linalg.norm(rest_shape(network) - network.positions, axis=1))
 
 
+def rest_is_known(scene: Scene) -> bool:
+    """Whether rest lengths were found from the tissue at rest, and the network was not changed by hand since."""
+    return any(step.name == "at-rest" for step in scene.steps) and not _edited(scene)
+
+
+def _edited(scene: Scene) -> bool:
+    return bool(scene.steps) and scene.steps[-1].network != network_digest(scene)
+
+
 def rest_line(scene: Scene) -> str | None:
     """Where the network rests elsewhere than it is drawn: its target is then expected elsewhere, too; None if it does.
 
-    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull.
+    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull. None,
+    too, where they were found since: then other constants may move the rest.
     """
+    if rest_is_known(scene):
+        return None
     network, offsets = scene.network, rest_offsets(scene)
     if offsets.max() <= SAGS * np.ptp(network.positions, axis=0).max():
         return None
@@ -82,8 +94,7 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 def _unidentified(scene: Scene) -> str | None:
     """Why the constants are not those of the tissue; None where they were found, or are stated with uncertainty."""
-    edited = bool(scene.steps) and scene.steps[-1].network != network_digest(scene)
-    found = any(step.name in CONSTANTS for step in scene.steps)
+    edited, found = _edited(scene), any(step.name in CONSTANTS for step in scene.steps)
     if scene.uncertainty is not None or (found and not edited):
         return None
     since = f" since the network was changed after softaim {scene.steps[-1].name}" if edited and found else ""

@@ -69,7 +69,7 @@ def filmed_scene(path: Path) -> Scene:
     """The scene of a file; InputError where it has no camera."""
     scene = usable_scene(path)
     if not scene.cameras:
-        raise InputError.at(f"{path}: camera", "one", "none")
+        raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else "none")
     return scene
 
 

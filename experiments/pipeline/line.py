@@ -25,7 +25,9 @@ from estimators import (
     TargetEstimate,
     TissueFilter,
 )
+from estimators.tissue.model import MOST_STATES
 from experiments.arrays import Floats
+from experiments.errors import InputError
 from experiments.formats.recording import Fix
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
@@ -258,6 +260,15 @@ class Line:
         unmeasured = [mark for mark in marks if mark.node not in self._measured]
         refused = _refused(named.estimate, named.marks, self.filter.rejected - refused_before)
         return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap, refused, sight, predict_s)
+
+
+def check_followed(scene: Scene, place: object = "scene") -> None:
+    """Raise InputError where a filter of the scene's network would take seconds for a frame."""
+    network = scene.network
+    if network.n_state > MOST_STATES:
+        most, where = MOST_STATES // (2 * network.dim), "in the plane" if network.dim == 2 else "in space"
+        found = str(len(network.free))
+        raise InputError.at(f"{place}: network.node", f"at most {most} free nodes for a filter {where}", found)
 
 
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:

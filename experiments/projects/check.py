@@ -25,7 +25,7 @@ from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity.budget import error_budget, variance_shares
-from experiments.pipeline.line import FILTER, Line
+from experiments.pipeline.line import FILTER, Line, check_followed
 from experiments.simulation.simulate import draw
 
 FRAMES_PER_S = 30.0
@@ -101,6 +101,7 @@ def checked(
     path = source / "scene.toml" if source.is_dir() else source
     scene = usable_scene(path) if recording is None else recording.scene
     network = scene.network
+    check_followed(scene, path)
     rest = rest_shape(network)
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s

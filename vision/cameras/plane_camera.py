@@ -178,8 +178,8 @@ class PlaneCamera:
         _, all_of_it = cv2.projectPoints(
             turned + pose.translation_m, zero, zero, self.lens.matrix, self.lens.distortion
         )
-        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3
-        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, 15)
+        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3, and what else a lens has
+        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, -1)[:, :, :15]
         by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
         by_px = np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
         to_plane = self._seen_from(self.project(p))[1]

@@ -31,7 +31,12 @@ def live(
     ] = "phantom",
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
-    duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            "--duration", min=0.0, help="Stop so many seconds after frames are first used; preparing is before."
+        ),
+    ] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,
     film: WithFilm = False,

@@ -55,9 +55,9 @@ def check_within(table: Table, column: str, times_s: Floats) -> None:
     first_s, last_s = float(times_s[0]), float(times_s[-1])
     if not len(times) or (times.min() <= last_s + LONGEST_S and times.max() >= first_s - LONGEST_S):
         return
-    units = [unit for unit, seconds in UNITS.items() if first_s <= seconds * times.min() <= last_s + LONGEST_S]
     found = f"none before {times.min():.6g}" if times.min() > last_s else f"none after {times.max():.6g}"
-    guess = f": it seems to be {units[0]}" if len(units) == 1 else ""
+    inside = [unit for unit, seconds in UNITS.items() if first_s <= seconds * times.max() <= last_s]
+    guess = f": it seems to be {inside[-1]}" if inside else ""
     raise InputError.at(
         table.place(0, column), f"seconds, as those of the frames, {first_s:.6g} to {last_s:.6g}", f"{found}{guess}"
     )

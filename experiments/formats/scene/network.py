@@ -13,8 +13,8 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError
 from experiments.formats.toml_file import Strict, toml_bool, toml_list, toml_number, toml_text
 
-NEAREST_MM = 1e-6
-"""Distance of two nodes below which a spring between them has no direction; choice: no file is written finer."""
+NEAREST_MM = 1e-4
+"""Distance of two nodes below which a spring between them has no direction [mm]; choice: no drawing is that fine."""
 
 
 def is_node_name(name: str) -> bool:
@@ -53,7 +53,7 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         )
     except NetworkError as error:
         raise SceneError(f"network: {error}") from None
-    for i in np.flatnonzero(~np.isfinite(reaches(network))):
+    for i in np.flatnonzero(~np.isfinite(reaches(network))).tolist():
         expected = "springs that lead to an anchor" if network.fixed.any() else "springs that lead to every other node"
         raise SceneError(f"network.node[{i}]: expected {expected}, found none from {shown(network.names[i])}")
     return network

@@ -90,7 +90,7 @@ def _fault(network: MassSpringNetwork) -> str | None:
             rest = rest_shape(network)
     except NetworkError as error:
         return f"{error}; braces, stiffer springs or anchors would hold it"
-    except ValueError as error:  # of SciPy, where numbers are so large or small that they overflow
+    except (ValueError, ArithmeticError) as error:  # where numbers are so large that they overflow
         return f"rest shape: expected numbers that can be computed with, found {shown(str(error))}"
     off = np.linalg.norm(rest - network.positions, axis=1)
     size_m = np.linalg.norm(np.ptp(network.positions, axis=0))
@@ -107,11 +107,11 @@ def _suspect(network: MassSpringNetwork, lacking: float) -> str:
     """The key that is suspected where the stiffness lacks this factor, and its first value as the file has it."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
-    density = float(np.median(network.masses[network.free]) / length_m**3)
-    # by what the density is off where the key's unit is mended
-    off = {"stiffness_N_m": density, "mass_kg": density / lacking, "position_mm": density / lacking**3}
-    key = min(off, key=lambda key: abs(np.log(off[key] / DENSITY)))
-    if _is_unit(np.linalg.norm(network.gravity) / GRAVITY):
+    density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)
+    # by what the density, to the power that the mended unit has in it, is off
+    powers = {"stiffness_N_m": 0, "mass_kg": 1, "position_mm": 3}
+    key = min(powers, key=lambda key: abs(np.log(density / DENSITY) - powers[key] * factor))
+    if _is_unit(float(np.linalg.norm(network.gravity)) / GRAVITY):
         key = "gravity_m_s2"
     place, value = {
         "stiffness_N_m": ("network.spring[0].stiffness_N_m", float(network.stiffness[0])),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
+from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_whole
-from experiments.formats.scene.cameras import camera_lines, camera_of
+from experiments.formats.scene.cameras import camera_lines, camera_of, lens_lines
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_names, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import is_node_name, network_lines, network_of, spring_groups
@@ -32,6 +34,7 @@ class Scene:
         spring by itself; none at all where the network has no groups
     steps: what was done on it, in order
     reference: marks that stand still, by which the pose of the camera or tracker is corrected
+    lenses: cameras of which nothing says where they stand: no picture of theirs can be used
     """
 
     network: MassSpringNetwork
@@ -43,6 +46,7 @@ class Scene:
     spring_groups: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
     reference: Reference = field(default_factory=Reference)
+    lenses: tuple[LensFile, ...] = ()
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -105,6 +109,12 @@ class Scene:
             raise SceneError(f"{key}: expected a free node ({why}), found the anchor {shown(node)}")
 
     @property
+    def n_cameras(self) -> str:
+        """How many cameras there are, as a message has it: with what lenses lack."""
+        lacking = "".join(f"; {lens.name} has a lens but no place: {POSE}" for lens in self.lenses)
+        return f"{len(self.cameras)}{lacking}"
+
+    @property
     def n_calibration(self) -> int:
         """Number of directions in which the calibration of the first camera is uncertain, its pose's last."""
         dim = self.network.dim
@@ -147,11 +157,13 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
     """The scene of a file's tables; raises InputError."""
     try:
         network = network_of(file.network)
+        cameras = [_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)]
         return Scene(
             network=network,
             marks=tuple(mark_of(table) for table in file.mark),
             target=target_of(file.target),
-            cameras=tuple(_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)),
+            cameras=tuple(camera for camera in cameras if isinstance(camera, PlaneCamera)),
+            lenses=tuple(camera for camera in cameras if isinstance(camera, LensFile)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
             spring_groups=spring_groups(file.network),
@@ -162,7 +174,7 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
         raise InputError(f"{path}: {error}") from None
 
 
-def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
+def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
     try:
         return camera_of(table, folder)
     except InputError:
@@ -191,9 +203,14 @@ def network_digest(scene: Scene) -> str:
     return digest(network_lines(scene.network, scene.spring_groups))
 
 
-def with_step(scene: Scene, step: StepName, program: str, recording: str | None = None) -> Scene:
-    """The scene on which one more step was done, by this version of the program, with a recording of this digest."""
-    done = Step(step, program, recording, network_digest(scene), scene_digest(scene))
+def with_step(
+    scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
+) -> Scene:
+    """The scene on which one more step was done, by this version of the program, with a recording of this digest.
+
+    kept: constants that the step left as they were
+    """
+    done = Step(step, program, recording, network_digest(scene), scene_digest(scene), tuple(kept))
     return replace(scene, steps=(*scene.steps, done))
 
 
@@ -213,4 +230,6 @@ def _content(scene: Scene) -> list[str]:
         lines += [f"{key} = {toml_value(value)}" for key, value in keys.items()]
     for camera in scene.cameras:
         lines += camera_lines(camera)
+    for lens in scene.lenses:
+        lines += lens_lines(lens)
     return lines

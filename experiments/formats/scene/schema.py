@@ -112,13 +112,16 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both."""
+    """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both.
+
+    A lens, and a file of ROS or OpenCV, which has one, may stand without a pose, and such a file beside one.
+    """
 
     name: Name | None = None
     size_px: Annotated[list[Annotated[int, Field(gt=0)]], Field(min_length=2, max_length=2)] | None = None
     plane_to_px: Square | None = None
     matrix: Square | None = None
-    distortion: Annotated[list[float], Field(min_length=5, max_length=5)] | None = None
+    distortion: Annotated[list[float], Field(min_length=5, max_length=12)] | None = None
     rotation: Square | None = None
     translation_mm: Three | None = None
     uncertainty: list[Row] | None = None
@@ -128,21 +131,26 @@ class CameraTable(Strict):
 
     @model_validator(mode="after")
     def _one_form(self) -> CameraTable:
+        pose = ("rotation", "translation_mm")
         forms = {
-            "plane_to_px": ("name", "size_px", "plane_to_px"),
-            "matrix": ("name", "size_px", "matrix", "distortion", "rotation", "translation_mm"),
-            "file": ("file",),
+            "plane_to_px": (("name", "size_px", "plane_to_px"), ()),
+            "matrix": (("name", "size_px", "matrix", "distortion"), (*pose, "uncertainty")),
+            "file": (("file",), pose),
         }
         given = [key for key in forms if getattr(self, key) is not None]
         if len(given) != 1:
             raise ValueError(f"expected one of {', '.join(forms)}, found {' and '.join(given) or 'none'}")
-        needed = forms[given[0]]
-        allowed = {*needed, "uncertainty"} if given[0] == "matrix" else set(needed)
+        needed, optional = forms[given[0]]
+        allowed = {*needed, *optional}
+        if optional and any(getattr(self, key) is not None for key in optional):
+            needed = (*needed, *pose)
         for key in type(self).model_fields:
             if key in needed and getattr(self, key) is None:
                 raise ValueError(f"{key}: expected this key beside {given[0]}, found none")
             if key not in {*allowed, "calibration_sd_px", "scale_sd"} and getattr(self, key) is not None:
                 raise ValueError(f"{key}: expected no such key beside {given[0]}, found one")
+        if self.distortion is not None and len(self.distortion) not in (5, 8, 12):
+            raise ValueError(f"distortion: expected 5, 8 or 12 numbers, found {len(self.distortion)}")
         return self
 
 
@@ -204,6 +212,7 @@ class ProvenanceTable(Strict):
     recording_sha256: Name | None = None
     network_sha256: Name
     scene_sha256: Name
+    kept: list[Name] = Field(default_factory=list)
 
 
 class SceneFile(Strict):

@@ -91,7 +91,7 @@ def import_table(
         raise InputError.at(scene_path, "a flat scene: one picture has no depth", "a network in space")
     if scale is None and len(scene.cameras) != 1:
         expected = "one, or --mm-per-px and --origin-px"
-        raise InputError.at(f"{scene_path}: camera", expected, str(len(scene.cameras)))
+        raise InputError.at(f"{scene_path}: camera", expected, scene.n_cameras)
     poses = read_poses(table, individual)
     nodes = _nodes(poses, scene, renamed)
     exposures_s = _exposures_s(poses, times)

@@ -138,13 +138,14 @@ class _Server:
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
-                self._report(task.exception(), _name(writer))
+                error = task.exception()
+                self._report(error, _name(writer))
+                if isinstance(error, MalformedError) and incoming.sends_needle and self._may_write(writer):
+                    self._feed.command(UNSEEN)
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            if incoming.sends_needle and self._may_write(writer):
-                self._feed.command(UNSEEN)  # its tracker is gone
             writer.transport.abort()
 
     async def _tell(self, writer: asyncio.StreamWriter, incoming: Incoming) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
@@ -131,7 +131,8 @@ class Viewer:
             self._feed.command(command.model_dump())
         except ValueError as error:
             if self._may_write and is_needle(text):
-                self._feed.command(UNSEEN)
+                with suppress(ValueError):
+                    self._feed.command(UNSEEN)
             return {"type": "answer", "command": name, "error": str(error)[:LONGEST_ERROR]}
         return {"type": "answer", "command": name, "error": None}
 

@@ -75,9 +75,12 @@ BROKEN: dict[str, tuple[Change, str]] = {
     "two nodes at one place": (placed("M3", *M1_MM), "between: expected nodes at different places, found both at"),
     "two nodes 1 nm apart": (
         placed("M3", M1_MM[0] + 1e-6, M1_MM[1]),
-        "rest_length_mm: expected about the distance drawn, 1e-06 mm, found 282.8",
+        "network.spring[3].between: expected nodes at different places, found both at [-204.033",
     ),
-    "two nodes 1 pm apart": (placed("M3", M1_MM[0] + 1e-9, M1_MM[1]), "between: expected nodes at different places"),
+    "two nodes 1 µm apart": (
+        placed("M3", M1_MM[0] + 1e-3, M1_MM[1]),
+        "network.spring[3].rest_length_mm: expected about the distance drawn, 0.001 mm, found 282.8",
+    ),
     "two nodes of one name": (with_node("M1", 0, 90), 'network.node[1].name: expected a name of its own, found "M1"'),
     "spring to itself": (with_spring("M1", "M1"), "network.spring[0].between: expected two different nodes, found"),
     "spring to nobody": (with_spring("M1", "M9"), 'network.spring[0].between: no node named "M9"'),

@@ -31,6 +31,12 @@ D,100,60,0.005,,120,
 E,50,30,0.008,,,yes
 """
 SPRINGS = "from,to,stiffness_N_m\nA,C,150\nB,D,150\nA,D,100\nB,C,100\nC,E,50\nD,E,50\nA,E,50\nB,E,50\nC,D,50\n"
+SEVERAL = """scorer,net,net,net,net,net,net
+individuals,rat,rat,rat,mouse,mouse,mouse
+bodyparts,M1,M1,M1,M1,M1,M1
+coords,x,y,likelihood,x,y,likelihood
+0,18.25,10.5,0.99,40,30,0.9
+"""
 
 EFFECTS = """
 new out | --kind breast | out/scene.toml
@@ -154,6 +160,7 @@ import sleap.csv --scene scene.toml --out out --fps 30 | --sd-px 3 | out/marks.c
 import deeplabcut.csv --scene scene.toml --out out --fps 30 | --rename tail=M4 | code
 import sleap.csv --scene scene.toml --out out --fps 30 | --mm-per-px 9 --origin-px 1,2 | out/marks.csv
 import sleap.csv --scene scene.toml --out out --fps 30 --mm-per-px 9 | --origin-px 1,2 | code
+import several.csv --scene scene.toml --out out --fps 30 | --individual rat | code
 import sleap.csv --scene scene.toml --out notes --fps 30 | --force | code
 sweep sweep.toml | --out out | code
 sweep sweep.toml --out out | --processes 2 | run_sweep.2
@@ -252,6 +259,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_good_files(folder)
     (folder / "nodes.csv").write_text(NODES, encoding="utf-8")
     (folder / "springs.csv").write_text(SPRINGS, encoding="utf-8")
+    (folder / "several.csv").write_text(SEVERAL, encoding="utf-8")
     (folder / "taken.igs.mha").write_text("mine", encoding="utf-8")
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     (folder / "other.toml").write_text(text.replace("stiffness_N_m = ", "stiffness_N_m = 1"), encoding="utf-8")

@@ -225,3 +225,52 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path: Path):
         with pytest.raises(ValueError, match="marks: expected"):
             write_marks_csv(tmp_path / "marks.csv", np.array([0.0]), [[row]], dim=2)
     assert list(tmp_path.iterdir()) == []
+
+
+COVS = {
+    2: np.array([[4.0, 1.5], [1.5, 9.0]]),
+    3: np.array([[4.0, 1.5, 0.2], [1.5, 9.0, -2.0], [0.2, -2.0, 25.0]]),
+}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_marks_with_a_full_covariance_are_written_and_read_again(tmp_path: Path, dim: int):
+    """Beside a mark of one deviation an axis, which then has one, too."""
+    own, node = (scene(), "M1") if dim == 2 else (scene_in_space(), "B")
+    write_scene(own, tmp_path / "scene.toml")
+    place = np.arange(1.0, 1.0 + dim) / 10.0
+    rows = [[MarkRow.of_cov(node, place, 1e-6 * COVS[dim])], [MarkRow(node, 2.0 * place, 3e-3)]]
+    write_marks_csv(tmp_path / "marks.csv", np.array([0.0, 0.1]), rows, dim=dim)
+    header = (tmp_path / "marks.csv").read_text().splitlines()[0]
+    assert (
+        header
+        == {
+            2: "time_s,node,x_mm,y_mm,cov_xx_mm2,cov_xy_mm2,cov_yy_mm2",
+            3: "time_s,node,x_mm,y_mm,z_mm,cov_xx_mm2,cov_xy_mm2,cov_yy_mm2,cov_xz_mm2,cov_yz_mm2,cov_zz_mm2",
+        }[dim]
+    )
+    marks = read_recording(tmp_path).marks
+    assert marks is not None
+    np.testing.assert_allclose(marks[0][0].cov, 1e-6 * COVS[dim], rtol=1e-8)
+    np.testing.assert_allclose(marks[1][0].cov, 9e-6 * np.eye(dim), rtol=1e-8, atol=1e-20)
+    assert marks[0][0].sd_m == pytest.approx(1e-3 * np.sqrt(np.trace(COVS[dim]) / dim))
+
+
+COV_FAULTS = [
+    ("cov_xx_mm2,cov_xy_mm2", "1,0", "row 1: expected one column cov_yy_mm2, found none"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2,sd_mm", "1,0,1,1", "row 1: expected columns time_s, cov_xx_mm2"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1,2,1", "row 2: cov_mm2: expected a positive definite covariance (xx, xy, y"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1,1,1", "row 2: cov_mm2: expected a positive definite covariance (xx, xy, y"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "-1,0,1", "row 2: cov_mm2: expected a positive definite covariance (xx, xy, "),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "0,0,0", "row 2: cov_mm2: expected a positive definite covariance (xx, xy, y"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1,nan,1", 'row 2: cov_xy_mm2: expected a finite number, found "nan"'),
+]
+
+
+@pytest.mark.parametrize(("columns", "entries", "message"), COV_FAULTS)
+def test_a_covariance_that_is_none_is_refused(tmp_path: Path, columns: str, entries: str, message: str):
+    write_scene(scene(), tmp_path / "scene.toml")
+    (tmp_path / "marks.csv").write_text(f"time_s,node,x_mm,y_mm,{columns}\n0,M1,1,2,{entries}\n")
+    with pytest.raises(InputError) as error:
+        read_recording(tmp_path)
+    assert str(error.value).startswith(f"{tmp_path / 'marks.csv'}: {message}")

@@ -1,19 +1,24 @@
 """`softaim check`: what it says of a scene, against closed forms and scenes each of which lacks one thing."""
 
 import json
+from contextlib import ExitStack
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
 
 from dynamics import build_network, four_mass_phantom, independent_uncertainty, parameters
-from estimators import FilterSettings
+from estimators import FilterSettings, TissueFilter
+from experiments.commands.run import Run
+from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
+from experiments.log import Kept
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
 from experiments.simulation.simulate import draw
@@ -207,6 +212,48 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys) -> None:
     kept = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
     assert softaim("check", tmp_path / "scene.toml", "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"out": None, **kept}
+
+
+def string(n_free: int, dim: int) -> Scene:
+    """A string of so many masses that hangs from an anchor, the first one marked."""
+    names = ["A", *(f"N{k}" for k in range(n_free))]
+    places = np.zeros((n_free + 1, dim))
+    places[:, 0] = 0.01 * np.arange(n_free + 1)
+    edges = list(pairwise(names))
+    away = [1.0] + [0.0] * (dim - 1)
+    network = build_network(names, places, edges, stiffness=100.0, masses=1e-3, gravity=away, fixed=["A"])
+    return Scene(network, (Mark("N0", 0.0, 0.01),), Target(names[-1], 0.005), ())
+
+
+@pytest.mark.parametrize(("dim", "most"), [(2, 150), (3, 100)])
+@pytest.mark.parametrize("before", ["identify", "tune", "track", "insert"])
+def test_a_body_too_large_for_a_filter_is_refused_before_anything_is_computed(before, dim, most) -> None:
+    run = Run("track", (), Kept(), ExitStack())
+    run.use(string(most, dim), before)
+    where = "in space" if dim == 3 else "in the plane"
+    message = f"scene: network.node: expected at most {most} free nodes for a filter {where}, found {most + 1}"
+    with pytest.raises(InputError, match=message):
+        run.use(string(most + 1, dim), before)
+    run.use(string(most + 1, dim), "simulate")
+    run.use(string(most + 1, dim))
+
+
+def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("experiments.projects.check.rest_shape", None)
+    write_scene(string(317, 3), tmp_path / "scene.toml")
+    assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 2
+    line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 100 free nodes for a filter in space, found 317"
+    assert capsys.readouterr().err == f"softaim: {line}\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_filter_of_many_nodes_is_made_with_a_warning(monkeypatch) -> None:
+    scene = hanging()
+    monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 8)
+    TissueFilter(scene.network, "T", ["M"])
+    monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 7)
+    with pytest.warns(UserWarning, match="a filter of 2 free nodes takes seconds for a frame"):
+        TissueFilter(scene.network, "T", ["M"])
 
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:

@@ -163,6 +163,32 @@ def test_what_cannot_be_done_is_said_and_the_run_goes_on(shown, capfd, asked, sa
     assert state["counters"]["frames"] == 6
 
 
+@pytest.mark.parametrize(
+    "refused",
+    [
+        {"command": "needle", "tip_mm": [0.0, 0.0, 1.0], "direction": [0.0, 0.0, 1.0]},
+        {"command": "needle", "tip_mm": [1.0, 210.0], "direction": [0.0, 0.0]},
+        {"command": "needle", "tip_mm": [1.0, 1e9], "direction": [0.0, -1.0]},
+        {"command": "needle"},
+    ],
+    ids=["of another dimension", "no direction", "far away", "no pose"],
+)
+@pytest.mark.parametrize(("tip_mm", "advice"), [([1.0, 220.0], "NO_GUIDANCE"), ([1.0, 210.0], "ABORT")])
+def test_a_needle_whose_pose_is_refused_is_not_seen_until_one_is_taken(shown, refused, tip_mm, advice):
+    """No advice outside, ABORT inside, as long as only such poses come."""
+    link, _control, go_on = shown
+    go_on(10)
+    link.asked = [{"command": "needle", "tip_mm": tip_mm, "direction": [0.0, -1.0]}]
+    assert "does not see it" not in go_on()["advice"]["reason"]
+    for _ in range(3):
+        link.asked = [refused]
+        found = go_on()["advice"]
+        assert found["advice"] == advice
+        assert found["reason"].endswith("the needle's tracker does not see it")
+    link.asked = [{"command": "needle", "tip_mm": tip_mm, "direction": [0.0, -1.0]}]
+    assert "does not see it" not in go_on()["advice"]["reason"]
+
+
 def test_a_colour_is_learnt_from_the_newest_picture(shown):
     _link, control, go_on = shown
     go_on(5)

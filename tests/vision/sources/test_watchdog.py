@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from vision import EventKind, SourceEvent, SourceSettings, SourceWatchdog
+from vision import EventKind, FrozenValues, SourceEvent, SourceSettings, SourceWatchdog
 from vision.sources.watchdog import SparsePictures
 
 SIZE = (64, 48)
@@ -99,10 +99,17 @@ INTERVAL_S = 1.0 / 30.0
 DUE_S = INTERVAL_S * np.arange(360)
 
 
-def sparse(exposures_s: np.ndarray) -> list[SourceEvent]:
-    """What is said of pictures that were exposed at these times [s]."""
-    watch = SparsePictures()
-    return [event for exposure_s in exposures_s for event in watch.saw(float(exposure_s))]
+def sparse(exposures_s: np.ndarray, brightness: int = 200) -> list[SourceEvent]:
+    """What is said of even pictures that were exposed at these times [s]."""
+    watch, image = SparsePictures(), np.full((4, 6, 3), brightness, dtype=np.uint8)
+    return [event for exposure_s in exposures_s for event in watch.saw(float(exposure_s), image)]
+
+
+@pytest.mark.parametrize(("brightness", "dark"), [(5, True), (50, True), (70, False), (195, False)])
+def test_darkness_is_named_where_the_picture_is_dark_and_the_load_always(brightness: int, dark: bool) -> None:
+    lost, *_ = sparse(DUE_S[np.r_[0:120, 120:200:2]], brightness)
+    assert lost.kind is EventKind.SPARSE
+    assert ("dark" in lost.text, "light" in lost.text, "load" in lost.text) == (dark, dark, True)
 
 
 @pytest.mark.parametrize("until", [180, 360], ids=["for 2 s", "from now on"])
@@ -140,9 +147,70 @@ def test_a_rate_that_wanders_a_gap_and_a_late_reader_are_no_lost_pictures(exposu
 
 
 def test_a_pause_says_nothing_of_the_rate() -> None:
-    watch = SparsePictures()
+    watch, image = SparsePictures(), np.zeros((4, 6, 3), dtype=np.uint8)
     for exposure_s in DUE_S[:60]:
-        assert watch.saw(exposure_s) == []
+        assert watch.saw(exposure_s, image) == []
     for exposure_s in (3.0, 4.0, 5.0, 6.0):
         watch.began_again()
-        assert watch.saw(exposure_s) == []
+        assert watch.saw(exposure_s, image) == []
+
+
+REPEATS = {
+    "abcdefgh": ("abcdefgh", {}),
+    "abbbbbcd": ("ab....cd", {3: EventKind.FROZEN, 6: EventKind.RESUMED}),
+    "aaaaaaaa": ("a.......", {2: EventKind.FROZEN}),
+    "abbcdefg": ("ab.cdefg", {}),
+    "abcdabcd": ("abcd....", {5: EventKind.FROZEN}),
+    "abcdefghiajk": ("abcdefghiajk", {}),
+    "abcdefghajk": ("abcdefgh.jk", {}),
+    "aabbccddee": ("a.b.c.d.e.", {}),
+    "ab-b-b-c-": ("ab-.-.-c-", {5: EventKind.FROZEN, 7: EventKind.RESUMED}),
+    "------": ("------", {}),
+    "abBBBc": ("ab...c", {3: EventKind.FROZEN, 5: EventKind.RESUMED}),
+}
+"""A frame a letter: - has no values, a capital one of the two values of the small letter. Used: . is withheld."""
+
+
+def values(letter: str) -> dict[str, tuple[float, ...]]:
+    if letter == "-":
+        return {}
+    number = float(ord(letter.lower()))
+    return {"M1": (number, 0.5)} if letter.isupper() else {"M1": (number, 0.5), "M2": (1.0, number)}
+
+
+@pytest.mark.parametrize("frames", REPEATS)
+def test_values_that_repeat_are_withheld_and_frozen_within_three_frames(frames: str) -> None:
+    watch, used, told = FrozenValues(), "", {}
+    for k, letter in enumerate(frames):
+        repeats, events = watch.saw(0.1 * k, values(letter))
+        used += "." if repeats else letter
+        for event in events:
+            told[k] = event.kind
+    assert (used, told) == REPEATS[frames]
+
+
+def test_one_value_that_repeats_beside_another_that_does_not_is_no_repeat() -> None:
+    watch = FrozenValues()
+    for k in range(20):
+        assert watch.saw(0.1 * k, {"M1": (1.0, 2.0), "M2": (float(k), 0.0)}) == (False, [])
+
+
+def test_a_sender_that_states_each_value_four_times_is_not_frozen_but_at_first() -> None:
+    """What is usual is known after three values; a freeze is then noticed two frames beyond it."""
+    watch, events = FrozenValues(), []
+    for k in range(120):
+        events += watch.saw(k / 120.0, {"M1": (float(k // 4), 0.0)})[1]
+    assert max(event.time_s for event in events) < 12 / 120.0
+    for k in range(120, 140):
+        events += watch.saw(k / 120.0, {"M1": (30.0, 0.0)})[1]
+    assert (events[-1].kind, events[-1].time_s) == (EventKind.FROZEN, pytest.approx(125 / 120.0))
+
+
+def test_what_is_said_of_frozen_values() -> None:
+    watch, events = FrozenValues(), []
+    for k in range(31):
+        events += watch.saw(0.1 * k, {"M1": (float(min(k, 1) if k < 30 else 2), 0.0)})[1]
+    assert [str(event) for event in events] == [
+        "FROZEN 2 times the same values, to the last digit, in 0.20 s: they are not used",
+        "RESUMED new values after 2.90 s",
+    ]

@@ -49,7 +49,7 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("--bodies", action="append", default=[], help=f"of {', '.join(BODIES)}; again for more")
     parser.add_argument("--seeds", type=int, default=20, help="runs of each row and body: %(default)s")
     parser.add_argument("--first-seed", type=int, default=0, help="of them: %(default)s")
-    parser.add_argument("--seconds", type=float, help="of each run; default: 12")
+    parser.add_argument("--seconds", type=float, help="of each run; default: 12, of the breast 8")
     parser.add_argument("--page", action="store_true", help="rewrite the table of docs/faults.md")
     add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))

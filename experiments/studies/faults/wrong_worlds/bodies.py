@@ -39,7 +39,7 @@ BODIES = {
     for one in (
         Body("four masses", _four_masses, 12.0),
         Body("light phantom", lambda: planar_phantom(5), 12.0),
-        Body("breast", lambda: breast_phantom(10), 12.0),
+        Body("breast", lambda: breast_phantom(10), 8.0),
     )
 }
 

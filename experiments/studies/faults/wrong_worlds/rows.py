@@ -7,14 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, rest_shape
-from dynamics.equilibrium import fit_rest_lengths
+from dynamics import MassSpringNetwork, fit_rest_lengths, rest_shape
+from dynamics.network.mass_spring import spring_lengths
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.schema import SceneFile, TargetTable
 from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.wrong_worlds.seen import MARK_SD_M, Seen, Sees
-from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Pushes, Truth
+from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Becomes, Pushes, Truth
 
 WEIGHT = 9.81
 """Of a mass of 1 kg [N]."""
@@ -96,7 +96,7 @@ def _slides(seen: Seen, rng: np.random.Generator) -> Seen:
 
 
 def _elsewhere(seen: Seen, rng: np.random.Generator) -> Seen:
-    return _of_one(seen, 5e-3 * seen.since(), rng)
+    return _of_one(seen, np.where(seen.since(), 5e-3, 0.0), rng)
 
 
 def _exchanged(seen: Seen, _rng: np.random.Generator) -> Seen:
@@ -146,8 +146,7 @@ def _at_target(scene: Scene) -> Floats:
 def _most_loaded(scene: Scene) -> int:
     """The spring at the target that bears most at rest."""
     network = scene.network
-    i, j = network.springs.T
-    lengths = np.linalg.norm(network.positions[j] - network.positions[i], axis=1)
+    lengths = spring_lengths(network.positions, network.springs)
     return int(np.argmax(np.abs(network.stiffness * (lengths - network.rest_lengths)) * _at_target(scene)))
 
 
@@ -181,6 +180,19 @@ def _soft(share: float, *, one: bool) -> Truth:
     return _springs(factors, factors)
 
 
+def _loose(share: float) -> Truth:
+    """The target's springs so much as stiff, each as loaded as before: it rests where it is drawn, and hangs loose."""
+
+    def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
+        network, factors = scene.network, np.where(_at_target(scene), share, 1.0)
+        lengths = spring_lengths(network.positions, network.springs)
+        rest_lengths = lengths - (lengths - network.rest_lengths) / factors
+        stiffness, damping = network.stiffness * factors, network.damping * factors
+        return replace(network, stiffness=stiffness, damping=damping, rest_lengths=rest_lengths)
+
+    return Truth(changed)
+
+
 def _masses(factor: float, *, target: bool = False) -> Truth:
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network, masses = scene.network, scene.network.masses.copy()
@@ -195,19 +207,22 @@ def _at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
     return replace(network, positions=rest_shape(network))
 
 
-def _nodes(change: Callable[[MassSpringNetwork], Mapping[str, Floats]]) -> Truth:
-    return Truth(lambda scene, _rng: replace(scene.network, **change(scene.network)))
+def _truly(change: Becomes) -> Truth:
+    return Truth(lambda scene, _rng: change(scene.network))
 
 
-def _dragged(network: MassSpringNetwork) -> Mapping[str, Floats]:
+def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
     """Ten times as much; where there is none, such that a free mass would stop in a tenth of a second."""
-    return {
-        "drag": np.where(network.drag > 0.0, 10.0 * network.drag, np.where(network.fixed, 0.0, 10.0 * network.masses))
-    }
+    without = np.where(network.fixed, 0.0, 10.0 * network.masses)
+    return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 
 
-def _rough(network: MassSpringNetwork) -> Mapping[str, Floats]:
-    return {"friction": np.where(network.fixed, 0.0, 0.05 * WEIGHT * network.masses)}
+def _undragged(network: MassSpringNetwork) -> MassSpringNetwork:
+    return replace(network, drag=np.zeros_like(network.drag))
+
+
+def _rough(network: MassSpringNetwork) -> MassSpringNetwork:
+    return replace(network, friction=np.where(network.fixed, 0.0, 0.05 * WEIGHT * network.masses))
 
 
 def _slipped(network: MassSpringNetwork) -> MassSpringNetwork:
@@ -219,11 +234,13 @@ def _slipped(network: MassSpringNetwork) -> MassSpringNetwork:
 # what is stated
 
 
-def _network(change: Callable[[MassSpringNetwork], Mapping[str, Floats]]) -> Callable[[Scene], Scene]:
-    return lambda scene: replace(scene, network=replace(scene.network, **change(scene.network)))
+def _smooth(network: MassSpringNetwork) -> MassSpringNetwork:
+    return replace(network, friction=np.zeros_like(network.friction))
 
 
-_SMOOTH = _network(lambda network: {"friction": np.zeros_like(network.friction)})
+def _stated(change: Becomes) -> Callable[[Scene], Scene]:
+    return lambda scene: replace(scene, network=change(scene.network))
+
 
 _MOVES = (
     World("the camera drifts by 1 mm/s", ONSET_S, seen=_camera_drifts),
@@ -247,20 +264,22 @@ WORLDS: tuple[World, ...] = (
     World("the target's springs are a third as stiff", truth=_soft(1.0 / 3.0, one=False)),
     World("a spring of the target is a third as stiff", truth=_soft(1.0 / 3.0, one=True)),
     World("a spring of the target is missing", truth=_soft(1e-3, one=True)),
-    World("the target hangs loose between two bodies", truth=_soft(0.03, one=False)),
+    World("the target hangs loose where it is drawn", truth=_loose(0.2)),
     World("the target's mass is three times as large", truth=_masses(3.0, target=True)),
     World("all springs are half as stiff", truth=_springs(lambda _scene: np.full(1, 0.5))),
     World("all springs are twice as stiff", truth=_springs(lambda _scene: np.full(1, 2.0))),
     World("all masses are half as large", truth=_masses(0.5)),
     World("all masses are twice as large", truth=_masses(2.0)),
     World("damping is five times as large", truth=_springs(lambda _scene: np.ones(1), lambda _scene: np.full(1, 5.0))),
-    World("drag is ten times as large", truth=_nodes(_dragged)),
-    World("there is no drag", truth=_nodes(lambda network: {"drag": np.zeros_like(network.drag)})),
-    World("dry friction of 5 % of the weight that nobody stated", truth=_nodes(_rough), scene=_SMOOTH),
-    World("gravity stated as 0", scene=_network(lambda network: {"gravity": 0.0 * network.gravity})),
-    World("gravity stated upside down", scene=_network(lambda network: {"gravity": -network.gravity})),
-    World("masses stated in g", scene=_network(lambda network: {"masses": 1e3 * network.masses})),
-    World("stiffness stated in N/mm", scene=_network(lambda network: {"stiffness": 1e-3 * network.stiffness})),
+    World("drag is ten times as large", truth=_truly(_dragged)),
+    World("there is no drag", truth=_truly(_undragged)),
+    World("dry friction of 5 % of the weight that nobody stated", truth=_truly(_rough), scene=_stated(_smooth)),
+    World("gravity stated as 0", scene=_stated(lambda network: replace(network, gravity=0.0 * network.gravity))),
+    World("gravity stated upside down", scene=_stated(lambda network: replace(network, gravity=-network.gravity))),
+    World("masses stated in g", scene=_stated(lambda network: replace(network, masses=1e3 * network.masses))),
+    World(
+        "stiffness stated in N/mm", scene=_stated(lambda network: replace(network, stiffness=1e-3 * network.stiffness))
+    ),
     World("the target is poked, too", truth=Truth(pushes=Pushes(hidden=True))),
     World("pokes of 15 m/s²", truth=Truth(pushes=Pushes(pokes_m_s2=15.0))),
     World("a second breath from aside", truth=Truth(pushes=Pushes(second=True))),

@@ -80,7 +80,9 @@ class Judging(Publisher):
             return
         truth, estimate, guidance = self._motion.at(time_s)[self._target], shown.estimate, shown.guidance
         off, cov = truth - estimate.mean, estimate.cov
-        known = cov is not None and bool(np.isfinite(off).all() and np.isfinite(cov).all())
+        covered = False
+        if cov is not None and np.isfinite(off).all() and np.isfinite(cov).all():
+            covered = bool(off @ np.linalg.solve(cov, off) <= REGION[len(off)])
         self.moments.append(
             Moment(
                 shown.step is not None,
@@ -88,7 +90,7 @@ class Judging(Publisher):
                 None if guidance is None else str(guidance.advice),
                 shown.fault or ("" if guidance is None else guidance.reason),
                 float(np.linalg.norm(off)),
-                known and bool(off @ np.linalg.solve(cov, off) <= REGION[len(off)]),
+                covered,
                 is_wrong(estimate.mean, cov, truth),
             )
         )

@@ -9,10 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from experiments.arrays import Floats
 from experiments.formats.scenario import Breathing, Pokes, Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
-from experiments.simulation.simulate import breathing_force
+from experiments.simulation.simulate import breathing_force, poke_force
 from experiments.studies.faults.world import Motion, moved
 
 Becomes = Callable[[MassSpringNetwork], MassSpringNetwork]
@@ -27,7 +26,7 @@ SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 class Pushes:
     """What pushes the body: pokes and a breath [m/s²] of the marked nodes.
 
-    hidden: the target is poked, too; second: a second breath, of another period and direction
+    Either of: hidden, the target is poked as well; second, a second breath, of another period and direction
     """
 
     pokes_m_s2: float = 5.0
@@ -67,27 +66,29 @@ def _as_stated(scene: Scene, seed: int, duration_s: float) -> Motion:
 def _moved(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
-    second = None
+    more = None
     if truth.pushes.second:
         breath = _breath(scene, truth.pushes.breath_m_s2, SECOND[network.dim])
-        second = breathing_force(network, breath, np.random.default_rng([seed, 12]))
-    return moved(scenario, network, truth.becomes, truth.onset_s, second)
+        more = breathing_force(network, breath, np.random.default_rng([seed, 12]))
+    if truth.pushes.hidden:
+        pokes = _pokes(truth.pushes, [scene.target.node])
+        more = poke_force(network, pokes, duration_s, np.random.default_rng([seed, 12]))
+    return moved(scenario, network, truth.becomes, truth.onset_s, more)
 
 
 def _scenario(scene: Scene, pushes: Pushes, seed: int, duration_s: float) -> Scenario:
-    usual = read_scenario("poked")
-    assert usual.pokes is not None
-    marked = list(scene.measured_nodes)
-    poked = [*marked, scene.target.node] if pushes.hidden else marked
-    pokes: Pokes = usual.pokes.model_copy(update={"nodes": poked, "acceleration_m_s2": pushes.pokes_m_s2})
     changes = {
         "seed": seed,
         "duration_s": duration_s,
         "tremor": None,
-        "pokes": pokes,
+        "pokes": _pokes(pushes, list(scene.measured_nodes)),
         "breathing": _breath(scene, pushes.breath_m_s2),
     }
-    return usual.model_copy(update=changes)
+    return read_scenario("poked").model_copy(update=changes)
+
+
+def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
+    return Pokes(nodes=nodes, acceleration_m_s2=pushes.pokes_m_s2, shortest_s=0.1, longest_s=0.4, pause_s=1.5)
 
 
 def _breath(scene: Scene, strength_m_s2: float, direction: list[float] | None = None) -> Breathing:
@@ -98,8 +99,3 @@ def _breath(scene: Scene, strength_m_s2: float, direction: list[float] | None = 
         longest_s=6.0,
         direction=direction,
     )
-
-
-def straight(motion: Motion, times_s: Floats) -> Floats:
-    """Where all nodes are at these times [s], (n,), [m], (n, n_nodes, dim)."""
-    return np.array([motion.at(float(t)) for t in times_s])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pyigtl.messages import PointMessage, StringMessage, TransformMessage
 
-from experiments.servers.commands import read_command
+from experiments.servers.commands import UNSEEN, read_command
 from experiments.servers.openigtlink.codec import HEADER, MalformedError, Message, decode, decode_header
-from experiments.servers.openigtlink.incoming import UNSEEN, Incoming, RefusedError
+from experiments.servers.openigtlink.incoming import Incoming, RefusedError
 
 
 def sent(theirs) -> Message:
@@ -48,8 +48,9 @@ def test_in_a_plane_two_numbers_of_it_count():
 
 
 def test_a_needle_across_the_plane_is_refused():
-    with pytest.raises(RefusedError, match="plane"):
+    with pytest.raises(RefusedError, match="plane") as refused:
         Incoming(2).commands(pose([0.3, 0.1, 0.9], [0.0, 0.0, 0.0]))
+    assert refused.value.instead == (UNSEEN,)
 
 
 @pytest.mark.parametrize(
@@ -83,16 +84,69 @@ def test_the_needles_device_can_be_named():
     assert incoming.sends_needle
 
 
-@pytest.mark.parametrize(
-    ("at", "value"),
-    [((2, 3), 10_001.0), ((0, 0), 2.0), ((2, 2), 0.0)],
-)
-def test_a_pose_that_is_none_is_refused(at: tuple[int, int], value: float):
-    """10 m away, or axes that are not of length 1."""
+def turned(axis: int, degrees: float) -> np.ndarray:
+    """A rotation about an axis, (3, 3)."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    matrix = np.eye(3)
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    matrix[a, a] = matrix[b, b] = c
+    matrix[a, b], matrix[b, a] = -s, s
+    return matrix
+
+
+def sheared(a: int, b: int, degrees: float) -> np.ndarray:
+    """Axes of length 1, of which one leans toward another, (3, 3)."""
+    matrix = np.eye(3)
+    matrix[:, a] = np.cos(np.radians(degrees)) * matrix[:, a] + np.sin(np.radians(degrees)) * matrix[:, b]
+    return matrix
+
+
+NO_ROTATIONS = {
+    "mirrored in x": np.diag([-1.0, 1.0, 1.0]),
+    "mirrored in z": np.diag([1.0, 1.0, -1.0]),
+    "mirrored through the origin": -np.eye(3),
+    "two axes exchanged": np.eye(3)[:, [1, 0, 2]],
+    "x leans to y": sheared(0, 1, 12.0),
+    "y leans to z": sheared(1, 2, 5.0),
+    "z leans to x": sheared(2, 0, 1.0),
+    "two axes are one": np.eye(3)[:, [0, 0, 2]],
+    "larger": 1.03 * np.eye(3),
+    "smaller": 0.97 * np.eye(3),
+    "in m": 1e-3 * np.eye(3),
+    "one axis longer": np.diag([1.0, 1.02, 1.0]),
+    "nothing": np.zeros((3, 3)),
+    "ones": np.ones((3, 3)),
+    "huge": 1e30 * np.eye(3),
+    "turned and mirrored": turned(1, 33.0) @ np.diag([1.0, -1.0, 1.0]),
+}
+
+
+def needle(axes: np.ndarray, tip_mm: tuple[float, float, float] = (1.0, 2.0, 3.0)) -> Message:
     matrix = np.eye(4)
-    matrix[at] = value
-    with pytest.raises(RefusedError):
-        Incoming(3).commands(sent(TransformMessage(matrix, device_name="NeedleTipToReference")))
+    matrix[:3, :3], matrix[:3, 3] = axes, tip_mm
+    return sent(TransformMessage(matrix, device_name="NeedleTipToReference"))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("name", NO_ROTATIONS)
+def test_a_matrix_that_is_no_rotation_is_a_needle_that_is_not_seen(name: str, dim: int):
+    into_the_plane = turned(0, -90.0) if dim == 2 else np.eye(3)
+    with pytest.raises(RefusedError, match="needle: expected") as refused:
+        Incoming(dim).commands(needle(into_the_plane @ NO_ROTATIONS[name]))
+    assert refused.value.instead == (UNSEEN,)
+
+
+@pytest.mark.parametrize("axes", [turned(a, d) for a in range(3) for d in (0.0, 30.0, 90.0, 180.0)])
+def test_every_rotation_is_taken_with_the_rounding_of_trackers(axes: np.ndarray):
+    for rounded in (axes, np.round(axes, 3), 1.002 * axes):
+        (command,) = Incoming(3).commands(needle(rounded))
+        assert command["direction"] == pytest.approx(rounded[:, 2].tolist(), abs=1e-6)
+
+
+def test_a_tip_10_m_away_is_a_needle_that_is_not_seen():
+    with pytest.raises(RefusedError) as refused:
+        Incoming(3).commands(needle(np.eye(3), (0.0, 0.0, 10_001.0)))
+    assert refused.value.instead == (UNSEEN,)
 
 
 def test_points_are_sightings_of_the_target():

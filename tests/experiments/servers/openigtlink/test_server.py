@@ -10,6 +10,7 @@ import numpy as np
 import pyigtl
 import pytest
 
+from experiments.servers.commands import UNSEEN
 from experiments.servers.openigtlink.bodies import PointBody, pack_points, pack_transform, read_status
 from experiments.servers.openigtlink.codec import Message, encode
 from experiments.servers.openigtlink.outgoing import Code
@@ -54,7 +55,7 @@ def test_pyigtl_receives_the_target_and_sends_needle_and_fix():
                 client.send_message(pose, wait=False)
                 client.send_message(pyigtl.PointMessage(positions=[[1.0, 2.0, 0.0]], device_name="F"), wait=False)
                 async with asyncio.timeout(SOON_S):
-                    while not commands:
+                    while len(commands) < 2:
                         await asyncio.sleep(0.01)
             finally:
                 publishing.cancel()
@@ -62,8 +63,8 @@ def test_pyigtl_receives_the_target_and_sends_needle_and_fix():
         assert target.matrix[:3, 3].tolist() == [1.5, -20.25, 0.0]
         assert target.metadata == {"TransformStatus": "OK"}
         assert json.loads(said.string)["advice"] == "GO"
-        # the needle looks across the plane of this scene, and is refused
-        assert commands == [{"command": "fix", "place_mm": [1.0, 2.0]}]
+        # the needle looks across the plane of this scene, and is refused: it is not seen
+        assert commands == [UNSEEN, {"command": "fix", "place_mm": [1.0, 2.0]}]
 
     run(scenario())
 
@@ -324,8 +325,28 @@ def test_a_pose_that_makes_no_sense_is_answered():
             assert said.code == Code.ILLEGAL_INSTRUCTION
             client.writer.write(NEEDLE)
             async with asyncio.timeout(SOON_S):
-                while not commands:
+                while len(commands) < 2:
                     await asyncio.sleep(0.01)
+            assert [command["command"] for command in commands] == ["needle_unseen", "needle"]
+
+    run(scenario())
+
+
+@pytest.mark.parametrize(
+    "content",
+    [pack_transform(1.03 * np.eye(4)), pack_transform(np.diag([-1.0, 1.0, 1.0, 1.0])), bytes(47)],
+    ids=["scaled", "mirrored", "of another size"],
+)
+def test_a_needle_whose_next_pose_is_refused_is_not_seen(content: bytes):
+    async def scenario() -> None:
+        feed, commands = told_of(stale_ms=NEVER_STALE, dim=3)
+        async with serving(feed) as port, connected(port) as client:
+            await client.next()
+            client.writer.write(NEEDLE + encode(Message("TRANSFORM", "NeedleTipToReference", content)))
+            async with asyncio.timeout(SOON_S):
+                while len(commands) < 2:
+                    await asyncio.sleep(0.01)
+        assert [command["command"] for command in commands] == ["needle", "needle_unseen"]
 
     run(scenario())
 

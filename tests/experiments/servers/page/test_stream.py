@@ -146,6 +146,25 @@ def test_what_is_no_command_is_refused_in_one_line(one: Served, text: str) -> No
     assert one.commands == []
 
 
+@pytest.mark.parametrize(
+    "refused",
+    [
+        '{"command": "needle"}',
+        '{"command": "needle", "tip_mm": [1, 2], "direction": [0, null]}',
+        '{"command": "needle", "tip_mm": [1, 2, 3, 4], "direction": [0, 0, 1]}',
+        '{"command": "needle", "tip_mm": [1, 20000], "direction": [0, 1]}',
+    ],
+)
+def test_a_needle_whose_pose_is_refused_is_not_seen(one: Served, refused: str) -> None:
+    with stream(one, TOKEN) as client:
+        client.recv(5)
+        client.send('{"command": "needle", "tip_mm": [1, 2], "direction": [0, 1]}')
+        assert json.loads(client.recv(5))["error"] is None
+        client.send(refused)
+        assert json.loads(client.recv(5))["error"]
+    assert [command["command"] for command in one.commands] == ["needle", "needle_unseen"]
+
+
 def test_what_the_run_refuses_is_told(one: Served) -> None:
     one.refusal = "recording: the disk is full"
     with stream(one, TOKEN) as client:

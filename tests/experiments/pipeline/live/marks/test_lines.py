@@ -52,6 +52,14 @@ def test_in_space_a_mark_has_a_z() -> None:
         read_line((line % "").encode(), scene)
 
 
+def test_a_full_covariance_stands_for_a_deviation() -> None:
+    line = '{"time_s": 0, "marks": [{"node": "D", "x_mm": 1, "y_mm": 2, "z_mm": 3, "cov_mm2": [4, 1, 5, 0.5, -1, 9]}]}'
+    (mark,) = read_line(line.encode(), in_space()).marks
+    np.testing.assert_allclose(mark.cov, 1e-6 * np.array([[4, 1, 0.5], [1, 5, -1], [0.5, -1, 9]]), rtol=1e-12)
+    (mark,) = read_line(one(sd_mm="", cov_mm2="[0.25, 0.1, 1]").encode(), FLAT).marks
+    np.testing.assert_allclose(mark.cov, 1e-6 * np.array([[0.25, 0.1], [0.1, 1.0]]), rtol=1e-12)
+
+
 def one(**changes: str) -> str:
     """A line whose mark has other values, as JSON texts; None leaves a key out."""
     keys = {"node": '"M1"', "x_mm": "1", "y_mm": "2", "sd_mm": "0.5", **changes}
@@ -90,6 +98,17 @@ FAULTS = [
     (one(y_mm="-1e300"), "marks[0].y_mm: expected -1e+06 to 1e+06, found -1e+300"),
     (one(sd_mm="0"), "marks[0].sd_mm: expected 1e-06 to 1e+06, found 0"),
     (one(sd_mm="-0.5"), "marks[0].sd_mm: expected 1e-06 to 1e+06, found -0.5"),
+    (one(cov_mm2="[1, 0, 1]"), 'marks[0]: expected node, x_mm, y_mm, cov_mm2, found the key "sd_mm"'),
+    (one(sd_mm="", cov_mm2="1"), "marks[0].cov_mm2: expected xx, xy, yy in a list, found 1"),
+    (one(sd_mm="", cov_mm2="[1, 0]"), "marks[0].cov_mm2: expected xx, xy, yy in a list, found [1, 0]"),
+    (one(sd_mm="", cov_mm2="[1, 0, 1, 0, 0, 1]"), "marks[0].cov_mm2: expected xx, xy, yy in a list, found [1, 0,"),
+    (one(sd_mm="", cov_mm2='[1, "0", 1]'), 'marks[0].cov_mm2[1]: expected a number, found "0"'),
+    (one(sd_mm="", cov_mm2="[1, NaN, 1]"), "expected finite numbers, found NaN"),
+    (one(sd_mm="", cov_mm2="[1, 2, 1]"), "marks[0].cov_mm2: expected a positive definite covariance, found [1, 2, 1]"),
+    (one(sd_mm="", cov_mm2="[1, 1, 1]"), "marks[0].cov_mm2: expected a positive definite covariance, found [1, 1, 1]"),
+    (one(sd_mm="", cov_mm2="[1, 0, -1]"), "marks[0].cov_mm2: expected a positive definite covariance, found [1, 0,"),
+    (one(sd_mm="", cov_mm2="[0, 0, 0]"), "marks[0].cov_mm2: expected a positive definite covariance, found [0, 0,"),
+    (one(sd_mm="", cov_mm2="[1e13, 0, 1e13]"), "marks[0].cov_mm2: expected up to 1e+12, found [1"),
     (" " * (LONGEST_LINE + 1), f"expected up to {LONGEST_LINE} bytes, found more"),
 ]
 

@@ -153,3 +153,35 @@ def test_closing_lets_go_of_the_feed() -> None:
     assert bench.marks.ended
     assert not bench.marks.wanted
     assert bench.marks.next(1.0) is None
+
+
+def mark(node: str, x_mm: float, y_mm: float) -> str:
+    return f'{{"node": "{node}", "x_mm": {x_mm}, "y_mm": {y_mm}, "sd_mm": 2}}'
+
+
+def test_values_that_freeze_bring_no_marks_until_they_change(bench) -> None:
+    """The frame that first repeats is not handed on; those after it have no marks. Times, and so no BLOCKED, go on."""
+    found = []
+    for k in range(40):
+        bench.now = 100.0 + 0.1 * k
+        x_mm = -200.0 + min(k, 5) + max(k - 34, 0)
+        bench.send(5.0 + 0.1 * k, mark("M1", x_mm, 195.0))
+        frame = bench.marks.next(0.0)
+        found.append(None if frame is None else len(frame.marks))
+    assert found == [1] * 6 + [None] + [0] * 28 + [1] * 5
+    assert [(event.kind, event.time_s) for event in bench.marks.take_events()] == [
+        (EventKind.FROZEN, pytest.approx(100.7)),
+        (EventKind.RESUMED, pytest.approx(103.5)),
+    ]
+    assert not bench.marks.refused
+
+
+def test_first_marks_far_from_the_drawing_are_said_once(bench) -> None:
+    for k in range(5):
+        bench.now = 100.0 + 0.1 * k
+        marks = mark("M1", -204.0 + k, -192.0), mark("M3", k, -384.0), mark("M4", 204.0, -192.0 + k)
+        bench.send(5.0 + 0.1 * k, ", ".join(marks))
+    (event,) = bench.marks.take_events()
+    assert event.kind is EventKind.ASIDE
+    assert "with y mirrored: (x, -y) for (x, y)" in event.text
+    assert len(bench.marks.next(0.0).marks) == 3  # as they came
