@@ -15,6 +15,7 @@ Names to start with:
     hit_probability       of a needle that stands still
     guide                 go, wait or realign
     anees, coverage       is the covariance consistent
+    PoseFilter            the pose error of a camera or tracker, by marks that stand still
 """
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap
@@ -35,10 +36,12 @@ from estimators.baselines import (
 from estimators.consistency import (
     Balance,
     BalanceSettings,
+    ErrorSource,
     LeaveOneOut,
     LeaveOneOutCheck,
     ReliabilityBin,
     StaticBalance,
+    StaticResponse,
     anees,
     autocorrelation,
     chi_square_bounds,
@@ -124,6 +127,7 @@ from estimators.identification import (
     principal_uncertainty,
     tune_noise,
 )
+from estimators.pose import CameraMove, PoseEstimate, PoseFilter, PoseSettings, RigidMotion
 from estimators.process import (
     FixBias,
     ForceHistory,
@@ -167,10 +171,12 @@ __all__ = [
     "Breathing",
     "BreathingSettings",
     "Budget",
+    "CameraMove",
     "ConstantGroup",
     "CovarianceError",
     "Doubt",
     "EnsembleKalmanFilter",
+    "ErrorSource",
     "ExtendedKalmanFilter",
     "FastPredictionTables",
     "FilterSettings",
@@ -208,11 +214,16 @@ __all__ = [
     "Plan",
     "PlannedNeedle",
     "PlannedTarget",
+    "PoseEstimate",
+    "PoseFilter",
+    "PoseSettings",
     "ReliabilityBin",
     "Replay",
     "ResidualTest",
+    "RigidMotion",
     "Skin",
     "StaticBalance",
+    "StaticResponse",
     "Status",
     "StockUnscented",
     "TargetEstimate",

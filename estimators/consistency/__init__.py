@@ -4,6 +4,7 @@ What may enter: tests of estimates; none of them changes an estimate.
 """
 
 from estimators.consistency.cramer_rao import posterior_bound
+from estimators.consistency.error_budget import ErrorSource, StaticResponse
 from estimators.consistency.leave_one_out import LeaveOneOut, LeaveOneOutCheck
 from estimators.consistency.nees import (
     anees,
@@ -29,10 +30,12 @@ from estimators.consistency.whiteness import autocorrelation, effective_count, p
 __all__ = [
     "Balance",
     "BalanceSettings",
+    "ErrorSource",
     "LeaveOneOut",
     "LeaveOneOutCheck",
     "ReliabilityBin",
     "StaticBalance",
+    "StaticResponse",
     "anees",
     "autocorrelation",
     "chi_square_bounds",

@@ -11,9 +11,6 @@ with z the mean places of the marks and K the stiffness at rest, of marked (m) a
 condensation. f is tested by chi-square against what it may be without a contradiction: pokes, which
 average away; one force on all nodes alike, by their mass, as of a breath or a tilt; errors of marks, of the camera's
 calibration and of the constants as far as they are stated or usual.
-
-By the same stiffness an error s of the marks' places, or a force g of wrong constants, moves the hidden nodes of an
-estimate that follows the marks by -Khh^-1 Khm s, or Khh^-1 gh.
 """
 
 from __future__ import annotations
@@ -23,7 +20,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from dynamics import MassSpringNetwork, ParameterUncertainty, parameter_forces, rest_shape, stiffness_matrix
@@ -87,7 +83,6 @@ class StaticBalance:
         settings: BalanceSettings = BALANCE,
     ) -> None:
         self._network: MassSpringNetwork = tissue.model.network
-        self._target = tissue.target
         # a hand that leads holds a body for as long as it likes, and links turn
         self._of = None if tissue.settings.led is not None else tissue.settings.poked
         self._often = tissue.settings.poked_s / (tissue.settings.poked_s + tissue.settings.between_s)
@@ -100,18 +95,6 @@ class StaticBalance:
     def forget(self) -> None:
         """Begin anew."""
         self._frames.clear()
-
-    def target_cov(self, nodes: Sequence[str]) -> Floats:
-        """What constants and calibration add to the covariance of the target at rest [m²], (dim, dim).
-
-        nodes: those whose marks the estimate follows, as if constants and calibration were exact
-        """
-        seen = self._condensed(tuple(nodes))
-        shifts = np.zeros((len(self._stiffness), seen.marks.shape[1] + seen.hidden.shape[1]))
-        shifts[seen.m, : seen.marks.shape[1]] = seen.marks
-        shifts[seen.h] = np.concatenate([-seen.carried.T @ seen.marks, seen.hidden], axis=1)
-        moved = self._target.linear(shifts)
-        return moved @ moved.T
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
         """The balance after the marks that a frame at this time [s] gave; None as long as too little was seen."""
@@ -162,30 +145,21 @@ class StaticBalance:
             marks = np.zeros((len(m), 0))
             if self._calibration is not None:
                 marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
-            n_marks = len(m)
             # where nothing resists a turn about the marks, wrong constants make none
-            both = np.concatenate([K[np.ix_(h, m)], forces[h]], axis=1)
-            solved = np.linalg.lstsq(K[np.ix_(h, h)], both, rcond=LOOSE)[0]
-            carried, hidden = solved[:, :n_marks].T, solved[:, n_marks:]
-            stiffness = K[np.ix_(m, m)] - carried @ K[np.ix_(h, m)]
-            of_marks = forces[m] - carried @ forces[h]
-            self._seen[nodes] = _Condensed(m, h, carried, stiffness, of_marks, marks, hidden)
+            to_hidden = np.linalg.lstsq(K[np.ix_(h, h)], K[np.ix_(h, m)], rcond=LOOSE)[0].T
+            stiffness = K[np.ix_(m, m)] - to_hidden @ K[np.ix_(h, m)]
+            self._seen[nodes] = _Condensed(stiffness, forces[m] - to_hidden @ forces[h], marks)
         return self._seen[nodes]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
-    """A body condensed to nodes that are seen: their coordinates m and the others h among the free ones.
+    """A body condensed to the m coordinates of nodes that are seen.
 
-    carried: Kmh Khh^-1 [1], (m, h); stiffness: Kc [N/m], (m, m)
-    By one sd of each uncertain constant, forces: on m [N], (m, n); hidden: shift of h while m stay [m], (h, n).
-    marks: shift of m by one sd of each direction of the calibration [m], (m, k)
+    stiffness: Kc [N/m], (m, m); forces: on them by one sd of each uncertain constant [N], (m, n)
+    marks: their shift by one sd of each direction of the calibration [m], (m, k)
     """
 
-    m: NDArray[np.int64]
-    h: NDArray[np.int64]
-    carried: Floats
     stiffness: Floats
     forces: Floats
     marks: Floats
-    hidden: Floats

@@ -1,6 +1,6 @@
 """Advice on the needle: go, wait, turn it, stop, or no guidance since the estimate is not healthy.
 
-All numbers come from one predicted path of the target, made once a frame (`TissueFilter.predict_path`): when the needle
+All numbers come from one predicted path of the target, made once a frame (`estimators.guidance.path`): when the needle
 arrives, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them into
 advice.
 """
@@ -18,9 +18,10 @@ from estimators.arrays import Floats
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
-from estimators.guidance.path import TargetPath, time_to
+from estimators.guidance.path import TargetPath, kept_path, time_to
 from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
+from estimators.tissue.filter import TissueFilter
 
 PATH_STEP_S = 1.0 / 30.0
 """Step of the path's table [s]: cubics between its times err by under 0.1 mm for a swing of 10 mm at 3 Hz. Numerics:
@@ -212,7 +213,8 @@ def guide(
     """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
 
     The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
-    times [s], (n,), or more of them; None: the filter's `TissueFilter.predict_path`
+    times [s], (n,), or more of them; None: a `TissueFilter`'s by tables, which the first call makes and later ones use
+    again, as `softaim advise` has it; another source's `predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -221,7 +223,12 @@ def guide(
     if fault is not None:
         return Guidance(Advice.NO_GUIDANCE, fault)
     times = path_times(estimate, insertion, needle, settings, now_s)
-    path = TargetPath(times, *filter_.predict_path(times)) if path_at is None else path_at(times)
+    if path_at is not None:
+        path = path_at(times)
+    elif isinstance(filter_, TissueFilter):
+        path = kept_path(filter_, times)
+    else:
+        path = TargetPath(times, *filter_.predict_path(times))
     return advise(path, insertion, lesion, needle=needle, settings=settings, now_s=now_s)
 
 

@@ -8,6 +8,7 @@ true. So the path has two parts: nobody pokes until then, and all else.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from dynamics import all_positions, rest_shape
 from estimators.arrays import Floats
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
+from estimators.threads import one_blas_thread
 from estimators.tissue.fast_prediction import (
     FastPredictionTables,
     MomentsNow,
+    fast_prediction_tables,
     forced_cov,
     moments_ahead,
     moments_now,
@@ -130,13 +133,35 @@ def path_by_tables(tables: FastPredictionTables, tissue: TissueFilter) -> Target
 
 
 def path_near_rest(tables: FastPredictionTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """The path until the last of these times [s], (k,): by tables as far as they hold, else by the filter itself."""
-    n = times_until(float(times_s[-1] - times_s[0]), tables.cycle_s)
-    if tissue.time_s != times_s[0] or n > tables.n_times or not _is_near_rest(tables, tissue):
+    """The path from the first of these times [s], (k,), or before, to the last: by tables as far as they hold.
+
+    Else by the filter itself, at these times.
+    """
+    if tissue.time_s is None or tissue.time_s > times_s[0]:
+        return TargetPath(times_s, *tissue.predict_path(times_s))
+    n = times_until(float(times_s[-1] - tissue.time_s), tables.cycle_s)
+    if n > tables.n_times or not _is_near_rest(tables, tissue):
         return TargetPath(times_s, *tissue.predict_path(times_s))
     return _first_of_tables(tables, tissue, max(n, 2))
 
 
+_KEPT: WeakKeyDictionary[TissueFilter, FastPredictionTables] = WeakKeyDictionary()
+"""Tables of each filter that was asked for its path, as long as it lives."""
+
+
+def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
+    """As `path_near_rest`, by tables that are made where they are first needed, or reach farther, and kept."""
+    ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
+    tables = _KEPT.get(tissue)
+    if tables is None or times_until(ahead_s, tables.cycle_s) > tables.n_times:
+        if ahead_s > MOST_S:
+            return TargetPath(times_s, *tissue.predict_path(times_s))
+        # a needle that moves asks for a little more each time
+        tables = _KEPT[tissue] = fast_prediction_tables(tissue, 1.25 * ahead_s, at_once=False)
+    return path_near_rest(tables, tissue, times_s)
+
+
+@one_blas_thread()
 def _first_of_tables(tables: FastPredictionTables, tissue: TissueFilter, n: int) -> TargetPath:
     """As `path_by_tables`, at the first n times."""
     now = moments_now(tables, tissue)

@@ -10,11 +10,13 @@ from estimators.identification.constants import (
     identify_constants,
     principal_uncertainty,
 )
+from estimators.identification.determined import MAX_VARIANCE_LEFT
 from estimators.identification.groups import ConstantGroup, constant_groups, group_label, group_value
 from estimators.identification.noise_levels import TuningResult, tune_noise
 from estimators.identification.residuals import ResidualTest
 
 __all__ = [
+    "MAX_VARIANCE_LEFT",
     "Budget",
     "ConstantGroup",
     "IdentificationError",

@@ -8,19 +8,22 @@ constants, theta the errors of these. Source: [friedland1969]. Unknown pokes are
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
+from estimators.identification.determined import keeping_undetermined, left_open
 from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, with_short_gaps
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
 from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
-from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
+from estimators.identification.residuals import ResidualTest, residual_covariance
 from estimators.identification.search import Optimum, begun, climbed, from_starts, most_probable, starts
 from estimators.identification.stretch import liveliest
 from estimators.identification.withheld import (
@@ -30,6 +33,7 @@ from estimators.identification.withheld import (
     principal_directions,
     withheld_target,
 )
+from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
@@ -66,8 +70,9 @@ class IdentificationResult:
     """Constants of a network estimated from a calibration recording, in groups of one factor each.
 
     network: with the constants found
-    groups, change: which, and the log of each group's factor, (n,)
-    cov: covariance of these logs, inflated by what the model leaves unexplained, (n, n), see `within_prior`
+    groups, change: which, and the log of each group's factor, (n,); 0 of those that the recording does not determine
+    cov: covariance of these logs, (n, n), inflated by what the model leaves unexplained and the search leaves open: see
+        `within_prior`, `left_open`
     prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
@@ -109,6 +114,11 @@ class IdentificationResult:
         """Standard error of the log of each group's factor, (n,)."""
         return np.sqrt(np.diag(self.cov))
 
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which groups keep the values given since the recording does not determine them, (n,)."""
+        return np.asarray(self.change == 0.0)
+
     def identifiable(self) -> tuple[Floats, Floats]:
         """Part of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
@@ -119,6 +129,7 @@ class IdentificationResult:
         return left[::-1], directions.T[::-1]
 
 
+@one_blas_thread()
 def identify_constants(
     network: MassSpringNetwork,
     frames: Frames,
@@ -167,6 +178,7 @@ class _Found:
     """Where the search ended: best of the starts, pass with the constants given, starts that were followed and agree.
 
     refined: under the forces of the recording, None where that was not to be or had no time; used: the frames
+    left_open: mean square of what the starts, and a last search that did not come to its end, leave open, (n, n)
     """
 
     best: Optimum
@@ -175,6 +187,13 @@ class _Found:
     n_agreeing: int
     refined: Refined | None
     used: Frames
+    left_open: Floats
+
+    def at(self, problem: Problem, theta: Floats) -> Pass:
+        """The filter through the frames at another point, as at the end. Raises OutOfTimeError."""
+        if self.refined is None:
+            return problem.at(theta, self.used)
+        return self.refined.less_slope(problem.under(theta, self.used, self.refined.forces), theta)
 
 
 def _searched(
@@ -209,7 +228,7 @@ def _searched(
     n_agreeing = sum(best.agrees(one) for one in found)
     if not np.isfinite(best.log_posterior):
         raise IdentificationError("expected constants under which the filter stays finite, found none")
-    refined = None
+    refined, between = None, left_open(found, best)
     try:
         if not problem.linear:
             scaled = Scaled(problem.model, problem.moved, problem.prior, problem.alike, problem.sd, note)
@@ -219,11 +238,14 @@ def _searched(
         elif len(screened) < len(used):
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
             # what explains a part, begun in motion, may be less probable by the whole than what was given
-            best, before = climbed(of_all, most_probable([there, given]), problem.sd), given.found
+            begins = most_probable([there, given])
+            best, before = climbed(of_all, begins, problem.sd), given.found
+            if not best.converged:
+                between = between + np.outer(best.theta - begins.theta, best.theta - begins.theta)
             n_agreeing = sum(best.agrees(one) for one in found) if best.at_start is given.found else n_agreeing
     except OutOfTimeError:
         best, used = replace(best, in_time=False), screened
-    return _Found(best, before, len(found), n_agreeing, refined, used)
+    return _Found(best, before, len(found), n_agreeing, refined, used, between)
 
 
 def _identified(
@@ -242,12 +264,16 @@ def _identified(
         lambda share: advance(min(0.99, max(problem.budget.share, share))),
     )
     best, refined, used = found.best, found.refined, found.used
-    model = problem.model(best.theta)
     by_prior, residuals = residual_covariance(best.found, np.eye(n), None if refined is None else refined.information)
     if refined is not None and refined.information is not None and refined.mean_cov is not None:
         reach = np.linalg.inv(refined.information + np.eye(n))
         by_prior = by_prior + reach @ refined.mean_cov @ reach
-    by_prior, n_limited = within_prior(by_prior, best.theta)
+    theta, by_prior, n_limited = keeping_undetermined(best.theta, by_prior + found.left_open)
+    log_likelihood = best.found.log_likelihood
+    if (theta != best.theta).any():
+        with suppress(OutOfTimeError):
+            log_likelihood = (found.at(problem, theta) if theta.any() else found.before).log_likelihood
+    model = problem.model(theta)
     cov = by_prior * np.outer(problem.sd, problem.sd)
     wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
     cases = (model, wide), (problem.network, problem.prior(problem.network))
@@ -256,14 +282,14 @@ def _identified(
     return IdentificationResult(
         network=model,
         groups=problem.groups,
-        change=problem.sd * best.theta,
+        change=problem.sd * theta,
         cov=cov,
         prior_sd=problem.sd,
         uncertainty=wide if after is None else principal_directions(wide, after.effect, chosen.kept),
         passes=best.passes,
         converged=best.converged,
         residuals=residuals,
-        log_likelihood=best.found.log_likelihood,
+        log_likelihood=log_likelihood,
         log_likelihood_before=found.before.log_likelihood,
         target_error_m=None if after is None else after.median_m,
         target_error_before_m=None if given is None else given.median_m,

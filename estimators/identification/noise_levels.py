@@ -15,6 +15,7 @@ from estimators.identification.budget import Budget, IdentificationError, OutOfT
 from estimators.identification.filter_pass import Frames
 from estimators.identification.newton import minimum
 from estimators.identification.stretch import affordable, frame_seconds, liveliest
+from estimators.threads import one_blas_thread
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
@@ -194,6 +195,7 @@ def prior_cost(logs: Floats) -> float:
     return 0.5 * float(np.sum((logs / PRIOR_LOG_SD) ** 2))
 
 
+@one_blas_thread()
 def tune_noise(
     network: MassSpringNetwork,
     frames: Frames,

@@ -61,7 +61,11 @@ class Optimum:
     @property
     def log_posterior(self) -> float:
         """Up to a constant; 0 for the prior at its mean."""
-        return self.found.log_likelihood / self.times - 0.5 * float(self.theta @ self.theta)
+        return self.at(self.times)
+
+    def at(self, times: float) -> float:
+        """As `log_posterior`, the likelihood taken to count what frames tell so many times over [1]."""
+        return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
     def precision(self) -> Floats:
@@ -91,7 +95,7 @@ def begun(at: At, start: Floats) -> Optimum:
 def most_probable(found: Sequence[Optimum]) -> Optimum:
     """That of the highest posterior, the first of several; composite likelihoods are counted as often."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
-    return max(found, key=lambda one: replace(one, times=times).log_posterior)
+    return max(found, key=lambda one: one.at(times))
 
 
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:

@@ -46,21 +46,21 @@ def with_faded_pokes(states, points, fade):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def with_pokes(F, by_force, same, pokes, sd, bias):  # type: ignore[no-untyped-def]
-    """Transition matrices and noise of a step, each (k, dim_x, dim_x), of states of the network, pokes and a bias.
+def with_pokes(F, by_force, same, pokes, sd, slow):  # type: ignore[no-untyped-def]
+    """Transition matrices and noise of a step, each (k, dim_x, dim_x), of states of the network, pokes and slow states.
 
     F, by_force: as `dynamics.Linearised` has them, of each mode or one of all
     same: the first mode with the forces of each, (k,)
     pokes: the coordinate of each, (n_pokes,), its share in the force of the step, and what is left of it, (k, n_pokes)
     sd: of the noise, a constant force in the step, on each free coordinate [N], (k, n / 2), and of each poke at the
         end, (k, n_pokes)
-    bias: how many states it has, what is left of them, and the variance of what comes anew
+    slow: what is left of each slow state, and the variance that is added to it, (n_slow,) each
     """
     rows, shares, fade = pokes
     white, faded = sd
-    n_bias, slow, renewed = bias
+    left, added = slow
     k, n, n_pokes = len(same), F.shape[1], len(rows)
-    dim_x = n + n_pokes + n_bias
+    dim_x = n + n_pokes + len(left)
     own, noise = np.zeros((k, dim_x, dim_x)), np.zeros((k, dim_x, dim_x))
     # what a standard deviation of the noise on each coordinate and of each poke makes of the network's state
     made = np.empty((n, n // 2 + n_pokes))
@@ -74,7 +74,7 @@ def with_pokes(F, by_force, same, pokes, sd, bias):  # type: ignore[no-untyped-d
         for c in range(n_pokes):
             own[j, n + c, n + c] = fade[j, c]
         for c in range(n + n_pokes, dim_x):
-            own[j, c, c] = slow
+            own[j, c, c] = left[c - n - n_pokes]
         if same[j] < j:
             noise[j] = noise[same[j]]
             continue
@@ -89,5 +89,5 @@ def with_pokes(F, by_force, same, pokes, sd, bias):  # type: ignore[no-untyped-d
         for c in range(n_pokes):
             noise[j, n + c, n + c] = faded[j, c] ** 2
         for c in range(n + n_pokes, dim_x):
-            noise[j, c, c] = renewed
+            noise[j, c, c] = added[c - n - n_pokes]
     return own, noise

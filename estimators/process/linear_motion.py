@@ -146,11 +146,8 @@ class LinearisedTissue:
         tangent = self.stepper.linearised(about, h, driven=self._led)
         by_hand = tangent.by_force * self._by_hand
         ends[:, model.pokes] = fade * now[:, model.pokes]
-        left, renewed = 1.0, 0.0
-        if model.bias is not None:
-            left = np.exp(-h / model.bias.lasting_s)
-            renewed = (1.0 - left**2) * model.bias.sd_m**2
-            ends[:, model.bias_rows] = left * now[:, model.bias_rows]
+        left, added = model.slow_step(h)
+        ends[:, model.slow] = left * now[:, model.slow]
         same = np.array([modes.index(mode) if self._once else j for j, mode in enumerate(modes)])
         force = np.sqrt(level / h) * model.mass * white
         own, Q = with_pokes(
@@ -159,7 +156,7 @@ class LinearisedTissue:
             same,
             (rows, shares, fade),
             (force, sd * model.mass[rows] * np.sqrt(1.0 - fade**2)),
-            (model.dim_x - model.pokes.stop, left, renewed),
+            (left, added),
         )
         shift = np.zeros((k, model.dim_x, model.n_columns))
         if model.n_constants:

@@ -1,7 +1,8 @@
 """The tissue as a process model: its equations of motion, with an unknown poke on each marked node.
 
 The state of the filter is the network's (positions, then velocities of the free nodes) followed by the poke on each
-marked coordinate [N], node-major, and, where fixes are expected, by their bias [m], (dim,).
+marked coordinate [N], node-major, and by slow states [m], (dim,) each: the bias of fixes, where fixes are expected,
+and the error of the target's offset, where that is not exact.
 """
 
 from __future__ import annotations
@@ -80,11 +81,13 @@ class TissueModel:
     n_calibration: directions in which the camera's calibration may be off; their columns come after those and are
         moved by no force of their own
     bias: of fixes of the target, if there are to be any
+    offset_sd_m: of the error of the target's offset, a constant, an axis [m]; no state of it at 0
     hidden_share: of a poke, what may act on each free node that is not marked [1]; none at 0
     stiff: whether implicit steps and matrices move it whatever the network
     led: marked nodes that are led by these forces whatever the mode; raises ValueError where one is not marked
     led_rows: free coordinates of those nodes
-    dim_x: the network's state, one poke for each coordinate of a node that is poked, and the bias
+    slow: rows of the slow states; bias_rows, offset_rows: of the bias and of the offset's error, empty where none is
+    dim_x: the network's state, one poke for each coordinate of a node that is poked, and the slow states
     push: the known force that acts while points are moved, None where there is none
     """
 
@@ -95,6 +98,7 @@ class TissueModel:
         *,
         uncertainty: ParameterUncertainty | None = None,
         bias: FixBias | None = None,
+        offset_sd_m: float = 0.0,
         n_calibration: int = 0,
         led: tuple[Sequence[str], ForceMode] | None = None,
         hidden_share: float = 0.0,
@@ -102,12 +106,17 @@ class TissueModel:
     ) -> None:
         self.network, self.stiff = network, stiff
         self.stepper = Stepper(network, LONGEST_STEP)
-        self.bias = bias
         hidden = [network.names[i] for i in network.free if network.names[i] not in marked] if hidden_share else []
         places = [network.coordinates(node) for node in [*marked, *hidden]]
         self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
         n_fixed = network.n_state + len(self.poked_rows)
-        self.dim_x = n_fixed + (0 if bias is None else network.dim)
+        slow = [] if bias is None else [(bias.sd_m, bias.lasting_s)]
+        slow += [(offset_sd_m, np.inf)] if offset_sd_m else []
+        self.slow_sd, self._slow_s = (np.repeat([one[k] for one in slow], network.dim) for k in (0, 1))
+        self.dim_x = n_fixed + len(self.slow_sd)
+        self.slow = slice(n_fixed, self.dim_x)
+        self.bias_rows = slice(n_fixed, n_fixed + (0 if bias is None else network.dim))
+        self.offset_rows = slice(self.bias_rows.stop, self.dim_x)
         nodes: Sequence[str] = () if led is None else led[0]
         self._led_by = None if led is None else led[1]
         if unmarked := sorted(set(nodes) - set(marked)):
@@ -115,7 +124,7 @@ class TissueModel:
         self._led = np.repeat(np.array([node in nodes for node in [*marked, *hidden]], dtype=bool), network.dim)
         self.led_rows = self.poked_rows[self._led]
         self._share = np.repeat([1.0] * len(marked) + [hidden_share] * len(hidden), network.dim)
-        self.pokes, self.bias_rows = slice(network.n_state, n_fixed), slice(n_fixed, self.dim_x)
+        self.pokes = slice(network.n_state, n_fixed)
         self.push: KnownForce | None = None
         self._asked: tuple[Sequence[ForceMode], tuple[Floats, Floats, Floats]] | None = None
         self._noises: tuple[float, Sequence[ForceMode], list[tuple[Floats, Floats]]] | None = None
@@ -146,9 +155,13 @@ class TissueModel:
             forces += self.push.forces(points[:, :, :n])
         ahead = self.stepper.advance(states.reshape(-1, n), dt, forces.reshape(-1, half))
         moved = with_faded_pokes(ahead, points, fade)
-        if self.bias is not None:
-            moved[:, :, self.bias_rows] = np.exp(-dt / self.bias.lasting_s) * points[:, :, self.bias_rows]
+        if len(self.slow_sd):
+            moved[:, :, self.slow] = self.slow_step(dt)[0] * points[:, :, self.slow]
         return moved
+
+    def slow_step(self, dt: float) -> tuple[Floats, Floats]:
+        """What is left of each slow state after dt [s], and the variance that is added [m²], (n_slow,) each."""
+        return np.exp(-dt / self._slow_s), -np.expm1(-2.0 * dt / self._slow_s) * self.slow_sd**2
 
     def propagate_columns(self, means: Floats, columns: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
         """Columns of the error dt [s] later: what each constant, one standard deviation away, makes of it.
@@ -242,9 +255,7 @@ class TissueModel:
         for a in range(3):
             for b in range(3):
                 Q[places[a], places[b]] += scales[a] * poke[:, a, b] * scales[b]
-        if self.bias is not None:
-            slow = -np.expm1(-2.0 * dt / self.bias.lasting_s) * self.bias.sd_m**2
-            Q[self.bias_rows, self.bias_rows] = slow * np.eye(self.network.dim)
+        Q[self.slow, self.slow] = np.diag(self.slow_step(dt)[1])
         return Q
 
     def noise_of_modes(self, dt: float, modes: Sequence[ForceMode]) -> list[tuple[Floats, Floats]]:
@@ -284,10 +295,8 @@ class TissueModel:
             A[half + row, n + k] = 1.0 / self.mass[row]
             A[n + k, n + k] = -1.0 / lasting
             density[n + k, n + k] = 2.0 * (sd * self.mass[row]) ** 2 / lasting
-        if self.bias is not None:
-            for row in range(self.bias_rows.start, self.bias_rows.stop):
-                A[row, row] = -1.0 / self.bias.lasting_s
-                density[row, row] = 2.0 * self.bias.sd_m**2 / self.bias.lasting_s
+        A[self.slow, self.slow] = np.diag(-1.0 / self._slow_s)
+        density[self.slow, self.slow] = np.diag(2.0 * self.slow_sd**2 / self._slow_s)
         return A, density
 
 

@@ -16,14 +16,17 @@ class TargetPoint:
     """A point of the tissue, position = sum_i weights_i x_i + offset; a node where nothing else is given.
 
     nodes: names, n of them; weights: of their positions, (n,), that sum to 1; offset_m: fixed in direction [m], (dim,),
-    none where it is empty
+    none where it is empty; sd_m: how well the offset is known, one standard deviation an axis [m]
     """
 
     nodes: tuple[str, ...]
     weights: tuple[float, ...] = (1.0,)
     offset_m: tuple[float, ...] = ()
+    sd_m: float = 0.0
 
     def __post_init__(self) -> None:
+        if not 0.0 <= self.sd_m < np.inf:
+            raise ValueError(f"target sd_m: expected 0 or more, finite, found {self.sd_m}")
         if not self.nodes or len(self.nodes) != len(self.weights) or len(set(self.nodes)) != len(self.nodes):
             raise ValueError(f"target: expected different nodes, a weight each, found {self.nodes}, {self.weights}")
         if not isclose(sum(self.weights), 1.0, abs_tol=1e-9):
@@ -32,12 +35,14 @@ class TargetPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetMap:
-    """Position of a target from a state: matrix @ free coordinates + constant.
+    """Position of a target from a state: matrix @ free coordinates + constant + error of the offset.
 
     point: what was asked for; matrix [1], (dim, n_free dim); constant [m], (dim,): the offset and the anchors' share
+    error_rows: states that estimate the error of the offset; None where the offset is exact
     reached_m2: variance of each coordinate of a target of which nothing is known but that its nodes are within reach of
         their anchors, or, of a body without, of its farthest node [m²]; held: whether the body has anchors
-    Every state handed in begins with the free coordinates and may go on with anything, as a filter's does.
+    Every state handed in begins with the free coordinates and may go on with anything, as a filter's does. A state of
+    the network alone has no error of the offset.
     """
 
     point: TargetPoint
@@ -45,6 +50,7 @@ class TargetMap:
     constant: Floats
     reached_m2: float
     held: bool
+    error_rows: slice | None = None
 
     @property
     def anywhere_m2(self) -> float:
@@ -53,16 +59,39 @@ class TargetMap:
 
     def position(self, states: Floats) -> Floats:
         """Where the target is [m], (..., dim), for states (..., n)."""
-        return np.asarray(states[..., : self.matrix.shape[1]] @ self.matrix.T + self.constant)
+        place = states[..., : self.matrix.shape[1]] @ self.matrix.T + self.constant
+        rows = self._rows_in(states.shape[-1])
+        return np.asarray(place if rows is None else place + states[..., rows])
 
     def linear(self, columns: Floats) -> Floats:
         """How the target moves with each column of changes of the state, (..., n, r): (..., dim, r)."""
-        return np.asarray(self.matrix @ columns[..., : self.matrix.shape[1], :])
+        moved = self.matrix @ columns[..., : self.matrix.shape[1], :]
+        rows = self._rows_in(columns.shape[-2])
+        return np.asarray(moved if rows is None else moved + columns[..., rows, :])
 
     def cov(self, covs: Floats) -> Floats:
         """Covariance of the target [m²], (..., dim, dim), for covariances of the state (..., n, n)."""
-        n = self.matrix.shape[1]
-        return np.asarray(self.matrix @ covs[..., :n, :n] @ self.matrix.T)
+        if self._rows_in(covs.shape[-1]) is None:
+            n = self.matrix.shape[1]
+            return np.asarray(self.matrix @ covs[..., :n, :n] @ self.matrix.T)
+        H = self.over(covs.shape[-1])
+        return np.asarray(H @ covs @ H.T)
+
+    def over(self, dim_x: int) -> Floats:
+        """The map's matrix over a whole state [1], (dim, dim_x)."""
+        H = np.zeros((len(self.matrix), dim_x))
+        H[:, : self.matrix.shape[1]] = self.matrix
+        rows = self._rows_in(dim_x)
+        if rows is not None:
+            H[:, rows] = np.eye(len(H))
+        return H
+
+    def error_m2(self, P: Floats) -> float:
+        """Trace of the offset's own covariance [m²] in a covariance of the state (dim_x, dim_x)."""
+        return 0.0 if self.error_rows is None else float(np.trace(P[self.error_rows, self.error_rows]))
+
+    def _rows_in(self, n: int) -> slice | None:
+        return self.error_rows if self.error_rows is not None and n >= self.error_rows.stop else None
 
     def within_reach(self, covs: Floats) -> Floats:
         """Covariances of the target [m²], (..., dim, dim), no larger in any direction than if it were anywhere.
@@ -75,9 +104,10 @@ class TargetMap:
         return np.asarray((vectors * np.minimum(values, self.anywhere_m2)[..., None, :]) @ vectors.swapaxes(-1, -2))
 
 
-def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
+def target_map(network: MassSpringNetwork, target: str | TargetPoint, error_rows: slice | None = None) -> TargetMap:
     """The map of a node by its name or of a point; raises NetworkError for names that are not the network's.
 
+    error_rows: states that estimate the error of its offset; None or empty: the offset is taken as exact
     Raises ValueError for an offset of another dimension and for a point that no free node moves.
     """
     point = TargetPoint((target,)) if isinstance(target, str) else target
@@ -95,4 +125,7 @@ def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetM
         raise ValueError(f"target: expected a weight on a free node, found {point.nodes}, {point.weights}")
     weights = matrix[0].reshape(-1, network.dim)[:, 0]
     reach = float(np.abs(weights) @ reaches(network)[network.free])
-    return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2), bool(fixed))
+    if error_rows is None or error_rows.start == error_rows.stop:
+        return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2), bool(fixed))
+    reached_m2 = reach**2 / (network.dim + 2) + point.sd_m**2
+    return TargetMap(point, matrix, offset, reached_m2, bool(fixed), error_rows)

@@ -73,7 +73,6 @@ class FastPredictionTables:
     made: tables by the place of their speed
     """
 
-    tissue: TissueFilter
     cycle_s: float
     n_times: int
     rest: Floats
@@ -83,10 +82,10 @@ class FastPredictionTables:
     speeds: Floats
     made: dict[int, SpeedTables] = field(default_factory=dict)
 
-    def at(self, level: int) -> SpeedTables:
-        """Tables for one of the speeds, by its place; made where it is asked for first."""
+    def at(self, level: int, tissue: TissueFilter) -> SpeedTables:
+        """Tables for one of the speeds, by its place; made, of this filter, where it is asked for first."""
         if level not in self.made:
-            self.made[level] = _tables(self.tissue, float(self.speeds[level]), self.shape, self.n_times)
+            self.made[level] = _tables(tissue, float(self.speeds[level]), self.shape, self.n_times)
         return self.made[level]
 
 
@@ -102,12 +101,10 @@ def fast_prediction_tables(tissue: TissueFilter, horizon_s: float, *, at_once: b
     rest = np.zeros(model.network.n_state)
     rest[: len(rest) // 2] = shape[model.network.free].ravel()
     speeds = np.array(SPEEDS_M_S if model.network.friction.any() else SPEEDS_M_S[:1])
-    tables = FastPredictionTables(
-        tissue, cycle, n_times, rest, shape, tissue.target, _staying_quiet(tissue, n_times), speeds
-    )
+    tables = FastPredictionTables(cycle, n_times, rest, shape, tissue.target, _staying_quiet(tissue, n_times), speeds)
     if at_once:
         for level in range(len(speeds)):
-            tables.at(level)
+            tables.at(level, tissue)
     return tables
 
 
@@ -170,7 +167,8 @@ def _moments_of(tables: FastPredictionTables, tissue: TissueFilter, time_s: floa
     mean, var = mixture.x[half:n], np.diagonal(mixture.P)[half:n]
     speed = np.sqrt(2.0 * float(mean @ mean + SPREAD * var.sum()) / half)
     own = tables.at(
-        int(np.abs(np.log(np.maximum(tables.speeds, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin())
+        int(np.abs(np.log(np.maximum(tables.speeds, SLIP_VELOCITY)) - np.log(max(speed, SLIP_VELOCITY))).argmin()),
+        tissue,
     )
     columns = mixture.columns
     # what is considered moves as any error of the state does, and is pushed besides by what is `forced`
@@ -273,10 +271,9 @@ def _tables(tissue: TissueFilter, speed: float, shape: Floats, n_times: int) -> 
         Qs.append(total)
     F_each, Q_each = np.array(Fs)[of_state], np.array(Qs)[of_state]
     begun = rising(onset_of(model, forces)[of_state])
-    matrix = tissue.target.matrix
-    dim = len(matrix)
-    y = np.zeros((len(of_state), dim, model.dim_x))
-    y[:, :, : matrix.shape[1]] = matrix
+    of_target = tissue.target.over(model.dim_x)
+    dim = len(of_target)
+    y = np.tile(of_target, (len(of_state), 1, 1))
     pairs = list(zip(*_lower(dim), strict=True))
     Y = np.array([[np.outer(own[a], own[b]) for a, b in pairs] for own in y])
     Y = 0.5 * (Y + Y.swapaxes(2, 3))

@@ -74,7 +74,12 @@ class TissueFilter:
     ) -> None:
         self.n_calibration = n_calibration
         self.model, self.settings = model_of(
-            carried(network), marked, settings or FilterSettings(), uncertainty=uncertainty, n_calibration=n_calibration
+            carried(network),
+            marked,
+            settings or FilterSettings(),
+            uncertainty=uncertainty,
+            n_calibration=n_calibration,
+            offset_sd_m=0.0 if isinstance(target, str) else target.sd_m,
         )
         network = self.model.network
         self.time_s: float | None = None
@@ -85,14 +90,15 @@ class TissueFilter:
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
         self._seen: dict[str, tuple[float, Floats]] = {}
-        self._marked, self.target = tuple(marked), target_map(network, target)
+        self._marked, self.target = tuple(marked), target_map(network, target, self.model.offset_rows)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._elbows, self._rest = find_elbows(network, marked), rest_shape(network)
         self._modes, self._forget_s = self.settings.modes, max(self.settings.forget_s, self.settings.lost_s)
         self.mixture = mixture_of_modes(self.model, self.settings, self._modes)
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
         self._start_cov, self._start_columns = self.mixture.filters[0].P.copy(), self.mixture.columns[0].copy()
-        self._model_only_m2 = self.settings.model_only_share * float(np.trace(self.target.cov(self.mixture.P)))
+        self._model_only_m2 = self.settings.model_only_share * self._tissue_m2(self.target.cov(self.mixture.P))
+        self._start_cov[self.model.slow, self.model.slow] = 0.0
         self._driven = frozenset(node for node in marked if (node,) != self.target.point.nodes)
         self.open_loop = OpenLoopCovariance(
             network, self.target.point, [node for node in marked if node in self._driven], self.settings.quiet.white
@@ -330,10 +336,15 @@ class TissueFilter:
         """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""
         return reported_place(self.mixture, point, self.model_error)
 
+    def _tissue_m2(self, cov: Floats) -> float:
+        """Trace of the target's covariance [m²], (dim, dim), without that of its offset's error."""
+        return float(np.trace(cov)) - self.target.error_m2(self.mixture.P)
+
     def _estimate(
         self, time_s: float, marks_used: int, nis: float | None, shares: Shares = None, place: Place = None
     ) -> TargetEstimate:
         mean, cov = self.place_of(self.target) if place is None else place
+        tissue_m2 = self._tissue_m2(cov)
         open_loop_m2 = float(np.trace(self.open_loop.target_cov))
         unseen_s = np.inf if self.seen_s is None else time_s - self.seen_s
         return TargetEstimate(
@@ -344,7 +355,7 @@ class TissueFilter:
             marks_used=marks_used,
             nis=nis,
             poked=self.settings.poked_share(self.mixture.mu),
-            model_only=unseen_s > self.settings.lost_s or float(np.trace(cov)) > self._model_only_m2,
-            gain=None if open_loop_m2 <= 0.0 else 1.0 - float(np.trace(cov)) / open_loop_m2,
+            model_only=unseen_s > self.settings.lost_s or tissue_m2 > self._model_only_m2,
+            gain=None if open_loop_m2 <= 0.0 else 1.0 - tissue_m2 / open_loop_m2,
             information_share={} if shares is None else shares,
         )

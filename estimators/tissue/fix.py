@@ -36,8 +36,6 @@ def fix_measurement(model: TissueModel, target: TargetMap, position: Floats, cov
     if np.shape(position) != (dim,) or np.shape(cov) != (dim, dim):
         raise ValueError(f"fix: expected shapes {(dim,)} and {(dim, dim)}, found {np.shape(position)}, {np.shape(cov)}")
     place, R = checked_measurement("fix", position, cov)
-    H = np.zeros((dim, model.dim_x))
-    H[:, : target.matrix.shape[1]] = target.matrix
-    if model.bias is not None:
-        H[range(dim), range(model.bias_rows.start, model.bias_rows.stop)] = 1.0
+    H = target.over(model.dim_x)
+    H[:, model.bias_rows] = np.eye(dim)[:, : model.bias_rows.stop - model.bias_rows.start]
     return FixMeasurement(place - target.constant, H, R)

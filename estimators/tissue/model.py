@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,6 +21,10 @@ docs/settings.md."""
 ROUNDING = 1e-9
 """Stiffness by the largest that is rounding's, of a body that nothing holds [1]; numerical."""
 
+MOST_STATES = 600
+"""Coordinates and velocities of free nodes, 100 nodes in space, beyond which a frame takes a third of a second and
+more, about as their cube, and making the filter a second; measured on one core; the commands refuse more."""
+
 SHORTEST_M = 1e-9
 """Of a link, so that none divides by nothing [m]; numerical."""
 
@@ -31,16 +36,25 @@ def model_of(
     *,
     uncertainty: ParameterUncertainty | None,
     n_calibration: int,
+    offset_sd_m: float = 0.0,
 ) -> tuple[TissueModel, FilterSettings]:
     """The model of a network with these marked nodes, and the settings for it.
 
     Of a stiff or large body constants are off by a strain beside what is known of them, and links no stiffer than that
-    lets them be; hidden nodes are poked, too, and any node may be led where the settings name none that are. Raises
-    ValueError for settings that do not fit the marked nodes.
+    lets them be; hidden nodes are poked, too, and any node may be led where the settings name none that are.
+    offset_sd_m: of the error of the target's offset [m]
+    Raises ValueError for settings that do not fit the marked nodes.
     """
+    if network.n_state > MOST_STATES:
+        warnings.warn(
+            f"a filter of {len(network.free)} free nodes takes seconds for a frame: the time grows as their cube",
+            stacklevel=3,
+        )
     if settings.one_of not in (0, len(marked)):
         raise ValueError(f"settings one_of: expected 0 or {len(marked)} marked nodes, found {settings.one_of}")
-    model_with = partial(TissueModel, marked=marked, bias=settings.fix_bias, n_calibration=n_calibration)
+    model_with = partial(
+        TissueModel, marked=marked, bias=settings.fix_bias, offset_sd_m=offset_sd_m, n_calibration=n_calibration
+    )
     model = model_with(network, uncertainty=uncertainty, led=_led(settings))
     if not is_linearised(model):
         return model, settings
@@ -84,13 +98,15 @@ def as_stiff_as_known(network: MassSpringNetwork, strain_sd: float) -> MassSprin
     """
     weight = float(network.masses[~network.fixed].sum()) * GRAVITY
     stiffest = STIFFEST * weight / (strain_sd * np.maximum(network.rest_lengths, SHORTEST_M))
-    too_stiff = network.stiffness > stiffest
-    if not too_stiff.any():
+    if not (network.stiffness > stiffest).any():
         return network
     i, j = network.springs.T
     shape = rest_shape(network)
     lengths = np.linalg.norm(shape[j] - shape[i], axis=1)
     tension = network.stiffness * (lengths - network.rest_lengths)
+    # one under more tension than the body weighs keeps half of its length
+    stiffest = np.maximum(stiffest, 2.0 * tension / lengths)
+    too_stiff = network.stiffness > stiffest
     return replace(
         network,
         stiffness=np.where(too_stiff, stiffest, network.stiffness),

@@ -21,6 +21,7 @@ from estimators.process.known_force import ForceHistory, KnownForce
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import ForceMode, TissueModel
 from estimators.process.target import TargetMap
+from estimators.threads import one_blas_thread
 from estimators.tissue.estimate import GaussianMixture
 from estimators.tissue.model_error import UNDIRECTED, ModelError, Opinions
 from estimators.tissue.settings import FilterSettings, stationary
@@ -102,6 +103,8 @@ def mixture_of_modes(model: TissueModel, settings: FilterSettings, modes: Sequen
     modes: those of the settings, made once: what was worked out for them is known again by the tuple itself
     """
     filters = [UnscentedKalmanFilter(model.dim_x, unmoved) for _ in modes]
+    for f in filters:
+        f.P[model.slow, model.slow] = np.diag(model.slow_sd**2)
     motion = MotionOfModes(model, modes)
     linear = LinearisedCycles(LinearisedTissue(model), modes) if is_linearised(model) else None
     move = Move(motion.points, motion.columns, model.turned, linear)
@@ -156,6 +159,9 @@ def reported_place(mixture: InteractingMixture, target: TargetMap, model_error: 
     """Mean [m], (dim,), and covariance [m²], (dim, dim), of a target, with what marks show of the model's error."""
     if not model_error.is_looked_for:
         return place_and_cov(mixture, target)
+    if target.error_rows is not None:  # the field has the node's place, not the target's
+        with reported(mixture, target, model_error):
+            return place_and_cov(mixture, target)
     modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
     own = target.position(modes.means), target.cov(modes.covs), target.linear(mixture.columns)
     ahead, H = target.linear(found.ahead[:, None])[:, 0], np.eye(len(target.constant))
@@ -170,15 +176,16 @@ def place_and_cov(mixture: InteractingMixture, target: TargetMap) -> tuple[Float
 
 @contextmanager
 def reported(mixture: InteractingMixture, target: TargetMap, model_error: ModelError) -> Iterator[None]:
-    """The mixture as it is predicted from for a target, as `reported_place`, until the end, when it is as it was.
+    """The mixture as it is predicted from for a target, as `reported_place`, in one thread; at the end it is as it was.
 
     For a report alone: the errors of the other opinions are much the same from frame to frame, and taken into the state
     with each they would count as new.
     """
     if not model_error.is_looked_for:
-        yield
+        with one_blas_thread():
+            yield
         return
-    with unchanged(mixture):
+    with one_blas_thread(), unchanged(mixture):
         modes, found = mixture.beliefs(), model_error.of_target(target, mixture.x, mixture.P)
         H = np.zeros((len(target.constant), len(mixture.x)))
         H[:, : target.matrix.shape[1]] = target.matrix

@@ -14,6 +14,7 @@ from estimators.filters.measurement import CommonErrors
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import Cycle
 from estimators.filters.noise_level import LevelState
+from estimators.threads import one_blas_thread
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 from estimators.tissue.model_error import Shown
@@ -117,13 +118,14 @@ Result = TypeVar("Result")
 def all_or_nothing(
     method: Callable[Concatenate[Owner, Arguments], Result],
 ) -> Callable[Concatenate[Owner, Arguments], Result]:
-    """The method, but a call of it that raises leaves the state as it was."""
+    """The method, in one thread, but a call of it that raises leaves the state as it was."""
 
     @wraps(method)
     def kept(self: Owner, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         before = self.snapshot()
         try:
-            return method(self, *args, **kwargs)
+            with one_blas_thread():
+                return method(self, *args, **kwargs)
         except BaseException:
             self.restore(before)
             raise

@@ -68,12 +68,18 @@ def unseen_speed(network: MassSpringNetwork, settings: FilterSettings) -> float:
 def restart_from_shape(
     mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, shape: Floats
 ) -> None:
-    """Set all modes to rest in a shape of all nodes [m], (n_nodes, dim), as uncertain as pokes for lost_s make it."""
-    mixture.restart(*_at_rest(model, settings, shape), model.resting_columns(shape))
+    """Set all modes to rest in a shape of all nodes [m], (n_nodes, dim), as uncertain as pokes for lost_s make it.
+
+    Slow states stay as they are: they are not the tissue's.
+    """
+    slow = mixture.x[model.slow], mixture.P[model.slow, model.slow]
+    mixture.restart(*_at_rest(model, settings, shape, slow), model.resting_columns(shape))
 
 
-def _at_rest(model: TissueModel, settings: FilterSettings, shape: Floats) -> tuple[Floats, Floats]:
-    """Mean (dim_x,) and covariance (dim_x, dim_x) of a start at rest in this shape."""
+def _at_rest(
+    model: TissueModel, settings: FilterSettings, shape: Floats, slow: tuple[Floats, Floats]
+) -> tuple[Floats, Floats]:
+    """Mean (dim_x,) and covariance (dim_x, dim_x) of a start at rest in this shape, the slow states as given."""
     network = model.network
     mean = np.zeros(model.dim_x)
     mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
@@ -81,30 +87,27 @@ def _at_rest(model: TissueModel, settings: FilterSettings, shape: Floats) -> tup
         cov = LinearisedTissue(model).noise_after(mean, settings.poked, settings.lost_s)
     else:
         cov = accumulated_noise(*model.linearised(shape, settings.poked), settings.lost_s)
-    if settings.fix_bias is not None:
-        cov[model.bias_rows, model.bias_rows] = settings.fix_bias.sd_m**2 * np.eye(network.dim)
+    mean[model.slow], cov[model.slow, model.slow] = slow
     return mean, within_reach(cov, network)
 
 
 def forget(
     mixture: InteractingMixture, model: TissueModel, settings: FilterSettings, rest: Floats, *, seconds: float
 ) -> None:
-    """Set all modes to a start at rest, (n_nodes, dim), so many seconds later; odds and the bias of fixes go on.
+    """Set all modes to a start at rest, (n_nodes, dim), so many seconds later; odds and the slow states go on.
 
     Of these alone something is left after a gap that the tissue has no memory of. They follow their chain of modes and
     their first-order process in closed form, however long the gap.
     """
     slowest_s = 1.0 / np.abs(np.diag(settings.rates)).min()
     odds = mixture.chain.state_odds @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
-    own = model.bias_rows
-    mean, cov = mixture.x[own], mixture.P[own, own]
     restart_from_shape(mixture, model, settings, rest)
-    if settings.fix_bias is not None:
-        fade = np.exp(-seconds / settings.fix_bias.lasting_s)
-        start = mixture.filters[0]
+    if len(model.slow_sd):
+        left, added = model.slow_step(seconds)
+        start, own = mixture.filters[0], model.slow
         x, P = start.x.copy(), start.P.copy()
-        x[own] = fade * mean
-        P[own, own] = fade**2 * cov + (1.0 - fade**2) * P[own, own]
+        x[own] *= left
+        P[own, own] = left[:, None] * P[own, own] * left + np.diag(added)
         mixture.restart(x, P, mixture.columns[0])
     mixture.chain.odds = odds / odds.sum()
     mixture.repairs["forgotten"] += 1
@@ -148,8 +151,9 @@ def restart_from_marks(
     odds = np.array([each for each, _ in likely])
     kept = odds >= settings.least_odds * odds.max()
     own = settings if unseen_s is None else replace(settings, lost_s=unseen_s)
+    slow = mixture.x[model.slow], mixture.P[model.slow, model.slow]
     beliefs = [
-        _held(model, own, each, stacked=stacked, inflation=inflation, speeds=speeds)
+        _held(model, own, each, stacked=stacked, inflation=inflation, speeds=speeds, slow=slow)
         for (_, each), one in zip(likely, kept, strict=True)
         if one
     ]
@@ -192,10 +196,11 @@ def _held(
     stacked: StackedMarks,
     inflation: float,
     speeds: tuple[Floats, Floats] | None,
+    slow: tuple[Floats, Floats],
 ) -> tuple[Floats, Floats, Floats]:
     """Mean, covariance and columns of the tissue in a shape in which marks hold it, at rest or with their speeds."""
     network, rows = model.network, stacked.rows
-    mean, cov = _at_rest(model, settings, shape)
+    mean, cov = _at_rest(model, settings, shape, slow)
     K = stiffness_matrix(network, shape)
     others = [i for i in range(len(K)) if i not in set(rows)]
     G = np.zeros((model.dim_x, len(rows)))
@@ -204,6 +209,7 @@ def _held(
     keep = np.eye(model.dim_x)
     keep[:, rows] -= G
     P = within_reach(inflation * keep @ cov @ keep.T + G @ stacked.R @ G.T, network)
+    P[model.slow, model.slow] = slow[1]
     columns = model.resting_columns(shape, rows)
     if stacked.shared is not None:
         columns -= G @ stacked.shared

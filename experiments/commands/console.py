@@ -55,9 +55,14 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """What the filter says without any truth, from its object in summary.json: statuses, refusals, the verdict."""
+    """What the filter says of itself, from its object in summary.json: statuses, verdict, sources of variance."""
+    from experiments.pipeline.integrity.budget import shares_words
+
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
-    return [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
+    lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
+    if ours.get("variance_shares"):
+        lines.append(f"Of the target's variance for advice: {shares_words(ours['variance_shares'])}")
+    return lines
 
 
 def withheld_table(ours: Row) -> Table:
@@ -177,12 +182,12 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
 
 def demo_table(figures: Figures) -> Table:
     """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
-    from experiments.studies.demo import PAPER_MM
+    from experiments.studies.demo import PAPER_MM, heads
 
     table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")
     table.add_column("method")
-    for scenario in figures:
-        table.add_column(scenario, justify="right")
+    for head in heads():
+        table.add_column(head, justify="right")
     methods = list(next(iter(figures.values())))
     table.add_row(
         "as published (1.09 s a frame, marks to 4.14 mm)", *(f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
@@ -237,7 +242,8 @@ def constants_table(report: Mapping[str, Any]) -> Table:
     for head in ("constant", "value [SI]", "standard error", "change"):
         table.add_column(head, justify="left" if head == "constant" else "right")
     for row in report["constants"]:
-        table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", f"{row['change']:+.1%}")
+        change = "kept" if row["kept"] else f"{row['change']:+.1%}"
+        table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
     n = len(report["not_told"])
     table.caption = (
         f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording determines"

@@ -28,7 +28,12 @@ Force = Annotated[bool, typer.Option("--force", help="Write into a folder that i
 RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
 Fps = Annotated[
     float | None,
-    typer.Option("--fps", min=0.001, max=1e5, help="Of a folder of pictures, or the phantom: how many a second."),
+    typer.Option(
+        "--fps",
+        min=0.001,
+        max=1e5,
+        help="Frames a second: of pictures, the phantom, or a film in place of its own.",
+    ),
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]
 WithFilm = Annotated[bool, typer.Option("--film", help="Write what the camera saw, too: film.avi, worst.png.")]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import re
 import sys
 import time
@@ -22,6 +23,8 @@ from experiments.commands.terminal import progress
 from experiments.plain import plain
 
 if TYPE_CHECKING:
+    import typer
+
     from experiments.formats.scene.scene import Scene
     from experiments.formats.scene.steps import StepName
     from experiments.log import Kept
@@ -47,6 +50,7 @@ class Run:
     """A run of a subcommand.
 
     arguments: of the command line, without passwords; log: all that was reported
+    given: what options that stood there were given, by option; a flag itself
     State: what is open until its end; the bar of progress, once there is one; the scene, what was left out on it and
     what that means, and whether that was reported.
     """
@@ -55,6 +59,7 @@ class Run:
     arguments: tuple[str, ...]
     log: Kept
     opened: ExitStack
+    given: Mapping[str, str] = field(default_factory=dict)
     began: float = field(default_factory=time.time)
     _stage: Callable[[str], Advance] | None = None
     _scene: Scene | None = None
@@ -77,11 +82,38 @@ class Run:
 
         return done
 
+    def only_with(self, other: str, *options: str) -> None:
+        """Raise InputError where one of the options was given without the other, without which it has no effect."""
+        from experiments.errors import InputError
+
+        if other not in self.given:
+            for option in self._among(options):
+                raise InputError.at(option, f"{other} beside it", "none")
+
+    def not_with(self, other: str, *options: str) -> None:
+        """Raise InputError where one of the options was given beside another that leaves it without effect."""
+        from experiments.errors import InputError, shown
+
+        if other in self.given:
+            for option in self._among(options):
+                raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
+
+    def _among(self, options: Sequence[str]) -> list[str]:
+        """Those of the options that were given."""
+        return [option for option in options if option in self.given]
+
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Note the scene of this run, and which steps were not done on it before this one: see `begun`."""
+        """Note the scene of this run, and which steps were not done on it before this one: see `begun`.
+
+        Raises InputError where a step that makes a filter would take too long for its network.
+        """
         from experiments.log import LOG
         from experiments.pipeline.events import scene_line, steps_left_out
 
+        if before not in (None, "simulate"):
+            from experiments.pipeline.line import check_followed
+
+            check_followed(scene)
         LOG.info("%s", scene_line(scene))
         self._scene = scene
         self._left_out = {} if before is None else steps_left_out(scene, before)
@@ -131,14 +163,24 @@ class Run:
         write_together({folder / PROVENANCE: text, folder / LOG_FILE: self.log.text()})
 
     def write_scene(
-        self, scene: Scene, path: Path, step: StepName, *, recording: Path, inputs: Sequence[Path | None] = ()
+        self,
+        scene: Scene,
+        path: Path,
+        step: StepName,
+        *,
+        recording: Path,
+        inputs: Sequence[Path | None] = (),
+        kept: Sequence[str] = (),
     ) -> None:
-        """Write a scene on which this step was done with a recording, its provenance beside it. Raises InputError."""
+        """Write a scene on which this step was done with a recording, its provenance beside it. Raises InputError.
+
+        kept: constants that the step left as they were
+        """
         from experiments.formats.provenance import content_digest
         from experiments.formats.scene.scene import scene_text, with_step
         from experiments.version import version
 
-        self._scene = with_step(scene, step, version(), content_digest(recording))
+        self._scene = with_step(scene, step, version(), content_digest(recording), kept)
         self.write_files({path: scene_text(self._scene)}, [recording, *inputs])
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
@@ -155,17 +197,16 @@ class Run:
 
         inputs: files and folders that are read, None for one that is not given. Raises InputError.
         """
-        from experiments.formats.outputs import check_new, check_outside, streamed_file, write_together
+        from experiments.formats.outputs import check_new, check_outside, streamed_file
         from experiments.formats.provenance import beside
 
         for folder in inputs:
             if folder is not None and folder.is_dir():
                 check_outside(path, folder)
         check_new(path, force)
-        with streamed_file(path) as file:
+        with streamed_file(path, lambda: {beside(path): self._provenance(inputs)}) as file:
             yield file
             self.begun()
-            write_together({beside(path): self._provenance(inputs)})
 
     def _provenance(self, inputs: Sequence[Path | None]) -> str:
         from datetime import UTC, datetime
@@ -183,6 +224,8 @@ class Run:
 
 def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
     """The function as typer calls it: it gets its `run`, --json and --verbose are added, and its answer is printed."""
+    import typer
+
     name = command.__name__.replace("_", "-")
     signature = inspect.signature(command, eval_str=True)
     own = {key: one for key, one in signature.parameters.items() if key != "run"}
@@ -192,8 +235,10 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
     }
 
     @wraps(command)
-    def called(*, verbose: bool, as_json: bool, **options: Any) -> None:
-        with _logged(name, verbose) as run:
+    def called(context: typer.Context, *, verbose: bool, as_json: bool, **options: Any) -> None:
+        given = _given(context)
+        _check_names(given)
+        with _logged(name, verbose, given) as run:
             if "run" in signature.parameters:
                 options["run"] = run
             # where JSON is wanted, nothing else is on standard output, whoever prints it
@@ -208,7 +253,8 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
         if answer.fault is not None:
             raise answer.fault
 
-    parameters = own | common
+    of_typer = inspect.Parameter("context", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+    parameters = {"context": of_typer} | own | common
     called.__signature__ = signature.replace(  # type: ignore[attr-defined]
         parameters=[one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in parameters.values()]
     )
@@ -216,8 +262,36 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
     return called
 
 
+def _given(context: typer.Context) -> dict[str, str]:
+    """What arguments and options on the command line were given, by name; of a flag, its name."""
+    given: dict[str, str] = {}
+    for one in context.command.params:
+        source, value = context.get_parameter_source(one.name or ""), context.params.get(one.name or "")
+        if source is None or source.name != "COMMANDLINE":
+            continue
+        name = one.secondary_opts[0] if value is False and one.secondary_opts else one.opts[0]
+        given[name] = (
+            name if isinstance(value, bool) else " ".join(map(str, value if isinstance(value, list) else [value]))
+        )
+    return given
+
+
+def _check_names(given: Mapping[str, str]) -> None:
+    """Raise InputError for what is not UTF-8, the current folder among it: not all that is used can take such names."""
+    from experiments.errors import InputError
+
+    with suppress(OSError):
+        given = {"the current folder": os.getcwd(), **given}
+    for name, text in given.items():
+        try:
+            text.encode("utf-8")
+        except UnicodeEncodeError:
+            found = os.fsencode(text).decode("utf-8", "backslashreplace")
+            raise InputError.at(name, "a name in UTF-8", found) from None
+
+
 @contextmanager
-def _logged(name: str, verbose: bool) -> Iterator[Run]:
+def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]:
     import logging
 
     from experiments.log import LOG, SHOWN, Kept
@@ -230,7 +304,7 @@ def _logged(name: str, verbose: bool) -> Iterator[Run]:
     try:
         LOG.info("softaim %s: %s", version(), " ".join(arguments))
         with ExitStack() as opened:
-            yield Run(name, arguments, kept, opened)
+            yield Run(name, arguments, kept, opened, given)
     finally:
         SHOWN.setLevel(logging.WARNING)
         LOG.removeHandler(kept)

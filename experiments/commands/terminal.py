@@ -3,25 +3,74 @@
 from __future__ import annotations
 
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
+FIRST_S = 10.0
+"""Time after which a run that is not on a terminal says how far it is, again after twice as long, and so on [s]: who
+reads a file wants few lines; chosen."""
+
+Stage = Callable[[str], Callable[[float], None]]
+
 
 @contextmanager
-def progress() -> Iterator[Callable[[str], Callable[[float], None]]]:
-    """A progress bar on standard error: stage(name) returns a function of the share done."""
+def progress() -> Iterator[Stage]:
+    """How far a run is, on standard error: stage(name) returns a function of the share done.
+
+    A bar on a terminal, elsewhere a line now and then.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        with progress_lines() as stage:
+            yield stage
+        return
     columns = (TextColumn("{task.description:<16}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeRemainingColumn(), console=console, disable=not console.is_terminal) as bar:
+    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
 
         def stage(name: str) -> Callable[[float], None]:
             task = bar.add_task(name, total=1.0)
             return lambda share: bar.update(task, completed=share)
 
         yield stage
+
+
+def to_stderr(line: str) -> None:
+    """Print a line to standard error, at once."""
+    print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
+    """As `progress`, a line after so long [s], after twice as long, and so on, though the work stands still."""
+    over, began = threading.Event(), time.monotonic()
+    reached = [("", 0.0)]
+
+    def stage(name: str) -> Callable[[float], None]:
+        def done(share: float) -> None:
+            reached[0] = name, share
+
+        done(0.0)
+        return done
+
+    def watch() -> None:
+        next_s = first_s
+        while not over.wait(began + next_s - time.monotonic()):
+            name, share = reached[0]
+            say(f"{name}: {share:.0%} after {next_s:.0f} s")
+            next_s *= 2.0
+
+    watching = threading.Thread(target=watch, name="softaim progress", daemon=True)
+    watching.start()
+    try:
+        yield stage
+    finally:
+        over.set()
+        watching.join()
 
 
 def print_table(table: object) -> None:

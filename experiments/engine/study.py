@@ -22,7 +22,8 @@ import pandas as pd
 from experiments.engine.executor import RunsFailedError, finished
 from experiments.engine.parts import KEPT, Parts, parquet, read_parts, table_of
 from experiments.engine.runs import Case, Run, Work, importable, key_of, name_of, program
-from experiments.engine.workers import Workers, require_extra
+from experiments.engine.workers import Workers
+from experiments.extras import require
 from experiments.formats.outputs import write_whole
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Study:
 def run_study(
     work: Work,
     cases: Sequence[Case],
-    folder: Path,
+    folder: str | Path,
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Study:
@@ -70,7 +71,8 @@ def run_study(
 
     Raises InputError for a missing extra or scheduler, ValueError for two cases alike.
     """
-    require_extra("studies")
+    require("studies", "cluster")
+    folder = Path(folder)
     shared = importable(work)
     keys = [key_of(shared, case) for case in cases]
     if len(set(keys)) < len(keys):

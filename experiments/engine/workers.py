@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import logging
 import multiprocessing
 import os
@@ -14,12 +13,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from experiments.errors import InputError
+from experiments.extras import missing, needed, require
 from experiments.threads import ONE_THREAD
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
-
-EXTRA = 'the packages of the extra "cluster" (pip install "softaim[cluster]")'
 
 SELDOM = {
     "distributed.worker.profile.enabled": False,
@@ -70,24 +68,14 @@ class Workers:
 OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
-def is_installed() -> bool:
-    """Whether the extra is there, so that runs can be done on several processes."""
-    return all(importlib.util.find_spec(name) is not None for name in ("dask", "distributed", "pyarrow"))
-
-
-def require_extra(asked_by: str) -> None:
-    """InputError with pip's command where the extra is missing."""
-    if not is_installed():
-        raise InputError.at(asked_by, EXTRA, "none")
-
-
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
     """The workers of a command that does not need the extra: as wanted, this process for few runs or without it."""
     if wanted != ALL_CORES:
         return wanted
-    if n_runs >= FEW_RUNS and not is_installed():
-        sys.stderr.write(f"softaim: one core is used; for all of them: {EXTRA}\n")
-    return ALL_CORES if n_runs >= FEW_RUNS and is_installed() else OWN_PROCESS
+    installed = missing("cluster") is None
+    if n_runs >= FEW_RUNS and not installed:
+        sys.stderr.write(f"softaim: one core is used; for all of them: {needed('cluster')}\n")
+    return ALL_CORES if n_runs >= FEW_RUNS and installed else OWN_PROCESS
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
@@ -114,7 +102,7 @@ def connected(workers: Workers, module: str) -> Iterator[Client]:
 
     module: of what will be run, imported once for all local processes
     """
-    require_extra("--processes" if workers.scheduler is None else "--scheduler")
+    require("--processes" if workers.scheduler is None else "--scheduler", "cluster")
     from distributed import Client
 
     if workers.scheduler is not None:

@@ -43,7 +43,7 @@ class Film:
 
     def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Draw a frame and append it to the film."""
-        overlay = overlay_of(line, step, self.camera, guidance, self.plan)
+        overlay = overlay_of(line, step, self.camera if frame is None else line.camera, guidance, self.plan)
         picture = drawn(ground(self.camera) if frame is None else frame.image, overlay)
         if self._writer is None:
             height, width = picture.shape[:2]

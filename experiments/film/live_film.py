@@ -64,7 +64,7 @@ class LiveFilm:
             self.n_dropped += 1
             return
         self._last_s = time_s
-        overlay = overlay_of(line, step, self.camera, guidance, self.plan)
+        overlay = overlay_of(line, step, self.camera if frame is None else line.camera, guidance, self.plan)
         image = ground(self.camera) if frame is None else frame.image
         self.n_dropped += self._thread.make_room()
         self._thread.put((time_s, image, overlay))

@@ -126,7 +126,7 @@ def taken_over(
 
     folder: exists, for hue.csv, hue.png and, with film, film.avi. Raises InputError.
     """
-    scene, frames = open_source(source, scene_path, live=False, fps=fps if fps is not None else NOMINAL_FPS)
+    scene, frames = open_source(source, scene_path, live=False, fps=fps, usual_fps=NOMINAL_FPS)
     with frames:
         if scene is None or not scene.cameras:
             raise InputError.at("hue", "--at U,V, or --scene scene.toml with a camera", "neither")

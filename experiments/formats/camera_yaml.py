@@ -15,14 +15,48 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, read_text, shown
 from vision import Lens, quiet_opencv
 
+ROS_MODELS = ("plumb_bob", "rational_polynomial")
+
+COEFFICIENTS = (4, 5, 8, 12, 14)
+"""How many OpenCV has, in its order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two of a tilted sensor."""
+
+N_DLT = 11
+"""Coefficients of a direct linear transformation, L1 to L11, of one camera."""
+
+POSE = "rotation and translation_mm (softaim calibrate finds lens and place)"
+"""Keys of a scene's camera that say where a lens stands."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFile:
-    """A lens, the size of its pictures [px], and the camera's name where the file states it."""
+    """A lens, the size of its pictures [px], and the camera's name where the file states it.
+
+    The place of the camera is not in such a file.
+    """
 
     lens: Lens
     size_px: tuple[int, int]
     name: str | None = None
+
+
+def read_lens_file(path: Path) -> LensFile | None:
+    """The lens of a file of OpenCV or ROS, known by its content; None for another file. Raises InputError.
+
+    Files of other programs that hold a camera are refused by a line that says what to do.
+    """
+    text = read_text(path)
+    if re.match(r"\s*(%YAML:1\.0|<\?xml|<opencv_storage|\{)", text) or "!!opencv-matrix" in text:
+        return read_opencv_yaml(path)
+    if re.search(r"^(camera_matrix|image_width|distortion_model):", text, flags=re.MULTILINE):
+        return read_ros_yaml(path)
+    if re.search(r"^\s*(T_cam_imu|camera_model|distortion_coeffs|intrinsics):", text, flags=re.MULTILINE):
+        own = "camera_matrix and distortion_coefficients as ROS has them, of its intrinsics and distortion_coeffs"
+        raise InputError.at(path, own, "a file of Kalibr")
+    numbers = re.fullmatch(r"(?:\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[,;]?)+\s*", text)
+    if numbers is not None and len(re.split(r"[\s,;]+", text.strip())) % N_DLT == 0:
+        view = "plane_to_px = [[L1, L2, L4], [L5, L6, L8], [L9, L10, 1]], their view of z = 0, of mm and with v down"
+        raise InputError.at(path, view, "DLT coefficients")
+    return None
 
 
 def opencv_text(content: LensFile) -> str:
@@ -44,6 +78,8 @@ def read_opencv_yaml(path: Path) -> LensFile:
     except (cv2.error, SystemError):
         raise InputError.at(path, "YAML as OpenCV writes it", "a file that it cannot read") from None
     size = [storage.getNode(key) for key in ("image_width", "image_height")]
+    if storage.getNode("fisheye_model").isInt() and storage.getNode("fisheye_model").real():
+        raise InputError.at(f"{path}: fisheye_model", "0; undistort pictures of a fisheye lens first", "1")
     for key, node in zip(("image_width", "image_height"), size, strict=True):
         if node.empty() or not node.isInt() or node.real() < 1:
             raise InputError.at(f"{path}: {key}", "a whole number of 1 or more", "none")
@@ -58,18 +94,18 @@ def read_opencv_yaml(path: Path) -> LensFile:
             raise InputError.at(f"{path}: {key}", "a matrix", "none")
         arrays[key] = np.asarray(found, dtype=np.float64)
     lens = _lens(path, arrays["camera_matrix"], arrays["distortion_coefficients"])
-    return LensFile(lens, (int(size[0].real()), int(size[1].real())))
+    return LensFile(lens, (int(size[0].real()), int(size[1].real())), path.stem)
 
 
 def ros_text(content: LensFile) -> str:
-    """A lens as ROS's camera_info_manager reads it: matrix, plumb_bob distortion, no rectification."""
+    """A lens as ROS's camera_info_manager reads it: matrix, distortion, no rectification."""
     projection = np.column_stack([content.lens.matrix, np.zeros(3)])
     lines = [
         f"image_width: {content.size_px[0]}",
         f"image_height: {content.size_px[1]}",
         f"camera_name: {json.dumps(content.name or 'camera', ensure_ascii=False)}",
         *_block("camera_matrix", content.lens.matrix),
-        "distortion_model: plumb_bob",
+        f"distortion_model: {'plumb_bob' if len(content.lens.distortion) == 5 else 'rational_polynomial'}",
         *_block("distortion_coefficients", content.lens.distortion.reshape(1, -1)),
         *_block("rectification_matrix", np.eye(3)),
         *_block("projection_matrix", projection),
@@ -80,8 +116,9 @@ def ros_text(content: LensFile) -> str:
 def read_ros_yaml(path: Path) -> LensFile:
     """The lens of a camera_info file; raises InputError that names file and key or line."""
     tables = _ros_tables(path)
-    if (model := tables.get("distortion_model", "none")) != "plumb_bob":
-        raise InputError.at(f"{path}: distortion_model", "plumb_bob", shown(model))
+    if (model := tables.get("distortion_model", "none")) not in ROS_MODELS:
+        also = "rational_polynomial is read, too; undistort pictures of a fisheye lens first"
+        raise InputError.at(f"{path}: distortion_model", ROS_MODELS[0], f"{shown(model)}; {also}")
     size = []
     for key in ("image_width", "image_height"):
         text = tables.get(key, "none")
@@ -156,9 +193,12 @@ def _lens(path: Path, matrix: Floats, distortion: Floats) -> Lens:
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not min(matrix[0, 0], matrix[1, 1]) > 0:
         raise InputError.at(f"{path}: camera_matrix", "3 rows of 3 numbers, focal lengths above 0", _reported(matrix))
     flat = distortion.ravel()
-    if len(flat) not in (4, 5) or not np.isfinite(flat).all():
-        raise InputError.at(f"{path}: distortion_coefficients", "4 or 5 numbers, k1 k2 p1 p2 [k3]", _reported(flat))
-    return Lens(matrix, np.append(flat, np.zeros(5 - len(flat))))
+    if len(flat) not in COEFFICIENTS or not np.isfinite(flat).all():
+        expected = f"{', '.join(map(str, COEFFICIENTS[:-1]))} or {COEFFICIENTS[-1]} numbers, k1 k2 p1 p2 [k3 …]"
+        raise InputError.at(f"{path}: distortion_coefficients", expected, _reported(flat))
+    if flat[12:].any():
+        raise InputError.at(f"{path}: distortion_coefficients", "a sensor that is not tilted", _reported(flat[12:]))
+    return Lens(matrix, np.append(flat[:12], np.zeros(max(0, 5 - len(flat)))))
 
 
 def _reported(values: Floats | Sequence[float]) -> str:

@@ -6,7 +6,7 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -76,13 +76,17 @@ def write_whole(path: Path, content: str | bytes) -> None:
     write_together({path: content})
 
 
-def write_together(contents: Mapping[Path, str | bytes]) -> None:
-    """Write several files at once: all of them or, after any fault, none. Raises InputError."""
-    finals = {path: _final(path) for path in contents}
+def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, Path] | None = None) -> None:
+    """Write several files at once: all of them or, after any fault, none. Raises InputError.
+
+    written: parts of files that are whole already, by where they belong; they go there last
+    """
+    paths = [*contents, *(written or {})]
+    finals = {path: _final(path) for path in paths}
     for path, final in finals.items():
         if list(finals.values()).count(final) > 1:
             raise InputError.at(path, "a file of its own", "one for several outputs")
-    parts = {path: _part_of(final, final.parent) for path, final in finals.items()}
+    parts = {path: _part_of(final, final.parent) for path, final in finals.items()} | dict(written or {})
     old: dict[Path, bytes | None] = {}
     path = Path()
     try:
@@ -93,7 +97,7 @@ def write_together(contents: Mapping[Path, str | bytes]) -> None:
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if len(finals) > 1:  # before: an interrupt may come right after; a single file needs no way back
+                if path != paths[-1]:  # before: an interrupt may come right after; the last file needs no way back
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:
@@ -115,10 +119,10 @@ def _put_back(old: Mapping[Path, bytes | None]) -> None:
 
 
 @contextmanager
-def streamed_file(path: Path) -> Iterator[BinaryIO]:
+def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] = dict) -> Iterator[BinaryIO]:
     """A file to write bit by bit, which stands under `path` after a clean exit; after any exception, what stood there.
 
-    Raises InputError.
+    beside: files to write with it, asked for once it is whole: all of them or none. Raises InputError.
     """
     final = _final(path)
     part = _part_of(final, final.parent)
@@ -131,7 +135,7 @@ def streamed_file(path: Path) -> Iterator[BinaryIO]:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        part.replace(final)
+        write_together(beside(), {path: part})
     except OSError as error:
         if error.errno in FULL:
             raise InputError.refused(path, "room to write", error) from error

@@ -6,7 +6,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from experiments.errors import InputError
-from vision import FolderFrames, SegmentFrames, SourceError, VideoFileFrames, count_frames, count_segment_frames
+from vision import (
+    FolderFrames,
+    SegmentFrames,
+    SourceError,
+    VideoFileFrames,
+    count_frames,
+    count_numbered,
+    count_segment_frames,
+)
 
 VIDEOS = ("video.avi", "video.mp4", "video.mkv")
 FRAMES, MARKS, SEGMENTS = "frames", "marks.csv", "segments"
@@ -55,7 +63,7 @@ def count_pictures(source: Path, advance: Callable[[float], None] = lambda _shar
         return count_segment_frames(source), f"frames of {SEGMENTS}/"
     if source.name != FRAMES:
         return count_frames(source, advance), f"frames of {source.name}"
-    n_frames = len(list(source.glob("*.png")))
+    n_frames = count_numbered(source)
     for k in range(n_frames):
         if not (source / f"{k:06d}.png").is_file():
             raise InputError.at(source / f"{k:06d}.png", f"a picture for frame {k}", "none")

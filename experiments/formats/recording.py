@@ -26,10 +26,10 @@ from experiments.formats.marks.rows import (
 )
 from experiments.formats.marks.times import check_seconds, check_within
 from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.formats.tables import Table, read_rows, read_table, write_table
 from experiments.log import LOG
-from vision import SourceError
+from vision import FilePath, SourceError
 
 SAME_TIME_S = 1e-9
 """Times that differ by less are one time: no file is written finer than this."""
@@ -109,26 +109,25 @@ class Recording:
 
 
 def read_recording(
-    folder: Path, scene_path: Path | None = None, advance: Callable[[float], None] = lambda _share: None
+    folder: FilePath, scene_path: FilePath | None = None, advance: Callable[[float], None] = lambda _share: None
 ) -> Recording:
     """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError.
 
     advance: gets the share done, of a film that is read through
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
-    scene_path = folder / "scene.toml" if scene_path is None else scene_path
-    scene = read_scene(scene_path)
+    scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
+    scene = usable_scene(scene_path)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:
         exposures_s, marks = read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
     else:
         if len(scene.cameras) != 1:
-            raise InputError.at(
-                f"{scene_path}: camera", f"one for {source.name} ({ONE_CAMERA})", str(len(scene.cameras))
-            )
+            raise InputError.at(f"{scene_path}: camera", f"one for {source.name} ({ONE_CAMERA})", scene.n_cameras)
         exposures_s = read_frames(frames_csv, torn=source.name == SEGMENTS)
     truth_csv, fixes_csv = folder / "truth.csv", folder / "fixes.csv"
     recording = Recording(
@@ -194,8 +193,9 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
     """Exposure times of the frames and the marks of each; without given times, those at which a mark was seen."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
-    nodes = _node_indices(table, scene)
-    marked = [scene.network.index(mark.node) for mark in scene.marks]
+    names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
+    nodes = _indices(table, names)
+    marked = [names.index(name) for name in scene.mark_names]
     table.check("node", np.isin(nodes, marked), "a node with a mark in the scene")
     table.check_order("time_s", strictly=False)
     times_s = table.numbers["time_s"]
@@ -210,7 +210,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
         distances = np.abs(exposures_s[near] - times_s)
         frames = np.where(distances[0] <= distances[1], near[0], near[1])
         table.check("time_s", distances.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
-    _, first = np.unique(frames * scene.network.n_nodes + nodes, return_index=True)
+    _, first = np.unique(frames * len(names) + nodes, return_index=True)
     table.check("node", np.isin(np.arange(table.n_rows), first), "each node once at one time")
     rows = _mark_rows(table, scene, spread)
     starts = np.searchsorted(frames, np.arange(len(exposures_s) + 1)).tolist()
@@ -242,7 +242,7 @@ def _read_truth(path: Path, scene: Scene, exposures_s: Floats) -> Truth:
     table = _read_places(path, scene, ["time_s"], ["node"])
     if not table.n_rows:
         raise InputError.at(path, "a row for each time and node", "none")
-    nodes, times_s, positions = _node_indices(table, scene), table.numbers["time_s"], _positions(table, scene)
+    nodes, times_s, positions = _indices(table, scene.network.names), table.numbers["time_s"], _positions(table, scene)
     table.check_order("time_s", strictly=True, groups=nodes)
     check_within(table, "time_s", exposures_s)
     rows = {scene.network.names[i]: np.flatnonzero(nodes == i) for i in np.unique(nodes)}
@@ -268,8 +268,8 @@ def _read_places(path: Path, scene: Scene, numbers: list[str], texts: list[str])
     return read_table(path, [*numbers, *AXES[: scene.network.dim]], texts, rejected=rejected)
 
 
-def _node_indices(table: Table, scene: Scene) -> NDArray[np.int64]:
-    indices = {name: i for i, name in enumerate(scene.network.names)}
+def _indices(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
+    indices = {name: i for i, name in enumerate(names)}
     nodes = np.array([indices.get(name, -1) for name in table.texts["node"]], dtype=np.int64)
     if (nodes < 0).any():
         row = int(np.argmax(nodes < 0))

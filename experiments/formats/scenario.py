@@ -11,10 +11,13 @@ from pydantic import Field, create_model, model_validator
 
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
 from experiments.errors import InputError, shown
-from experiments.formats.scene.scene import read_scene
+from experiments.formats.scene.scene import usable_scene
 from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
+STEPS = "STEPS.md"
+"""Page of a project's steps, beside its scenarios."""
+
 MOST_STEPS = 1_000_000
 """Most frames of a film, samples of a tremor or pokes: more are a misprint, at 30 frames/s nine hours of film."""
 
@@ -231,7 +234,7 @@ def read_scenario(name: str) -> Scenario:
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
-    scene = read_scene(Path(scenario.scene))
+    scene = usable_scene(Path(scenario.scene))
     return completed(scenario, scene.network, scene.measured_nodes, name)
 
 

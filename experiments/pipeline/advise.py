@@ -15,6 +15,7 @@ from estimators import (
     Advice,
     GaussianMixture,
     Guidance,
+    TargetPath,
     TissueFilter,
     fast_prediction_tables,
     guide,
@@ -27,6 +28,7 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
+from experiments.pipeline.integrity.monitor import IntegrityMonitor
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
 
@@ -69,13 +71,20 @@ def advise(
     n_frames = len(recording.exposures_s)
     times, guidance, due_s, watched = [], [], -np.inf, AbortWatch()
     tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
-    path_at = partial(path_near_rest, tables, line.filter)
+    integrity = IntegrityMonitor(recording.scene, line.filter)
+
+    def path_at(times_s: Floats) -> TargetPath:
+        return path_near_rest(tables, line.filter, times_s).widened(integrity.unstated)
+
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     for k, (frame, step) in enumerate(each_frame(line, recording)):
         estimate = step.estimates[FILTER]
+        used = [mark for mark in line.measured(step.marks) if mark.node not in step.refused]
+        fault = integrity.take(estimate, used)
         if estimate.time_s >= due_s:
             times.append(estimate.time_s)
-            found = asked(line.filter, estimate, plan.insertion, plan.lesion)
+            none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
+            found = none or asked(line.filter, estimate, plan.insertion, plan.lesion)
             guidance.append(watched.checked(found, plan.insertion, plan.settings, estimate.time_s))
             due_s = estimate.time_s + every_s
             if watch is not None:

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from dynamics import rest_shape
-from estimators import FilterSettings, IdentitySwap
+from estimators import CameraMove, FilterSettings, IdentitySwap
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene, network_digest
 from experiments.log import LOG
@@ -34,11 +34,23 @@ def rest_offsets(scene: Scene) -> Floats:
     return np.asarray(np.linalg.norm(rest_shape(network) - network.positions, axis=1))
 
 
+def rest_is_known(scene: Scene) -> bool:
+    """Whether rest lengths were found from the tissue at rest, and the network was not changed by hand since."""
+    return any(step.name == "at-rest" for step in scene.steps) and not _edited(scene)
+
+
+def _edited(scene: Scene) -> bool:
+    return bool(scene.steps) and scene.steps[-1].network != network_digest(scene)
+
+
 def rest_line(scene: Scene) -> str | None:
     """Where the network rests elsewhere than it is drawn: its target is then expected elsewhere, too; None if it does.
 
-    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull.
+    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull. None,
+    too, where they were found since: then other constants may move the rest.
     """
+    if rest_is_known(scene):
+        return None
     network, offsets = scene.network, rest_offsets(scene)
     if offsets.max() <= SAGS * np.ptp(network.positions, axis=0).max():
         return None
@@ -82,8 +94,7 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 def _unidentified(scene: Scene) -> str | None:
     """Why the constants are not those of the tissue; None where they were found, or are stated with uncertainty."""
-    edited = bool(scene.steps) and scene.steps[-1].network != network_digest(scene)
-    found = any(step.name in CONSTANTS for step in scene.steps)
+    edited, found = _edited(scene), any(step.name in CONSTANTS for step in scene.steps)
     if scene.uncertainty is not None or (found and not edited):
         return None
     since = f" since the network was changed after softaim {scene.steps[-1].name}" if edited and found else ""
@@ -110,6 +121,22 @@ def report_swap(swap: IdentitySwap) -> None:
         "swap",
         f"{', '.join(first)} and {last} were taken for each other since {swap.since_s:.2f} s; undone",
     )
+
+
+def pose_line(scene: Scene) -> str | None:
+    """That nothing shows a move of the camera or tracker; None where reference marks do."""
+    return None if scene.reference.marks else "a moved camera or tracker cannot be noticed: no reference marks"
+
+
+def report_move(moved: CameraMove) -> None:
+    """Report that the camera or tracker was moved, or has drifted."""
+    report_event(moved.time_s, "camera", move_line(moved))
+
+
+def move_line(moved: CameraMove) -> str:
+    """By how much the camera or tracker has moved, and that it is corrected."""
+    distance_mm, angle_deg = 1e3 * moved.distance_m, np.degrees(moved.angle_rad)
+    return f"moved by {distance_mm:.1f} mm, {angle_deg:.1f} deg: corrected by reference marks"
 
 
 def distractor_line(came: Distractor) -> str:

@@ -8,7 +8,7 @@ import vision
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import Scene, read_scene, with_step
+from experiments.formats.scene.scene import Scene, usable_scene, with_step
 from experiments.simulation.phantom_process import PHANTOM, SCENARIO, PhantomProcess
 from experiments.simulation.simulate import scene_of
 from experiments.version import version
@@ -23,12 +23,13 @@ def open_source(
     *,
     live: bool,
     fps: float | None = None,
+    usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
     """The frames of `spec`, and the scene: that of scene_path, else its own, None where it has none.
 
-    live, fps: as in `vision.open_source`, fps of the phantom, too; phantom: its process, where that was begun ahead.
-    Raises InputError, also where the scene has no camera.
+    live, fps: as in `vision.open_source`, fps of the phantom, too; usual_fps: of a folder of pictures without fps;
+    phantom: its process, where that was begun ahead. Raises InputError, also where the scene has no camera.
     """
     scene = None if scene_path is None else filmed_scene(scene_path)
     if spec == PHANTOM:
@@ -47,19 +48,28 @@ def open_source(
         return (seen if scene is None else scene), frames
     folder = Path(spec)
     if folder.is_dir() and ((folder / "frames.csv").exists() or (folder / "scene.toml").exists()):
+        without_fps(spec, fps, "a recording")
         recording = read_recording(folder, scene_path)
         return recording.scene, vision.from_file(recording.open_frames(), live=live)
     try:
+        if fps is None and folder.is_dir():
+            fps = usual_fps
         return scene, vision.open_source(spec.removeprefix(FILM), live=live, fps=fps)
     except vision.SourceError as error:
         raise InputError(str(error)) from error
 
 
+def without_fps(spec: str, fps: float | None, what: str) -> None:
+    """Raise InputError for frames a second given beside what has its own times."""
+    if fps is not None:
+        raise InputError.at(spec, f"no fps beside {what}", f"{fps:g}")
+
+
 def filmed_scene(path: Path) -> Scene:
     """The scene of a file; InputError where it has no camera."""
-    scene = read_scene(path)
+    scene = usable_scene(path)
     if not scene.cameras:
-        raise InputError.at(f"{path}: camera", "one", "none")
+        raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else "none")
     return scene
 
 

@@ -9,7 +9,7 @@ from experiments.pipeline.frame_sources import open_source
 from vision import NOMINAL_FPS, HueError, learn_hue
 
 
-def hue_lines(source: str, at: str, number: int, fps: float | None = None) -> list[str]:
+def hue_lines(source: str, at: str, number: int) -> list[str]:
     """hue_deg, half_width_deg, min_saturation and min_value of the mark at `at`, "u,v" [px], in frame `number`.
 
     Raises InputError where there is no such frame, place or mark.
@@ -20,7 +20,7 @@ def hue_lines(source: str, at: str, number: int, fps: float | None = None) -> li
             raise ValueError(at)
     except ValueError:
         raise InputError(f"--at: expected two numbers, U,V, found {shown(at)}") from None
-    _, frames = open_source(source, None, live=False, fps=fps if fps is not None else NOMINAL_FPS)
+    _, frames = open_source(source, None, live=False, usual_fps=NOMINAL_FPS)
     with frames:
         frame = next((frame for frame in frames if frame.index == number), None)
     if frame is None:

@@ -19,7 +19,7 @@ from estimators import (
     identify_constants,
     tune_noise,
 )
-from estimators.identification import Workers
+from estimators.identification import MAX_VARIANCE_LEFT, Workers
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
@@ -29,9 +29,6 @@ from experiments.threads import ahead
 
 Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
-
-MAX_VARIANCE_LEFT = 0.5
-"""Part of the prior variance left to a combination of constants above which it is undetermined; chosen."""
 
 MOST_WORSE = 1.1
 """Ratio of the target's error without its mark, after to before, above which a scene is not written: a tenth is
@@ -158,19 +155,23 @@ def tuned_scene(
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """One constant found: its name, its value [SI], relative standard error, by how much it changed, relative."""
+    """One constant found: its name, its value [SI], relative standard error, by how much it changed, relative.
+
+    kept: whether it has the value given, since the recording does not determine it
+    """
 
     name: str
     value: float
     standard_error: float
     change: float
+    kept: bool
 
 
 def constants(found: IdentificationResult) -> list[Constant]:
     """What was found, constant by constant."""
     return [
-        Constant(group_label(one), group_value(found.network, one), float(sd), float(np.expm1(change)))
-        for one, sd, change in zip(found.groups, found.sd, found.change, strict=True)
+        Constant(group_label(one), group_value(found.network, one), float(sd), float(np.expm1(change)), bool(kept))
+        for one, sd, change, kept in zip(found.groups, found.sd, found.change, found.kept, strict=True)
     ]
 
 
@@ -216,11 +217,11 @@ def confounded(found: IdentificationResult) -> list[Confounded]:
     return [Confounded((names[a], names[b]), float(correlation[a, b])) for a, b in together]
 
 
-def hardly_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """By kind, the constants of whose variance before the recording more than `MAX_VARIANCE_LEFT` is left."""
+def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
+    """By kind, the constants that the recording does not determine: they keep the values given."""
     names: dict[str, list[str]] = {}
-    for group, sd, prior_sd in zip(found.groups, found.sd, found.prior_sd, strict=True):
-        if sd**2 > MAX_VARIANCE_LEFT * prior_sd**2:
+    for group, kept in zip(found.groups, found.kept, strict=True):
+        if kept:
             names.setdefault(group.kind, []).append(group_label(group))
     return names
 
@@ -231,13 +232,10 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
         "passes": found.passes,
         "converged": found.converged,
         "directions": len(found.uncertainty.directions),
-        "constants": [
-            {"name": c.name, "value": c.value, "standard_error": c.standard_error, "change": c.change}
-            for c in constants(found)
-        ],
+        "constants": [asdict(one) for one in constants(found)],
         "not_told": undetermined(found),
         "not_told_apart": [asdict(pair) for pair in confounded(found)],
-        "hardly_determined": hardly_determined(found),
+        "not_determined": not_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
         "residuals": {
             "explained": found.residuals.explained,
@@ -280,12 +278,12 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
 
 
 def _known_badly(found: IdentificationResult) -> list[str]:
-    """Kinds of which the recording says little, and pairs that it does not tell apart, a line each."""
+    """Kinds that the recording does not determine, and pairs that it does not tell apart, a line each."""
     lines = []
-    if hardly := hardly_determined(found):
+    if kept := not_determined(found):
         kinds = [group.kind for group in found.groups]
-        counts = ", ".join(f"{len(names)} of {kinds.count(kind)} {kind}" for kind, names in hardly.items())
-        lines += [f"Hardly determined, their values are mostly those of the scene given: {counts}"]
+        counts = ", ".join(f"{len(names)} of {kinds.count(kind)} {kind}" for kind, names in kept.items())
+        lines += [f"Not determined by this recording, kept as the scene has them: {counts}"]
     if pairs := confounded(found):
         named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""

@@ -25,15 +25,17 @@ from estimators import (
     TargetEstimate,
     TissueFilter,
 )
+from estimators.tissue.model import MOST_STATES
 from experiments.arrays import Floats
+from experiments.errors import InputError
 from experiments.formats.recording import Fix
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.sight.on_plane import looked_for, on_plane
+from experiments.pipeline.sight.reference import ReferenceMarks, ReferenceSeen
+from vision import PlaneCamera
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
-
-SIZE_SD = 0.05
-"""Relative error of a mark's stated size: print, tilt, light that spills over; chosen."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
 """Common error of fixes where the scene states none: an ultrasound probe's calibration; the scene's to state."""
@@ -58,10 +60,12 @@ class Step:
     """What one frame gave.
 
     estimates: by method
-    marks: all marks identified in the frame, those for scoring only included, by the present association
+    marks: all marks identified in the frame, those for scoring only included, by the present association; where the
+        scene has reference marks, corrected by them
     swap: marks that were found to have been taken for each other, None in all but a few frames
     refused: nodes whose marks the gate rejected
     sight: what was looked for, None where the line does not explain
+    reference: what the frame gave of the reference marks, None where the scene has none
     detect_s, method_s: seconds spent on finding marks, and by method; predict_s: of the filter's, before them
     """
 
@@ -73,6 +77,7 @@ class Step:
     refused: tuple[str, ...] = ()
     sight: Sight | None = None
     predict_s: float = 0.0
+    reference: ReferenceSeen | None = None
 
     @property
     def stages_s(self) -> dict[str, float]:
@@ -105,7 +110,8 @@ class Line:
     fixes: direct sightings of the target, fused at their times; their common error is estimated, too
     explain: keep what is looked for and why it is not found, in each step; estimates are the same
     State: the filter, the names of its marks (identity), the filters that check it, the paper's open
-    loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come.
+    loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come; of a scene with
+    reference marks, the pose of the camera or tracker by them.
     """
 
     def __init__(
@@ -128,6 +134,7 @@ class Line:
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
         self.identity = AssociationFilter(self.filter, scene.nodes_alike)
         self.open_loop = OpenLoop(scene.network, scene.target.point) if baseline else None
+        self.reference = ReferenceMarks(scene) if scene.reference.marks else None
         self._measured = frozenset(measured)
         self._explain = explain
         self._marks: dict[str, Mark] = {}
@@ -144,24 +151,41 @@ class Line:
         """Whether the filter's state is one of numbers: no mark would mend another."""
         return all(bool(np.isfinite(one.x).all() and np.isfinite(one.P).all()) for one in self.filter.mixture.filters)
 
+    @property
+    def camera(self) -> PlaneCamera:
+        """The scene's first camera as it stands now, by the reference marks."""
+        camera = self.scene.cameras[0]
+        return camera if self.reference is None else self.reference.camera(camera)
+
     def see(self, exposure_s: float, image: NDArray[np.uint8]) -> Step:
         """Estimates at this exposure time [s] from a frame, (height, width, 3) BGR."""
         began = time.perf_counter()
         self._predict(exposure_s)
         predicted = time.perf_counter()
+        reference = None if self.reference is None else self.reference.update(self.reference.find(image))
         marks = self._found(image)
         found = time.perf_counter()
         sight = self._sight({one.name: one for one in self.finder.lost}, self.finder.came)
-        return self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
+        step = self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
+        return replace(step, reference=reference)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from marks that another tracker found."""
         began = time.perf_counter()
         self._predict(exposure_s)
-        named = self.identity.named(marks)
+        seen, reference = self._corrected(marks)
+        named = self.identity.named(seen)
         predicted = time.perf_counter()
         sight = self._sight(dict.fromkeys(self._measured - {mark.node for mark in named}))
-        return self._estimated(exposure_s, named, 0.0, predicted - began, sight)
+        return replace(self._estimated(exposure_s, named, 0.0, predicted - began, sight), reference=reference)
+
+    def _corrected(self, marks: Sequence[MarkMeasurement]) -> tuple[Sequence[MarkMeasurement], ReferenceSeen | None]:
+        """The marks of the tissue, corrected by the reference marks among them, and what those gave."""
+        by = self.reference
+        if by is None:
+            return marks, None
+        seen = by.update([mark for mark in marks if by.is_one(mark.node)])
+        return [by.pose.corrected(mark) for mark in marks if not by.is_one(mark.node)], seen
 
     def _sight(
         self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
@@ -182,39 +206,33 @@ class Line:
                 self.filter.predict(fix.time_s)
                 self.identity.fix(fix.position_m, fix.cov)
         self.filter.predict(exposure_s)
+        if self.reference is not None:
+            self.reference.predict(exposure_s)
 
     def _found(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
         """The marks in a frame, on the plane."""
-        camera = self.scene.cameras[0]
-        expected = [self._looked_for(node, self.filter.expected) for node in self._marks]
+        camera = self.camera
+        expected = [self._looked_for(camera, node, self.filter.expected) for node in self._marks]
         found = self.finder.find(
-            image, expected, lambda node: self._looked_for(node, self.filter.expected_after_impulse)
+            image, expected, lambda node: self._looked_for(camera, node, self.filter.expected_after_impulse)
         )
-        if not found:
-            return ()
-        marks = [self._marks[f.name] for f in found]
-        centers_px = np.array([f.detection.center_px for f in found])
-        covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
-        # the outline of a ball is not shifted as that of a disc is
-        radii_m = np.array([0.0 if mark.ball else mark.diameter_m / 2.0 for mark in marks])
-        centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
-        positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
-        shared = camera.calibration_error(positions) if camera.n_calibration else [None] * len(marks)
-        return tuple(MarkMeasurement(m.node, positions[k], covs_m[k], shared[k]) for k, m in enumerate(marks))
+        marks = on_plane(self.scene.cameras[0], self._marks, found)
+        return marks if self.reference is None else tuple(self.reference.pose.corrected(mark) for mark in marks)
 
-    def _looked_for(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> vision.Expected:
-        camera, mark = self.scene.cameras[0], self._marks[node]
-        mean, cov = self._belief(node, belief)
-        center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
-        outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
-        return vision.Expected(node, center_px, cov_px2, mark.hue_deg, outline)
+    def _looked_for(
+        self, camera: PlaneCamera, node: str, belief: Callable[..., tuple[Floats, Floats]]
+    ) -> vision.Expected:
+        return looked_for(camera, self._marks[node], *self._belief(node, belief))
 
     def _belief(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-        """Where a node's mark may be [m], and the covariance of that [m²], errors of the camera's calibration in it."""
+        """Where a node's mark may be [m], and the covariance of that [m²], errors of the camera in it."""
         mean, cov = belief(node)
         if not self.scene.n_calibration:
             return mean, cov
-        return belief(node, self.scene.cameras[0].calibration_error(mean[None])[0])
+        by = self.reference
+        if by is None:
+            return belief(node, self.scene.cameras[0].calibration_error(mean[None])[0])
+        return belief(node, by.shared_at(mean))
 
     def measured(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
         """Those of the marks that the filter may use."""
@@ -242,6 +260,15 @@ class Line:
         unmeasured = [mark for mark in marks if mark.node not in self._measured]
         refused = _refused(named.estimate, named.marks, self.filter.rejected - refused_before)
         return Step(estimates, (*named.marks, *unmeasured), detect_s, method_s, named.swap, refused, sight, predict_s)
+
+
+def check_followed(scene: Scene, place: object = "scene") -> None:
+    """Raise InputError where a filter of the scene's network would take seconds for a frame."""
+    network = scene.network
+    if network.n_state > MOST_STATES:
+        most, where = MOST_STATES // (2 * network.dim), "in the plane" if network.dim == 2 else "in space"
+        found = str(len(network.free))
+        raise InputError.at(f"{place}: network.node", f"at most {most} free nodes for a filter {where}", found)
 
 
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import read_recording
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import marks_to_use
 
@@ -69,7 +69,7 @@ def planned(
             raise InputError.at(source, "marks that start the filter", "none")
         mean, cov, belief, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
     else:
-        scene = read_scene(source)
+        scene = usable_scene(source)
         task = read_task(plan_path, scene.network.dim)
         shape = rest_shape(scene.network)
         model = TissueModel(scene.network, scene.measured_nodes, uncertainty=scene.uncertainty)

@@ -20,8 +20,9 @@ from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
+from experiments.pipeline.integrity.budget import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
-from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
+from experiments.pipeline.scores.fit import TruthScore, fit_of, frames_by_status, sigmas_m, verdict
 from experiments.pipeline.scores.marks import MarkShares, MarkTally, marks_verdict
 from experiments.pipeline.scores.withheld import Withheld, withheld_of
 from experiments.threads import ahead
@@ -40,6 +41,7 @@ class Track:
     truth: where the target was [m], (n_frames, dim), NaN where that is not known
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
     withheld: of the check, by node: marks predicted as if they were hidden
+    variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     marks: by node, in how many frames each was found, refused and lost, and why
     """
 
@@ -49,6 +51,7 @@ class Track:
     counts: Mapping[str, float | int | None] = field(default_factory=dict)
     withheld: Mapping[str, Withheld] = field(default_factory=dict)
     marks: Mapping[str, MarkShares] = field(default_factory=dict)
+    variance_shares: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def has_truth(self) -> bool:
@@ -105,7 +108,10 @@ def track(
         counts["check_nees"] = float(np.mean(nees)) if nees else None
         counts["check_scale"] = line.checks.scale
     withheld = {node: withheld_of(checked[node]) for node in recording.scene.measured_nodes if node in checked}
-    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares())
+    budget = error_budget(recording.scene, line.filter)
+    last = next((step.estimates[FILTER] for step in reversed(steps)), None)
+    shares = {} if last is None else variance_shares(budget, last)
+    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares(), shares)
 
 
 def each_step(line: Line, recording: Recording) -> Iterator[Step]:
@@ -240,6 +246,7 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
     ours: dict[str, Any] = figures(done, FILTER) | dict(done.counts)
     ours["frames_by_status"] = frames_by_status(done.estimates(FILTER))
     ours["verdict"] = verdict_of(done)
+    ours["variance_shares"] = dict(done.variance_shares)
     if done.marks:
         ours["marks"] = {node: asdict(one) for node, one in done.marks.items()}
         ours["marks_verdict"] = marks_verdict(done.recording.scene, done.marks)
@@ -249,12 +256,14 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
 
 
 def verdict_of(done: Track) -> str:
-    """One sentence: do the marks fit the model of the filter, and in how many frames were there any."""
-    estimates = done.estimates(FILTER)
+    """What innovations and a truth show of the filter, and in how many frames there were marks."""
+    estimates, found = done.estimates(FILTER), figures(done, FILTER)
     refused = int(done.counts.get("marks_refused") or 0)
-    frozen = int(done.counts.get("frames_frozen") or 0)
-    pictures = done.recording.marks is None
-    said = verdict(fit_of(estimates), frames_by_status(estimates), refused, frozen=frozen, pictures=pictures)
+    frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None
+    covered, nees = found.get("coverage95"), found.get("mean_nees")
+    truth = None if covered is None or nees is None else TruthScore(covered, nees, done.recording.scene.network.dim)
+    by_status = frames_by_status(estimates)
+    said = verdict(fit_of(estimates), by_status, refused, frozen=frozen, pictures=pictures, truth=truth)
     return said if done.recording.aside is None else f"{said}; {done.recording.aside}"
 
 

@@ -14,17 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import ImplicitStepper, NetworkError, Oscillations, oscillations, rest_shape, stable_step
+from dynamics import ImplicitStepper, Oscillations, oscillations, rest_shape, stable_step
 from estimators import MarkMeasurement, TargetEstimate, resting_bound
 from estimators.process.linear_motion import is_linearised
 from estimators.process.target import target_map
 from experiments.arrays import Floats
-from experiments.errors import InputError
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
-from experiments.formats.scene.scene import Scene, read_scene
-from experiments.pipeline.line import FILTER, Line
+from experiments.formats.scene.reference import reference_places
+from experiments.formats.scene.scene import Scene, usable_scene
+from experiments.pipeline.integrity.budget import error_budget, variance_shares
+from experiments.pipeline.line import FILTER, Line, check_followed
 from experiments.simulation.simulate import draw
 
 FRAMES_PER_S = 30.0
@@ -47,6 +48,7 @@ class SceneCheck:
     interval_s: of the frames; seen: the measured marks as a frame at rest gives them; unfound: nodes whose marks no
         detector finds in a picture of the scene
     estimate: what the scene's filter knows of the target after some seconds at rest
+    variance_shares: share of each source of error in the target's variance, the largest first
     quiet_m, pushed_m: standard deviation of the target, an axis, below which no unbiased estimate is while nobody
         pushes, and while all marked nodes may be pushed as the scene's filter assumes
     """
@@ -64,6 +66,7 @@ class SceneCheck:
     estimate: TargetEstimate
     quiet_m: float
     pushed_m: float
+    variance_shares: Mapping[str, float]
 
     @property
     def offsets_m(self) -> Floats:
@@ -96,19 +99,19 @@ def checked(
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
-    scene = read_scene(path) if recording is None else recording.scene
+    scene = usable_scene(path) if recording is None else recording.scene
     network = scene.network
-    try:
-        rest = rest_shape(network)
-    except NetworkError as error:
-        raise InputError(f"{path}: network: {error}; braces, stiffer springs or anchors would hold it") from None
+    check_followed(scene, path)
+    rest = rest_shape(network)
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
     seen, unfound = _seen(scene, rest, recording, sd_mm)
     # marks that stand still would teach it that nothing trembles, while bounds are for the noise that is stated
     stated = replace(scene.settings, white_bounds=(1.0, 1.0))
     line = Line(replace(scene, settings=stated), baseline=False)
-    estimate = _after_rest(line, seen, interval_s, lambda share: advance(0.1 + 0.6 * share))
+    estimate = _after_rest(
+        line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
+    )
     settings, model = line.filter.settings, line.filter.model
     covs = {mark.node: mark.cov for mark in seen}
     quiet = resting_bound(network, covs, interval_s, settings.quiet)
@@ -132,6 +135,7 @@ def checked(
         estimate=estimate,
         quiet_m=per_axis(at.cov(quiet)),
         pushed_m=per_axis(at.cov(pushed)),
+        variance_shares=variance_shares(error_budget(scene, line.filter), estimate),
     )
 
 
@@ -168,11 +172,23 @@ def _seen(
         unfound = tuple(node for node in due if node not in found)
         covs = {node: cov for node, cov in covs.items() if node in found} or covs
     at = {node: rest[network.index(node)] for node in covs}
-    marks = (
-        replace(found[node], position=at[node]) if node in found else MarkMeasurement(node, at[node], cov)
-        for node, cov in covs.items()
+    marks = tuple(
+        MarkMeasurement(node, at[node], cov, _calibration_error(scene, at[node])) for node, cov in covs.items()
     )
-    return tuple(marks), unfound
+    return marks, unfound
+
+
+def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
+    """What a mark there shares with the others by the camera's calibration, None where it is exact."""
+    camera = scene.cameras[0] if scene.cameras else None
+    return None if camera is None or not camera.n_calibration else camera.calibration_error(place[None])[0]
+
+
+def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
+    """The reference marks where they stand, seen as well as the others are in the mean."""
+    cov = np.mean([mark.cov for mark in seen], axis=0)
+    places = reference_places(scene.reference, scene.network)
+    return tuple(MarkMeasurement(name, place, cov) for name, place in places.items())
 
 
 def _in_rows(

@@ -37,6 +37,8 @@ KEYS = {
     "measured": "false: seen in the calibration only, or for scoring; no filter reads it",
     "half_width_deg": "from hue_deg, of a pixel's hue",
     "radius_mm": "what counts as a hit",
+    "position_sd_mm": "0 for the simulated lesion; of a real one, how well its place in the tissue is known",
+    "drift_sd_mm": "0 for the simulated camera; of a real one, how far it may have moved unnoticed",
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
     "calibration_sd_px": "error of each mark, independent of the others",
@@ -47,6 +49,7 @@ TABLES = {
     "[network]": "The tissue: point masses, and springs with dashpots between them.",
     "[[mark]]": "Coloured spots, one to a node at most.",
     "[target]": "The hidden point that the needle is for.",
+    "[reference]": "The camera's own motion; a [[reference.mark]] on an anchor or the rig shows it.",
     "[[camera]]": "Squarely before the plane z = 0.",
 }
 """Comment above a table of scene.toml where it stands first."""

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
-from experiments.pipeline.events import SAGS, steps_left_out
+from experiments.formats.camera_yaml import POSE
+from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
+from experiments.pipeline.integrity.budget import USUAL, shares_words
 from experiments.projects.check import SceneCheck
 
 N_NAMED = 6
@@ -64,6 +66,7 @@ def check_report(done: SceneCheck) -> dict[str, object]:
             "frames_per_s": 1.0 / done.interval_s,
             "marks_mm": 1e3 * _mark_sd_m(done),
         },
+        "variance_shares": dict(done.variance_shares),
         "best_hit_probability": best_hit(done),
         "missing": [{"what": one.what, "next": one.next} for one in missing(done)],
     }
@@ -78,6 +81,7 @@ def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
         ("steps", _steps(done)),
         ("marks", _marks(done)),
         ("target", _target(done)),
+        ("errors", f"of the target's variance for advice: {shares_words(done.variance_shares)}"),
     ]
     lacks = [("missing", f"{one.what}. Next: {one.next}") for one in missing(done)]
     return lines + (lacks or [("missing", "nothing")])
@@ -115,7 +119,7 @@ def _motion(done: SceneCheck) -> str:
         parts.append(f"without oscillation it creeps back, at the slowest to 1/e in {motion.decays_s[0]:.2g} s")
     if not done.scene.network.fixed.any():
         parts.append("nothing holds it: it drifts and turns as a whole")
-    if done.scene.network.friction[done.scene.network.free].any():
+    if _has_friction(done):
         parts.append("dry friction left out")
     return "; ".join(parts)
 
@@ -137,6 +141,8 @@ def _marks(done: SceneCheck) -> str:
 
 def _target(done: SceneCheck) -> str:
     quiet, pushed, own = (f"{1e3 * sigma:.2g} mm" for sigma in (done.quiet_m, done.pushed_m, done.sigma_m))
+    if done.sigma_m < SURER * done.quiet_m and not _has_friction(done):
+        own += ", for it also takes neighbours to move alike, which the bound leaves out"
     return (
         f"with marks to {1e3 * _mark_sd_m(done):.2g} mm at {1.0 / done.interval_s:.3g} frames/s no filter knows it"
         f" better than {quiet} an axis while nobody pushes, {pushed} while all marks may be pushed, constants exact;"
@@ -162,12 +168,18 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
             f"the target {node} has no mark: nothing can be identified or scored",
             "a [[mark]] with measured = false, seen in the calibration recording only",
         )
+    if scene.target.position_sd_m is None:
+        yield Missing(
+            f"how well the target's place in the tissue is known is not stated: advice supposes"
+            f" {1e3 * USUAL.position_m:g} mm an axis, and no mark can show it",
+            "position_sd_mm in [target], registration included; a fix of the target makes it smaller",
+        )
     if done.estimate.model_only:
         yield Missing(
             "the marks are too few or too far to carry the target: the model alone speaks",
             f"measured marks on nodes that are nearer to {node} by springs",
         )
-    if done.sigma_m < SURER * done.quiet_m:
+    if done.sigma_m < SURER * done.quiet_m and _has_friction(done):
         yield Missing(
             f"the filter is surer than it may be, {1e3 * done.sigma_m:.2g} mm where none can be below"
             f" {1e3 * done.quiet_m:.2g}: at rest it takes dry friction for drag",
@@ -182,7 +194,7 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
 
 
 def _of_rest(done: SceneCheck) -> Iterator[Missing]:
-    if done.offsets_m.max() <= _drawn_to(done):
+    if done.offsets_m.max() <= _drawn_to(done) or rest_is_known(done.scene):
         return
     network = done.scene.network
     apart = network.positions[network.springs[:, 1]] - network.positions[network.springs[:, 0]]
@@ -213,13 +225,15 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
-    if not scene.cameras and scene.network.dim == 2:
+    for lens in scene.lenses:
+        yield Missing(f"camera {lens.name} has a lens but no place: no picture of it can be used", POSE)
+    if not scene.cameras and not scene.lenses and scene.network.dim == 2:
         yield Missing(
             "no camera: a film can be neither made nor read",
             "softaim calibrate, or marks of another tracker in marks.csv",
         )
-    elif not scene.cameras:
-        yield Missing("no camera, as every scene in space", "marks of a tracker in marks.csv")
+    if (unnoticed := pose_line(scene)) is not None:
+        yield Missing(unnoticed, "three or more [[reference.mark]] on anchors or on the rig")
     left_out = steps_left_out(scene, "track")
     if "identify" in left_out:
         yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is seen, too")
@@ -240,6 +254,11 @@ def best_hit(done: SceneCheck) -> float:
         Lesion.ball(done.scene.target.radius_m, dim),
         needle=Needle(hit=Hit.TIP),
     )
+
+
+def _has_friction(done: SceneCheck) -> bool:
+    network = done.scene.network
+    return bool(network.friction[network.free].any())
 
 
 def _drawn_to(done: SceneCheck) -> float:

@@ -13,6 +13,7 @@ from dynamics import KINDS, OF_SPRINGS, NetworkError, Phantom, parameters, rest_
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.target import Target
 from vision import PlaneCamera, fronto_parallel_camera
@@ -99,9 +100,10 @@ def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
     return Scene(
         network=network,
         marks=marks,
-        target=Target(phantom.target, 1e-3 * RADIUS_MM),
+        target=Target(phantom.target, 1e-3 * RADIUS_MM, position_sd_m=0.0),
         cameras=(_camera(network.positions),) if network.dim == 2 else (),
         spring_groups=phantom.groups,
+        reference=Reference(drift_sd_m=0.0),
     )
 
 

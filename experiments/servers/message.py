@@ -17,6 +17,7 @@ from experiments.film.overlay import WITHIN_95, MarkDrawn, Overlay
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.events import pose_line
 from experiments.version import version
 
 VERSION = 1
@@ -73,6 +74,7 @@ def scene_message(
         "target": {"node": scene.target.node, "radius_mm": 1e3 * scene.target.radius_m},
         "picture_px": picture_px,
         "needle": None if plan is None else {"go_probability": plan.settings.go},
+        "notes": [line for line in (pose_line(scene),) if line is not None],
         "stale_ms": STALE_MS,
     }
 
@@ -92,6 +94,7 @@ def state_message(
     events: Sequence[Mapping[str, Any]] = (),
     recording: Mapping[str, Any] | None = None,
     paused: bool = False,
+    errors: str = "",
 ) -> dict[str, Any]:
     """What is known at one moment.
 
@@ -99,6 +102,7 @@ def state_message(
     overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
     needle: where it is
     fault: why the estimate may not be relied upon, None where it may
+    errors: which errors have most of the target's variance
     events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
@@ -113,6 +117,7 @@ def state_message(
         "target_mm": _mm(estimate.mean),
         "cov_mm2": None if cov is None else (1e6 * cov).tolist(),
         "sigma_mm": None if cov is None else 1e3 * float(np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0))),
+        "errors": errors,
         "marks_used": estimate.marks_used,
         "nis": estimate.nis,
         "nis_band": nis_band,

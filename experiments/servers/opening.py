@@ -5,16 +5,11 @@ from __future__ import annotations
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 
-from experiments.errors import InputError
+from experiments.extras import missing, needed, require
 from experiments.log import LOG
 from experiments.servers.faces import IGTL_PORT, PAGE_PORT, Faces, address_of, is_loopback, listening, usual
 from experiments.servers.link import Link
-
-NEEDED = ("starlette", "uvicorn", "websockets")
-"""What the page needs: the extra `live`."""
-INSTALL = "pip install 'softaim[live]'"
 
 
 @contextmanager
@@ -24,11 +19,11 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
     page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or where that is free
     Addresses go to standard error once clients are served. Raises InputError where one cannot be had.
     """
-    lacking = [name for name in NEEDED if find_spec(name) is None]
-    if page is not None and lacking:
-        raise InputError.at("--page", f"the extra live ({INSTALL})", f"no {lacking[0]}")
+    lacking = missing("live")
+    if page is not None:
+        require("--page", "live")
     if with_page and lacking:
-        LOG.warning("no page: it needs the extra live (%s)", INSTALL)
+        LOG.warning("no page: it needs %s", needed("live"))
     igtl = None if openigtlink is None else listening("--openigtlink", openigtlink, IGTL_PORT)
     listener = None
     if with_page and not lacking:

@@ -107,7 +107,8 @@ class Shows:
 
     def publish(self, shown: Shown, line: Line) -> None:
         """Hand on what is known now."""
-        camera, watched = self._camera, self.link.wants_picture
+        watched = self.link.wants_picture
+        camera = self._camera if shown.frame is None else line.camera
         overlay = nodes_m = image = None
         if watched and camera is not None and shown.step is not None:
             overlay = overlay_of(line, shown.step, camera, shown.guidance, shown.plan)
@@ -133,6 +134,7 @@ class Shows:
                 events=events,
                 recording=recording,
                 paused=paused,
+                errors=shown.errors,
             ),
             image,
         )

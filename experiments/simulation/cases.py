@@ -18,7 +18,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scenario import Scenario, SeenMarks
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import scene_of
 
 FIRST_SEED = 30_000
@@ -116,7 +116,7 @@ def case_of(
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
     own = scene_of(scenario)
     truth = replace(own, network=at_rest(own.network), cameras=())
-    given = truth if scene_path is None else replace(read_scene(scene_path), cameras=())
+    given = truth if scene_path is None else replace(usable_scene(scene_path), cameras=())
     if scene_path is not None:
         _check_given(scene_path, given, truth)
     of_phantom = scenario.scene is None

@@ -12,6 +12,7 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording
 from experiments.formats.recording import Truth as TruthTable
 from experiments.formats.scenario import SeenMarks
+from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.truth import Truth
 
@@ -31,7 +32,8 @@ def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
     """The measured marks of a scene at each time of a motion, and the target's truth.
 
-    The same generator gives errors in the same directions for every sd_mm, and loses more of the same marks.
+    Reference marks are seen to the same sd, none is lost. The same generator gives errors in the same directions for
+    every sd_mm, and loses more of the same marks.
     """
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}
@@ -40,8 +42,14 @@ def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Gen
     noisy = places + sd_m * rng.normal(size=places.shape)
     lost, aside = misplaced(places.shape, marks, rng)
     noisy = noisy + aside
+    still = reference_places(scene.reference, network)
+    stood = np.array(list(still.values())).reshape(-1, network.dim)
+    stood = stood + sd_m * rng.normal(size=(len(places), *stood.shape))
     rows = tuple(
-        tuple(MarkRow(node, noisy[k, m], sd_m) for m, node in enumerate(scene.measured_nodes) if not lost[k, m])
+        (
+            *(MarkRow(node, noisy[k, m], sd_m) for m, node in enumerate(scene.measured_nodes) if not lost[k, m]),
+            *(MarkRow(name, stood[k, m], sd_m) for m, name in enumerate(still)),
+        )
         for k in range(len(places))
     )
     target = scene.target.node

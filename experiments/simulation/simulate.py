@@ -33,6 +33,7 @@ from experiments.errors import InputError, read_text
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
 from experiments.formats.scenario import UPWARD, Breathing, Pokes, Scenario, Tremor
+from experiments.formats.scene.reference import Reference, reference_places
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, with_step, write_scene
 from experiments.formats.scene.schema import SceneFile
 from experiments.formats.scene.steps import step_lines
@@ -83,7 +84,13 @@ def scene_of(scenario: Scenario) -> Scene:
         (seen.centre_mm[0] * 1e-3, seen.centre_mm[1] * 1e-3),
         calibration_sd_px=seen.calibration_sd_px,
     )
-    return Scene(network=network, marks=marks, target=Target(HIDDEN, TARGET_RADIUS_M), cameras=(camera,))
+    return Scene(
+        network=network,
+        marks=marks,
+        target=Target(HIDDEN, TARGET_RADIUS_M, position_sd_m=0.0),
+        cameras=(camera,),
+        reference=Reference(drift_sd_m=0.0),
+    )
 
 
 def exposures(scenario: Scenario) -> Floats:
@@ -249,7 +256,7 @@ def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generato
 
 def hues_of(scene: Scene) -> list[float]:
     """The hues of the marks of a scene [degrees], each once."""
-    return list(dict.fromkeys(mark.hue_deg for mark in scene.marks))
+    return list(dict.fromkeys(mark.hue_deg for mark in (*scene.marks, *scene.reference.looks)))
 
 
 def draw(
@@ -260,11 +267,12 @@ def draw(
     places = camera.project(positions)
     lines = [(tuple(places[i]), tuple(places[j])) for i, j in network.springs]
     discs = []
-    for mark in scene.marks:
-        i = network.index(mark.node)
-        half_px = 0.5e3 * mark.diameter_m / camera.mm_per_px(positions[i])
-        across, down = np.diag(mark.shape_px(camera, positions[i])) if mark.ball else half_px
-        discs.append(vision.Disc(places[i], (across, down), mark.hue_deg))
+    still = reference_places(scene.reference, network)
+    seen = [(mark, positions[network.index(mark.node)]) for mark in scene.marks]
+    for mark, place in [*seen, *((mark, still[mark.node]) for mark in scene.reference.looks)]:
+        half_px = 0.5e3 * mark.diameter_m / camera.mm_per_px(place)
+        across, down = np.diag(mark.shape_px(camera, place)) if mark.ball else half_px
+        discs.append(vision.Disc(camera.project(place[None])[0], (across, down), mark.hue_deg))
     return vision.draw_frame(camera.size_px, [*strays, *discs], lighting, rng, lines=lines)
 
 

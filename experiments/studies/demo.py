@@ -12,12 +12,33 @@ from pathlib import Path
 from experiments.formats.outputs import output_folder
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.pipeline.track import summary, track, write_tables
+from experiments.pipeline.track import Track, summary, track, write_tables
 from experiments.simulation.simulate import simulate
 
 SCENARIOS = ("quiet", "poked")
 PAPER_MM = {"quiet": (15.93, 9.28), "poked": (18.29, 12.31)}
 """Mean and SD of the hidden mass's error as published [mm], at 1.09 s a frame and marks found to 4.14 ± 1.47 mm."""
+
+
+def tracked(
+    name: str,
+    recording: Path,
+    seed: int | None = None,
+    *,
+    stage: Callable[[str], Callable[[float], None]] = lambda _name: lambda _share: None,
+) -> Track:
+    """A scenario filmed into the folder `recording` and tracked; seed: in place of its own."""
+    scenario = read_scenario(name)
+    if seed is not None:
+        scenario = scenario.model_copy(update={"seed": seed})
+    simulate(scenario, recording, advance=stage(f"{name}: film"))
+    return track(read_recording(recording), stage(f"{name}: track"))
+
+
+def heads() -> tuple[str, ...]:
+    """The scenarios with their seeds, as tables of the demo have them."""
+    return tuple(f"{name}, seed {read_scenario(name).seed}" for name in SCENARIOS)
+
 
 Figures = dict[str, dict[str, dict[str, float | int | None]]]
 
@@ -35,9 +56,7 @@ def demo(
     with output_folder(out, force=force) as folder:
         figures: Figures = {}
         for name in SCENARIOS:
-            recording = folder / name / "recording"
-            simulate(read_scenario(name), recording, advance=stage(f"{name}: film"))
-            done = track(read_recording(recording), stage(f"{name}: track"))
+            done = tracked(name, folder / name / "recording", stage=stage)
             drawn = stage(f"{name}: plots")
             write_tables(done, folder / name)
             write_track_plots(done, folder / name, vector)

@@ -1,9 +1,54 @@
 """What the tests of commands share."""
 
+import time
+from functools import partial
+
 import pytest
+
+from estimators.identification.budget import Budget
+from experiments.pipeline import identify
+from experiments.pipeline.live import session
 
 
 @pytest.fixture
 def without_pictures(monkeypatch):
     """No pictures of a track are drawn: for tests of its numbers."""
     monkeypatch.setattr("experiments.plots.track.write_track_plots", lambda *_, **__: [])
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _rehearsed_once():
+    """A process rehearses each kind of scene once, of each dimension, size and camera: then all is compiled."""
+    rehearse, rehearsed = session.warm_up, set()
+
+    def once(scene):
+        sizes = tuple(camera.size_px for camera in scene.cameras)
+        kind = scene.network.positions.shape, scene.network.springs.shape, len(scene.marks), scene.measured_nodes, sizes
+        if kind not in rehearsed:
+            rehearse(scene)
+            rehearsed.add(kind)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "warm_up", once)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _minutes_of_the_processor():
+    """What identification and tuning may take is counted by what the process works: others may work, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identify, "Budget", partial(Budget, clock=time.process_time))
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _coarse_pictures(request, monkeypatch):
+    """Pictures have a ninth of the pixels, where their size is not what is tested: a page of 300 dpi takes a second."""
+    if request.path.name not in {"test_style.py", "test_plan.py"}:
+        monkeypatch.setattr("experiments.plots.style.DPI", 100)
+
+
+@pytest.fixture(autouse=True)
+def _said_with_the_first_frame(monkeypatch):
+    """Where a run is served is said with its first frame, however long a busy machine takes for that."""
+    monkeypatch.setattr("experiments.servers.publisher.TELLS_S", 3600.0)

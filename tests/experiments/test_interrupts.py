@@ -27,11 +27,11 @@ def product(x, P):  # type: ignore[no-untyped-def]
 
 
 def called_until_interrupted() -> None:
-    """Call a kernel again and again, for ten seconds at most; Ctrl-C comes after a moment."""
+    """Call a kernel again and again, for a minute at most; Ctrl-C comes after a moment."""
     x, P = np.zeros(10), np.eye(10)
     product(x, P)
     threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
-    until_s = time.monotonic() + 10.0
+    until_s = time.monotonic() + 60.0
     while time.monotonic() < until_s:
         product(x, P)
 
@@ -49,19 +49,19 @@ def test_another_fault_of_the_system_stays():
 
 @POSIX
 def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
-    """After five frames: what was estimated until then is told."""
+    """After a frame: what was estimated until then is told."""
     simulate(read_scenario("webcam").model_copy(update={"duration_s": 1.0}), tmp_path / "rec")
     takes, out = Session.take, tmp_path / "out"
     out.mkdir()
 
     def take(session: Session, frame, waited_s: float = 0.0) -> bool:
-        if session.counters.frames == 5:
+        if session.counters.frames == 1:
             called_until_interrupted()
         return takes(session, frame, waited_s)
 
     monkeypatch.setattr(Session, "take", take)
     done = live(str(tmp_path / "rec"), None, lambda _scene: nullcontext(out))
-    assert (done.frames, done.fault) == (5, None)
+    assert (done.frames, done.fault) == (1, None)
 
 
 @POSIX

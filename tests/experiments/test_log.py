@@ -16,7 +16,7 @@ class Unread(io.StringIO):
         self.goes_on = threading.Event()
 
     def write(self, text):
-        assert self.goes_on.wait(30.0)
+        assert self.goes_on.wait(60.0)
         return super().write(text)
 
 

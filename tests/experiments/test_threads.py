@@ -7,7 +7,7 @@ import pytest
 
 from experiments.threads import AHEAD, ahead
 
-SOON_S = 10.0
+SOON_S = 60.0
 
 
 def threads() -> set[threading.Thread]:

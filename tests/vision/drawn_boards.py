@@ -45,8 +45,11 @@ def sub_pixel_rays(lens: Lens, size_px: tuple[int, int] = SIZE_PX, sub: int = SU
     return rays.T.astype(np.float32)
 
 
-def print_of(board: Board, per_square: int = 60) -> np.ndarray:
-    """The board's print with a white margin of one square, per_square pixels a square."""
+def print_of(board: Board, per_square: int = 60, *, legacy: bool = False) -> np.ndarray:
+    """The board's print with a white margin of one square, per_square pixels a square.
+
+    legacy: of a ChArUco board, as OpenCV printed it before 4.6
+    """
     across, down = board.columns + 1, board.rows + 1
     if board.dictionary is None:
         r, c = np.indices((down, across))
@@ -55,6 +58,7 @@ def print_of(board: Board, per_square: int = 60) -> np.ndarray:
     else:
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
         printed = cv2.aruco.CharucoBoard((across, down), board.square_m, board.marker_m, dictionary)
+        printed.setLegacyPattern(legacy)
         inner = printed.generateImage((across * per_square, down * per_square), marginSize=0)
     return np.pad(inner, per_square, constant_values=255)
 
@@ -69,9 +73,10 @@ def drawn(
     noise: float = 2.0,
     size_px: tuple[int, int] = SIZE_PX,
     sub: int = SUB,
+    legacy: bool = False,
 ) -> np.ndarray:
     """The board in grey light, (height, width) uint8; `rays` are those of `sub_pixel_rays`."""
-    texture = print_of(board)
+    texture = print_of(board, legacy=legacy)
     per_square = texture.shape[1] / (board.columns + 3)
     # The ray's point on the plane z = 0 of the board, homogeneous, then in squares from the print's upper left
     to_plane = np.linalg.inv(np.column_stack([pose.rotation[:, :2], pose.translation_m])).astype(np.float32)

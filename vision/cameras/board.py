@@ -125,9 +125,13 @@ def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
 def _charuco(board: Board, grey: Image, settings: CalibrationSettings) -> Corners | None:
     dictionary = _dictionary(str(board.dictionary))
     squares = (board.columns + 1, board.rows + 1)
-    printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
-    seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)
-    if ids is None or len(ids) < settings.fewest_corners:
+    for before_opencv_46 in (False, True):  # which of the squares have markers, where there is an even number of rows
+        printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
+        printed.setLegacyPattern(before_opencv_46)
+        seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)
+        if ids is not None and len(ids) >= settings.fewest_corners:
+            break
+    else:
         return None
     known = board.corners_m[np.ravel(ids)]
     places = np.asarray(seen, dtype=np.float64).reshape(-1, 2)

@@ -38,8 +38,9 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """What a camera does to rays: matrix (3, 3) [px] and distortion k1 k2 p1 p2 k3, (5,).
+    """What a camera does to rays: matrix (3, 3) [px] and distortion, as OpenCV has it.
 
+    distortion: k1 k2 p1 p2 k3, (5,); with k4 k5 k6, (8,); with s1 s2 s3 s4 of a thin prism, too, (12,)
     An ideal place is where the point would be seen without distortion, by the same matrix.
     """
 
@@ -47,31 +48,38 @@ class Lens:
     distortion: Floats
 
     def moved(self, step: Floats) -> Lens:
-        """With (9,) added to fx fy cx cy k1 k2 p1 p2 k3."""
+        """With (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the rest of the distortion stays."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
-        return Lens(matrix, self.distortion + step[4:])
+        distortion = self.distortion.copy()
+        distortion[:5] += step[4:]
+        return Lens(matrix, distortion)
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
         """Where ideal places, (n, 2), are seen, (n, 2), and the Jacobian of that, (n, 2, 2)."""
         focal, middle = self.matrix[[0, 1], [0, 1]], self.matrix[:2, 2]
         x, y = ((ideal_px - middle) / focal).T
-        k1, k2, p1, p2, k3 = self.distortion
+        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.append(self.distortion, np.zeros(12 - len(self.distortion)))
         r2 = x * x + y * y
-        # OpenCV's model: radial x + 2 p1 x y + p2 (r² + 2 x²), radial y + p1 (r² + 2 y²) + 2 p2 x y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2.0 * (k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+        # OpenCV's model: radial x + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴,
+        # radial y + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴; radial is a ratio of polynomials in r²
+        above, below = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        radial = above / below
+        slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3) - radial * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))
+        slope = 2.0 * slope / below
+        prism_x, prism_y = 2.0 * (s1 + 2.0 * s2 * r2), 2.0 * (s3 + 2.0 * s4 * r2)
         seen = np.column_stack(
             [
-                radial * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-                radial * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+                radial * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2),
+                radial * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + r2 * s4),
             ]
         )
         cross = slope * x * y + 2.0 * (p1 * x + p2 * y)
         J = np.empty((len(r2), 2, 2))
-        J[:, 0, 0] = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-        J[:, 0, 1], J[:, 1, 0] = cross * focal[0] / focal[1], cross * focal[1] / focal[0]
-        J[:, 1, 1] = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+        J[:, 0, 0] = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x
+        J[:, 0, 1] = (cross + prism_x * y) * focal[0] / focal[1]
+        J[:, 1, 0] = (cross + prism_y * x) * focal[1] / focal[0]
+        J[:, 1, 1] = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y
         return seen * focal + middle, J
 
     def ideal(self, seen_px: Floats) -> Floats:

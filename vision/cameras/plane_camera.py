@@ -5,7 +5,7 @@ Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -81,6 +81,15 @@ class PlaneCamera:
         ):
             value.setflags(write=False)
             object.__setattr__(self, key, value)
+
+    def moved(self, rotation: ArrayLike, translation_m: ArrayLike) -> PlaneCamera:
+        """The camera that sees a point x of the plane [m] where this one sees R x + t.
+
+        rotation: R, (2, 2); translation_m: t [m], (2,)
+        """
+        motion = np.eye(3)
+        motion[:2, :2], motion[:2, 2] = rotation, translation_m
+        return replace(self, plane_to_px=self.plane_to_px @ motion)
 
     def project(self, points_m: ArrayLike) -> Floats:
         """Where points of the plane [m], (n, 2), are seen [px], (n, 2); ValueError for points beyond the horizon."""
@@ -169,8 +178,8 @@ class PlaneCamera:
         _, all_of_it = cv2.projectPoints(
             turned + pose.translation_m, zero, zero, self.lens.matrix, self.lens.distortion
         )
-        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3
-        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, 15)
+        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3, and what else a lens has
+        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, -1)[:, :, :15]
         by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
         by_px = np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
         to_plane = self._seen_from(self.project(p))[1]

@@ -7,7 +7,16 @@ from vision.sources.closing import Closing
 from vision.sources.events import EventKind, Source, SourceEvent, SourceOf
 from vision.sources.every_frame import EveryFrame, FrameFile
 from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, stated_exposure_time
-from vision.sources.frames import FolderFrames, Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.sources.frames import (
+    FilePath,
+    FolderFrames,
+    Frame,
+    SourceError,
+    VideoFileFrames,
+    count_frames,
+    count_numbered,
+    quiet_opencv,
+)
 from vision.sources.live import Capture, LiveFrames
 from vision.sources.opening import from_file, open_source, shown_source
 from vision.sources.picture_folder import PictureFolderFrames
@@ -37,6 +46,7 @@ __all__ = [
     "EventKind",
     "EveryFrame",
     "ExposureRule",
+    "FilePath",
     "FilmTimes",
     "FolderFrames",
     "Frame",
@@ -57,6 +67,7 @@ __all__ = [
     "VideoWriter",
     "compress",
     "count_frames",
+    "count_numbered",
     "count_segment_frames",
     "from_file",
     "grey_picture",

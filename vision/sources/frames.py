@@ -20,6 +20,9 @@ from vision.sources.exposure_times import FilmTimes
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
+FilePath = str | os.PathLike[str]
+"""A file or folder, as every function takes it."""
+
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 """First and last bytes of a JPEG: markers of its start and its end."""
 
@@ -65,16 +68,41 @@ def quiet_opencv() -> Iterator[None]:
         cv2.utils.logging.setLogLevel(level)
 
 
+def opencv_name(path: FilePath) -> str:
+    """A file's name as OpenCV and FFmpeg take it; SourceError for one that is not UTF-8, which would end the process.
+
+    Relative names begin with a point: FFmpeg would take what stands before a colon for a protocol.
+    """
+    name = os.fspath(path)
+    try:
+        name.encode("utf-8")
+    except UnicodeEncodeError:
+        shown = os.fsencode(name).decode("utf-8", "backslashreplace")
+        raise SourceError(f"{shown}: expected a name in UTF-8, found other bytes") from None
+    return name if os.path.isabs(name) else os.path.join(os.curdir, name)
+
+
+def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
+    """The picture of a file by OpenCV's flags, (height, width, 3) BGR or (height, width); SourceError."""
+    name = opencv_name(path)
+    with quiet_opencv():
+        image = cv2.imread(name, flags)
+    if image is None:
+        raise SourceError(f"{path}: expected a picture, found a file that cannot be read as one")
+    return np.asarray(image, dtype=np.uint8)
+
+
 class VideoFileFrames(Closing):
     """The frames of a film, as fast as they are asked for.
 
-    Without exposures_s [s], exposures are the film's own: see `FilmTimes`. State: the open film.
+    With exposures_s [s] these are the exposures, with fps those of so many frames a second from 0 on; without either
+    they are the film's own: see `FilmTimes`. State: the open film.
     Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number, or the film
     has no times.
     """
 
-    def __init__(self, path: str | Path, exposures_s: Sequence[float] | None = None) -> None:
-        self.path = Path(path)
+    def __init__(self, path: FilePath, exposures_s: Sequence[float] | None = None, *, fps: float | None = None) -> None:
+        self.path, self._fps = Path(path), fps
         self._exposures = None if exposures_s is None else [float(t) for t in exposures_s]
         self._capture = _opened(self.path)
 
@@ -83,11 +111,7 @@ class VideoFileFrames(Closing):
         index = 0
         while (image := self._next_image()) is not None:
             if self._exposures is None:
-                try:
-                    exposure_s = film_times(1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC))
-                except ValueError as error:
-                    raise SourceError(f"{self.path}: {error}") from None
-                yield Frame(index, exposure_s, image)
+                yield Frame(index, self._own_time(film_times) if self._fps is None else index / self._fps, image)
             elif index < len(self._exposures):
                 yield Frame(index, self._exposures[index], image)
             else:
@@ -95,6 +119,12 @@ class VideoFileFrames(Closing):
             index += 1
         if self._exposures is not None and index < len(self._exposures):
             raise SourceError(f"{self.path}: expected {len(self._exposures)} frames, found {index}")
+
+    def _own_time(self, film_times: FilmTimes) -> float:
+        try:
+            return film_times(1e-3 * self._capture.get(cv2.CAP_PROP_POS_MSEC))
+        except ValueError as error:
+            raise SourceError(f"{self.path}: {error}") from None
 
     def _next_image(self) -> Image | None:
         with quiet_opencv():
@@ -113,12 +143,12 @@ class FolderFrames(Closing):
     read.
     """
 
-    def __init__(self, folder: str | Path, exposures_s: Sequence[float]) -> None:
+    def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
         self.folder = Path(folder)
         self._exposures = [float(t) for t in exposures_s]
         if not self.folder.is_dir():
             raise SourceError(f"{self.folder}: expected a folder of frames, found none")
-        n_frames = len(list(self.folder.glob("*.png")))
+        n_frames = count_numbered(self.folder)
         if n_frames != len(self._exposures):
             raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {n_frames}")
 
@@ -127,17 +157,18 @@ class FolderFrames(Closing):
             path = self.folder / f"{index:06d}.png"
             if not path.is_file():
                 raise SourceError(f"{path}: expected frame {index}, found no such file")
-            with quiet_opencv():
-                image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-            if image is None:
-                raise SourceError(f"{path}: expected a PNG picture, found a file that cannot be read as one")
-            yield Frame(index, exposure, np.asarray(image, dtype=np.uint8))
+            yield Frame(index, exposure, read_picture(path))
 
     def close(self) -> None:
         """Nothing is held open."""
 
 
-def count_frames(path: str | Path, advance: Callable[[float], None] = lambda _share: None) -> int:
+def count_numbered(folder: FilePath) -> int:
+    """How many PNG pictures a folder has; files that begin with a dot are not pictures."""
+    return len(list(Path(folder).glob("[!.]*.png")))
+
+
+def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
     """Frames in a film, counted by reading it: its header is not always right. Raises SourceError.
 
     advance: gets the share done, by the header
@@ -155,7 +186,7 @@ def count_frames(path: str | Path, advance: Callable[[float], None] = lambda _sh
 def whole_packets(path: Path) -> Iterator[Image]:
     """Compressed frames of a film as they stand in it, (n_bytes,) each, until one is cut short. None is decoded."""
     with quiet_opencv():
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
+        capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     try:
         while True:
             read, packet = capture.read()
@@ -175,7 +206,7 @@ def _opened(path: Path) -> cv2.VideoCapture:
         raise SourceError(f"{path}: expected a video file, found no such file")
     with quiet_opencv():
         # The API is named, or OpenCV would take a name with digits for a pattern of pictures.
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG)
         opened = capture.isOpened() and capture.get(cv2.CAP_PROP_FRAME_WIDTH) > 0
     if not opened:
         raise SourceError(f"{path}: expected a video that OpenCV can decode, found none")

@@ -306,7 +306,7 @@ class LiveFrames(Closing):
             if (fault := times.take_fault()) is not None:
                 self._events.append(SourceEvent(grabbed_s, EventKind.CLOCK, fault))
             if not self._may_repeat:
-                self._events += self._sparse.saw(frame.exposure_s)
+                self._events += self._sparse.saw(frame.exposure_s, image)
             self._n_frames += 1
             self._recent.append(image)
             if not frame.exposure_s > self._last_s:

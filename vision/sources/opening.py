@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from functools import partial
@@ -14,7 +15,7 @@ import cv2
 from vision.sources.events import Source
 from vision.sources.every_frame import EveryFrame, FrameFile
 from vision.sources.exposure_times import stated_exposure_time
-from vision.sources.frames import SourceError, VideoFileFrames
+from vision.sources.frames import FilePath, SourceError, VideoFileFrames, opencv_name
 from vision.sources.live import LiveFrames
 from vision.sources.picture_folder import PictureFolderFrames
 from vision.sources.playback import Playback
@@ -26,7 +27,7 @@ SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
 def open_source(
-    spec: str,
+    spec: FilePath,
     *,
     live: bool,
     fps: float | None = None,
@@ -37,12 +38,14 @@ def open_source(
 
     live: the newest frame wins, files are shown at their own pace; else every frame counts: files as fast as they are
         asked for, and of devices and streams settings.backlog frames wait
-    fps: of a folder of pictures, which has no times of its own
+    fps: of a folder of pictures, which has no times of its own, or of a film in place of its own
     give_up_s, settings: when faults of a device or stream are reported; see `LiveFrames`
 
-    Raises SourceError for what is not there. The first `next` reports a device that does not open.
+    Raises SourceError for what is not there, and for fps of a camera or stream. The first `next` reports a device that
+    does not open.
     """
-    path = Path(spec)
+    opencv_name(spec)  # raises
+    spec, path = os.fspath(spec), Path(spec)
     ends: Callable[[Any], bool] = _never
     if spec.isascii() and spec.isdecimal():
         if int(spec) > LAST_CAMERA:
@@ -59,6 +62,8 @@ def open_source(
         opened = partial(cv2.VideoCapture, spec, cv2.CAP_V4L2)
     else:
         return from_file(_file(spec, fps), live=live)
+    if fps is not None:
+        raise SourceError(f"{shown_source(spec)}: expected no fps beside a camera or stream, found {fps:g}")
     keep = 1 if live else settings.backlog
     return LiveFrames(opened, ends=ends, keep=keep, give_up_s=give_up_s, settings=settings)
 
@@ -94,7 +99,7 @@ def _file(spec: str, fps: float | None) -> FrameFile:
             raise SourceError(f"{spec}: expected fps, frames a second, beside a folder of pictures, found none")
         return PictureFolderFrames(path, fps)
     if path.exists():
-        return VideoFileFrames(path)
+        return VideoFileFrames(path, fps=fps)
     raise SourceError(f"{spec}: expected a camera index, a device, a film, a folder or a stream, found none of them")
 
 

@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from vision.sources.frames import Frame, SourceError, quiet_opencv
+from vision.sources.frames import FilePath, Frame, SourceError, read_picture
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
-def pictures_in(folder: Path) -> list[Path]:
-    """The PNG and JPEG pictures of a folder, sorted by name, hidden ones left out."""
-    found = (path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith("."))
-    return sorted(path for path in found if path.is_file())
+def natural_order(path: Path) -> tuple[list[str | int], str, Path]:
+    """Key that sorts files by name with the numbers in it as numbers: frame2 before frame10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [int(part) if k % 2 else part for k, part in enumerate(parts)], path.name, path
+
+
+def pictures_in(folder: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
+    """The pictures of a folder in `natural_order`; files that begin with a dot are none."""
+    found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith("."))
+    return sorted((path for path in found if path.is_file()), key=natural_order)
 
 
 class PictureFolderFrames:
-    """The pictures of a folder in the order of their names, so many a second.
+    """The pictures of a folder in the natural order of their names, so many a second.
 
     Raises SourceError if there are none, and while iterating for one that cannot be read.
     """
 
-    def __init__(self, folder: str | Path, fps: float) -> None:
+    def __init__(self, folder: FilePath, fps: float) -> None:
         if not (np.isfinite(fps) and fps > 0):
             raise ValueError(f"fps: expected more than 0, found {fps}")
         self.folder, self._fps = Path(folder), fps
@@ -37,11 +43,7 @@ class PictureFolderFrames:
 
     def __iter__(self) -> Iterator[Frame]:
         for index, path in enumerate(self._paths):
-            with quiet_opencv():
-                image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-            if image is None:
-                raise SourceError(f"{path}: expected a picture, found a file that cannot be read as one")
-            yield Frame(index, index / self._fps, np.asarray(image, dtype=np.uint8))
+            yield Frame(index, index / self._fps, read_picture(path))
 
     def close(self) -> None:
         """Nothing is held open."""

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
-from vision.sources.frames import SourceError, VideoFileFrames, count_frames, quiet_opencv
+from vision.sources.frames import FilePath, SourceError, VideoFileFrames, count_frames, read_picture
+from vision.sources.picture_folder import natural_order, pictures_in
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
@@ -18,17 +19,18 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 """Endings of films."""
 
 
-def grey_pictures(paths: Sequence[Path], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels (height, width) of each picture: of a film, then of files and folders by name.
+def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
+    """Name and grey levels (height, width) of each picture: of a film, then of files and folders in natural order.
 
     Raises SourceError for what cannot be read, for a second film, for names that come twice, and for pictures of
     different sizes.
     """
-    films = [path for path in paths if path.suffix.lower() in FILMS]
+    given = [Path(path) for path in paths]
+    films = [path for path in given if path.suffix.lower() in FILMS]
     if len(films) > 1:
         raise SourceError(f"{films[1]}: expected one film, found a second one after {films[0]}")
     frames = ((films[0], name, image) for name, image in sharp_frames(films[0], settings.sharp_frames)) if films else ()
-    files = ((path, path.name, grey_picture(path)) for path in _files([p for p in paths if p not in films]))
+    files = ((path, path.name, grey_picture(path)) for path in _files([p for p in given if p not in films]))
     first: tuple[str, Image] | None = None
     for path, name, image in chain(frames, files):
         if first is None:
@@ -38,18 +40,15 @@ def grey_pictures(paths: Sequence[Path], settings: SourceSettings = DEFAULTS) ->
         yield name, image
 
 
-def grey_picture(path: Path) -> Image:
+def grey_picture(path: FilePath) -> Image:
     """Grey levels of a picture file, (height, width), not turned as its camera would have it shown; SourceError."""
-    if not path.is_file():
-        raise SourceError(f"{path}: expected a picture, found no such file")
-    with quiet_opencv():
-        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
-    if image is None:
-        raise SourceError(f"{path}: expected a picture, found a file that cannot be read as one")
-    return np.asarray(image, dtype=np.uint8)
+    file = Path(path)
+    if not file.is_file():
+        raise SourceError(f"{file}: expected a picture, found no such file")
+    return read_picture(file, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
 
 
-def sharp_frames(film: Path, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
+def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
     """The sharpest frame of each of n equal parts of a film, (height, width, 3), named "frame 000123".
 
     Raises SourceError as films have it.
@@ -74,13 +73,13 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            found = sorted(entry for entry in path.iterdir() if entry.suffix.lower() in PICTURES)
+            found = pictures_in(path, PICTURES)
             if not found:
                 raise SourceError(f"{path}: expected a folder of pictures, found none in it")
             files += found
         else:
             files.append(path)
-    files.sort(key=lambda file: (file.name, file))
+    files.sort(key=natural_order)
     for one, other in pairwise(files):
         if one.name == other.name:
             raise SourceError(f"{other}: expected a name of its own, found that of {one}")

@@ -10,7 +10,16 @@ import cv2
 
 from vision.arrays import Image
 from vision.sources.closing import Closing
-from vision.sources.frames import Frame, SourceError, VideoFileFrames, count_frames, quiet_opencv, whole_packets
+from vision.sources.frames import (
+    FilePath,
+    Frame,
+    SourceError,
+    VideoFileFrames,
+    count_frames,
+    opencv_name,
+    quiet_opencv,
+    whole_packets,
+)
 from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
@@ -27,8 +36,8 @@ class SegmentWriter:
     State: the piece that is being written, hidden until it is whole, and how many are whole.
     """
 
-    def __init__(self, folder: Path, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
-        self.folder, self.size_px, self.codec = folder, size_px, codec
+    def __init__(self, folder: FilePath, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
+        self.folder, self.size_px, self.codec = Path(folder), size_px, codec
         self.n_whole = 0
         self._piece: VideoWriter | None = None
 
@@ -56,9 +65,9 @@ class SegmentWriter:
             self._piece = None
 
 
-def segments_in(folder: Path) -> list[Path]:
+def segments_in(folder: FilePath) -> list[Path]:
     """The whole pieces of a folder in order. Raises SourceError where there are none, or one is missing."""
-    paths = sorted(path for suffix in SUFFIX.values() for path in folder.glob(f"[0-9]*{suffix}"))
+    paths = sorted(path for suffix in SUFFIX.values() for path in Path(folder).glob(f"[0-9]*{suffix}"))
     if not paths:
         raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")
     for k, path in enumerate(paths):
@@ -67,7 +76,7 @@ def segments_in(folder: Path) -> list[Path]:
     return paths
 
 
-def count_segment_frames(folder: Path) -> int:
+def count_segment_frames(folder: FilePath) -> int:
     """Frames in all pieces, counted by reading them. Raises SourceError."""
     return sum(count_frames(path) for path in segments_in(folder))
 
@@ -78,7 +87,7 @@ class SegmentFrames(Closing):
     Raises SourceError where pieces are missing or cannot be read, or hold fewer frames. State: the open piece.
     """
 
-    def __init__(self, folder: str | Path, exposures_s: Sequence[float]) -> None:
+    def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
         self.folder = Path(folder)
         self._exposures = [float(t) for t in exposures_s]
         self._paths = segments_in(self.folder)
@@ -104,7 +113,7 @@ class SegmentFrames(Closing):
 
 
 def join_segments(
-    folder: Path, film: Path, n_frames: int, fps: float, advance: Callable[[float], None] = lambda _share: None
+    folder: FilePath, film: FilePath, n_frames: int, fps: float, advance: Callable[[float], None] = lambda _share: None
 ) -> None:
     """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
 
@@ -120,15 +129,16 @@ def join_segments(
                 writer.write(frame.image)
                 advance((frame.index + 1) / n_frames)
     else:
-        _join_jpegs(paths, film, n_frames, fps, advance)
+        _join_jpegs(paths, Path(film), n_frames, fps, advance)
 
 
 def _join_jpegs(paths: list[Path], film: Path, n_frames: int, fps: float, advance: Callable[[float], None]) -> None:
     size_px = _size_px(paths[0])
     partial = film.with_name(f".{film.stem}.{os.getpid()}.partial{film.suffix}")
     raw = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]
+    name = opencv_name(partial)
     with quiet_opencv():
-        writer = cv2.VideoWriter(str(partial), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), fps, size_px, raw)
+        writer = cv2.VideoWriter(name, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), fps, size_px, raw)
     try:
         if not writer.isOpened():
             raise SourceError(f"{film}: expected a place where a film can be written, found none")

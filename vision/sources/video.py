@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
-from vision.sources.frames import SourceError, quiet_opencv, whole_packets
+from vision.sources.frames import FilePath, SourceError, opencv_name, quiet_opencv, whole_packets
 
 Codec = Literal["MJPG", "FFV1"]
 """How a film is compressed: JPEG by JPEG, small; or without any loss."""
@@ -25,7 +25,7 @@ class VideoWriter:
     """
 
     def __init__(
-        self, path: str | Path, size_px: tuple[int, int], fps: float, codec: Codec = "MJPG", quality: int = 95
+        self, path: FilePath, size_px: tuple[int, int], fps: float, codec: Codec = "MJPG", quality: int = 95
     ) -> None:
         if codec not in ("MJPG", "FFV1"):
             raise ValueError(f"codec: expected MJPG or FFV1, found {codec}")
@@ -41,8 +41,9 @@ class VideoWriter:
         self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}.partial{self.path.suffix}")
         # Only OpenCV's own MJPG writer heeds a quality, and it writes .avi only.
         api = cv2.CAP_OPENCV_MJPEG if codec == "MJPG" else cv2.CAP_FFMPEG
+        name = opencv_name(self._partial)
         with quiet_opencv():
-            self._writer = cv2.VideoWriter(str(self._partial), api, cv2.VideoWriter.fourcc(*codec), fps, size_px)
+            self._writer = cv2.VideoWriter(name, api, cv2.VideoWriter.fourcc(*codec), fps, size_px)
             opened = self._writer.isOpened()
             if opened and codec == "MJPG":
                 self._writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)

@@ -11,8 +11,12 @@ from statistics import median_low
 
 import numpy as np
 
+from vision.arrays import Image
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
+
+DARK = 60
+"""Mean brightness of a picture, of 255, below which cameras lengthen their exposure; chosen."""
 
 
 class SourceWatchdog:
@@ -150,7 +154,7 @@ class SparsePictures:
         """Pictures come again after a pause, which says nothing of their rate."""
         self._last_s = None
 
-    def saw(self, exposure_s: float) -> list[SourceEvent]:
+    def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
         """A picture was exposed at this time [s]."""
         before_s, self._last_s = self._last_s, exposure_s
         if before_s is None or not exposure_s > before_s:
@@ -168,9 +172,9 @@ class SparsePictures:
         self._of_late.append(interval_s)
         if interval_s > 1.5 * usual_s and self._gap_s is not None:
             self._gap_s = exposure_s
-        return self._judged(exposure_s, usual_s)
+        return self._judged(exposure_s, usual_s, image)
 
-    def _judged(self, now_s: float, usual_s: float) -> list[SourceEvent]:
+    def _judged(self, now_s: float, usual_s: float, image: Image) -> list[SourceEvent]:
         n, late, s = len(self._of_late), self._of_late, self._settings
         if self._gap_s is not None:
             if now_s - self._gap_s < s.even_s:
@@ -181,11 +185,10 @@ class SparsePictures:
         if n < s.stuck_frames or due < 2 * n or gaps < 2:
             return []
         self._gap_s = now_s
-        text = (
-            f"{n} pictures came in the time of {due}: the rest is lost on cable or machine, or the camera is slower in "
-            "the dark; give it light, and take load off"
-        )
-        return [SourceEvent(now_s, EventKind.SPARSE, text)]
+        why = "the rest is lost on cable or machine; take load off"
+        if image.mean() < DARK:
+            why = f"the camera is slower in the dark, or {why}, and give it light"
+        return [SourceEvent(now_s, EventKind.SPARSE, f"{n} pictures came in the time of {due}: {why}")]
 
     @property
     def _usual_s(self) -> float | None:

@@ -60,14 +60,20 @@ class Refined:
     """Constants under known forces: where the search ended, the pass with the constants given, under the same forces.
 
     information: of the likelihood about the end, (n, n); None where it is that of the scores
-    mean_cov: what simulation leaves uncertain of its slope's mean, (n, n); None where that was not taken off
+    slope: its slope's mean, (n,), by simulation, which is taken off the log likelihoods of all points; None: it is not
+    mean_cov: what simulation leaves uncertain of that mean, (n, n)
     """
 
     optimum: Optimum
     given: Pass
     forces: Forces
     information: Floats | None = None
+    slope: Floats | None = None
     mean_cov: Floats | None = None
+
+    def less_slope(self, passed: Pass, theta: Floats) -> Pass:
+        """A pass at a point, (n,), less the mean slope of its likelihood."""
+        return passed if self.slope is None else _less_slope(passed, self.slope, theta)
 
 
 def under_forces(scaled: Scaled, seen: Recorded, start: Floats) -> Refined | None:
@@ -143,11 +149,10 @@ def _centred(scaled: Scaled, seen: Recorded, found: Refined, information: Floats
     moved = _at(scaled, seen, found, theta, information)
     if moved.optimum.log_posterior < found.optimum.log_posterior - MOST_LOST:
         return found
-    end = replace(moved.optimum, found=_less_slope(moved.optimum.found, moments.mean, theta - before))
-    given = _less_slope(found.given, moments.mean, -before)
-    return replace(moved, optimum=end, given=given, mean_cov=moments.mean_cov)
+    end = replace(moved.optimum, found=_less_slope(moved.optimum.found, moments.mean, theta))
+    return replace(moved, optimum=end, slope=moments.mean, mean_cov=moments.mean_cov)
 
 
 def _less_slope(found: Pass, slope: Floats, away: Floats) -> Pass:
-    """A pass less the mean slope of its likelihood, so far away from where that was found, (n,)."""
+    """A pass less the mean slope of its likelihood, so far away from the constants given, (n,)."""
     return replace(found, log_likelihood=found.log_likelihood - float(slope @ away))

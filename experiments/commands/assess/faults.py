@@ -29,6 +29,10 @@ def faults(
     page: Annotated[bool, typer.Option("--page", help="Rewrite the table of docs/faults.md in this folder.")] = False,
 ) -> Answer:
     """Make faults of camera, tissue, needle and system, and judge what a live run shows; run again, it goes on."""
+    from experiments.extras import require
+
+    require("faults", "cluster", "live")
+    run.not_with("--scheduler", "--processes")
     from experiments.commands.console import faults_table
     from experiments.engine.workers import Workers
     from experiments.formats.page import rewrite_page

@@ -25,6 +25,10 @@ def sweep(
     force: Force = False,
 ) -> Answer:
     """Run a grid of simulated recordings: every combination, seed and method; run again, it goes on."""
+    from experiments.extras import require
+
+    require("sweep", "cluster")
+    run.not_with("--scheduler", "--processes")
     from experiments.commands.console import sweep_table
     from experiments.engine.workers import Workers
     from experiments.formats.sweep_file import read_sweep

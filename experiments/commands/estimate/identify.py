@@ -24,11 +24,13 @@ def identify(
     force: Replace = False,
 ) -> Answer:
     """Find the tissue's constants: write a scene to track with, state how well each is known."""
+    run.not_with("--at-rest", "--minutes")
     from experiments.commands.console import constants_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new
     from experiments.formats.recording import read_recording
     from experiments.pipeline.identify import (
+        constants,
         fit_lines,
         identification_report,
         identified_scene,
@@ -42,12 +44,15 @@ def identify(
     if at_rest:
         frames = marks_in(opened, run.stage("marks"))
         run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])
-        return Answer({"out": out}, lambda: print(f"Scene in {out}: it rests where the recording shows it"))
+        next_line = f"next: softaim identify CALIBRATION --scene {out} --out identified.toml"
+        rests = f"Scene in {out}: it rests where the recording shows it; {next_line}"
+        return Answer({"out": out}, lambda: print(rests))
     with spare_cores(ahead=opened.marks is None) as workers:
         frames = marks_in(opened, run.stage("marks"))
         found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"), workers)
-    run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene])
     report = identification_report(found)
+    kept = [one.name for one in constants(found) if one.kept]
+    run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene], kept=kept)
 
     def show() -> None:
         print_table(constants_table(report))

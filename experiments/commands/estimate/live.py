@@ -31,7 +31,12 @@ def live(
     ] = "phantom",
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
-    duration: Annotated[float | None, typer.Option("--duration", min=0.0, help="Stop after so many seconds.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            "--duration", min=0.0, help="Stop so many seconds after frames are first used; preparing is before."
+        ),
+    ] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,
     film: WithFilm = False,
@@ -48,6 +53,8 @@ def live(
     force: Force = False,
 ) -> Answer:
     """Follow the target in frames as they come, newest first, until Ctrl-C."""
+    run.not_with("--no-page", "--page")
+    run.only_with("--out", "--force")
     from experiments.servers.opening import served
     from experiments.simulation.phantom_process import PHANTOM, PhantomProcess
 

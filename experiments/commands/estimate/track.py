@@ -27,7 +27,7 @@ def track(
     from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table
     from experiments.film.film import Film
     from experiments.formats.recording import read_recording
-    from experiments.pipeline.events import report_swap
+    from experiments.pipeline.events import report_move, report_swap
     from experiments.pipeline.line import FILTER
     from experiments.pipeline.scores.withheld import withheld_words
     from experiments.pipeline.track import summary, write_tables
@@ -44,6 +44,8 @@ def track(
         for step in done.steps:
             if step.swap is not None:
                 report_swap(step.swap)
+            if step.reference is not None and step.reference.moved is not None:
+                report_move(step.reference.moved)
     figures = summary(done)
     ours = figures[FILTER]
 

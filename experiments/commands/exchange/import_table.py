@@ -35,6 +35,9 @@ def import_table(
     origin_px: Annotated[
         str | None, typer.Option("--origin-px", help="With it, U,V: the pixel that shows the plane's origin.")
     ] = None,
+    individual: Annotated[
+        str | None, typer.Option("--individual", help="Animal of a table of several; a track of SLEAP.")
+    ] = None,
     force: Force = False,
 ) -> Answer:
     """Make a recording of the marks that DeepLabCut or SLEAP found: marks.csv, by the scene's camera."""
@@ -50,7 +53,9 @@ def import_table(
     scale = None if mm_per_px is None or origin_px is None else PlaneScale(mm_per_px, _place_px(origin_px))
     settings = ImportSettings(least, sd_px)
     with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
-        done = imported(table, scene, times, settings=settings, renamed=rename or [], scale=scale)
+        done = imported(
+            table, scene, times, settings=settings, renamed=rename or [], scale=scale, individual=individual
+        )
         run.use(done.scene)
         write_imported(done, folder)
     counts = done.counts()
@@ -59,9 +64,17 @@ def import_table(
         seen = ", ".join(f"{node} {n}" for node, n in counts.items())
         print(f"{len(done.exposures_s)} frames; seen in: {seen}")
         print(f"Left out: {done.unlikely} of a likelihood below {least:g}, {done.outside} outside of the picture")
+        if done.by_hand:
+            print(f"Set by hand, without a likelihood, and kept: {done.by_hand}")
         print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
 
-    report = {"frames": len(done.exposures_s), "marks": counts, "unlikely": done.unlikely, "outside": done.outside}
+    report = {
+        "frames": len(done.exposures_s),
+        "marks": counts,
+        "unlikely": done.unlikely,
+        "outside": done.outside,
+        "by_hand": done.by_hand,
+    }
     return Answer({"out": out, **report}, show)
 
 

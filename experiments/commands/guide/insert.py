@@ -40,10 +40,12 @@ def insert(
     force: Force = False,
 ) -> Answer:
     """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
+    run.not_with("--scheduler", "--processes")
     from dataclasses import replace
 
     from experiments.commands.console import insertion_lines, insertion_table
     from experiments.engine.workers import Workers, workers_for
+    from experiments.errors import InputError
     from experiments.formats.scenario import read_scenario, scenario_file, scene_file
     from experiments.plots.insertion import write_insertion_plots
     from experiments.simulation.cases import case_of
@@ -51,6 +53,8 @@ def insert(
     from experiments.simulation.insert import summary, write_insertions
 
     read = read_scenario(scenario)
+    if "--strength" in run.given and read.pokes is None and read.breathing is None:
+        raise InputError.at("--strength", "a scenario with pokes or breathing", "neither")
     case = case_of(
         read,
         scene_path=scene,

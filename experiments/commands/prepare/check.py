@@ -30,6 +30,7 @@ def check(
     """Say of a scene where it rests, how it moves, how well its target can be known, and what is missing."""
     import json
 
+    run.only_with("--out", "--vector", "--force")
     from experiments.plots.check import check_figure
     from experiments.plots.style import write_picture
     from experiments.projects.check import checked

@@ -15,32 +15,28 @@ def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
     at: Annotated[str | None, typer.Option("--at", help="U,V: a place on a mark [px]; learn its keys.")] = None,
-    frame: Annotated[int, typer.Option("--frame", min=0, help="Which frame, counted from 0.")] = 0,
+    frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: which frame, counted from 0.")] = 0,
     fps: Fps = None,
     scene: Annotated[
         Path | None, typer.Option("--scene", help="Without --at: what its keys take in, all over.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
-    film: Annotated[
-        bool, typer.Option("--film", help="Write film.avi to --out, too: what is taken in painted.")
-    ] = False,
+    film: Annotated[bool, typer.Option("--film", help="With --out: film.avi, too: what is taken in painted.")] = False,
     force: Force = False,
 ) -> Answer:
     """Learn a mark's hue from one place in a picture, or see what a scene's keys take in over a film."""
-    from experiments.errors import InputError
-
+    run.not_with("--at", "--scene", "--out", "--film", "--fps", "--force")
+    run.only_with("--at", "--frame")
+    run.only_with("--out", "--film", "--fps", "--force")
     if at is not None:
-        for option, given in (("--scene", scene), ("--out", out), ("--film", film or None)):
-            if given is not None:
-                raise InputError.at("--at", f"no {option} beside it", str(given))
-        return _learned(source, at, frame, fps)
+        return _learned(source, at, frame)
     return _taken(run, source, scene, out, film=film, fps=fps, force=force)
 
 
-def _learned(source: str, at: str, frame: int, fps: float | None) -> Answer:
+def _learned(source: str, at: str, frame: int) -> Answer:
     from experiments.pipeline.hue import hue_lines
 
-    lines = hue_lines(source, at, frame, fps)
+    lines = hue_lines(source, at, frame)
     keys = {key: float(value) for key, _, value in (line.partition(" = ") for line in lines)}
     return Answer(keys, lambda: print(*lines, sep="\n"))
 
@@ -50,12 +46,9 @@ def _taken(
 ) -> Answer:
     from experiments.commands.console import sentence, taken_table
     from experiments.commands.terminal import print_table
-    from experiments.errors import InputError
     from experiments.film.taken import taken_over, verdicts
 
     if out is None:
-        if film:
-            raise InputError.at("--film", "--out DIR beside it", "none")
         done = taken_over(source, scene, None, fps=fps)
     else:
         with run.folder(out, force=force, inputs=[Path(source), scene]) as folder:

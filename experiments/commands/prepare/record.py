@@ -27,6 +27,7 @@ def record(
     force: Force = False,
 ) -> Answer:
     """Write frames and their times as they come, until Ctrl-C: a recording, whole up to the last second if killed."""
+    run.not_with("--recover", "--scene", "--codec", "--seconds", "--fps", "--force")
     from experiments.errors import InputError
     from experiments.pipeline.recorder import join, record_source
 

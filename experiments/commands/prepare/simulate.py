@@ -22,11 +22,14 @@ def simulate(
     force: Force = False,
 ) -> Answer:
     """Move a scenario's tissue and film it, or note its marks: write a recording with its truth."""
-    from experiments.formats.scenario import read_scenario, scenario_file, scene_file
+    from experiments.errors import InputError
+    from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of
     from experiments.simulation.simulate import simulate as write_recording
 
     read = read_scenario(scenario)
+    if "--film" in run.given and not scene_of(read).cameras:
+        raise InputError.at("--film", "a scene with a camera", "none")
     first = read.seed if seed is None else seed
     names = [""] if runs is None else [f"seed-{first + k}" for k in range(runs)]
     with run.folder(out, force=force, inputs=[scenario_file(scenario), scene_file(read)]) as folder:
@@ -41,7 +44,10 @@ def simulate(
             )
 
     def show() -> None:
-        if runs is None:
+        own = scenario_file(scenario)
+        if own is not None and own.with_name(STEPS).exists():  # of a project, each recording has a next step of its own
+            print(f"Recording{'s' if runs else ''} in {out}; next: what {own.with_name(STEPS)} has after this line")
+        elif runs is None:
             print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
         else:
             where = f"{out}/{names[0]}"

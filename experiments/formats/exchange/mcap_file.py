@@ -7,14 +7,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO
 
-from experiments.errors import InputError
+from experiments.extras import require
 from experiments.formats.exchange.ros_messages import DEFINITIONS
 from experiments.version import version
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
-
-EXTRA = 'the package mcap of the extra "export" (pip install "softaim[export]")'
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +56,9 @@ def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFil
 
     metadata: of the recording; it stands in the record `softaim`
     """
-    try:
-        from mcap.writer import Writer
-    except ModuleNotFoundError:
-        raise InputError.at("--to mcap", EXTRA, "none") from None
+    require("--to mcap", "export")
+    from mcap.writer import Writer
+
     writer = Writer(stream)
     writer.start(profile="ros2", library=f"softaim {version()}")
     writer.add_metadata("softaim", dict(metadata))

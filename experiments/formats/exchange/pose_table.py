@@ -1,10 +1,11 @@
-"""Tables of pose trackers, of one animal: DeepLabCut's CSV files and SLEAP's analysis CSV files.
+"""Tables of pose trackers: DeepLabCut's CSV files and SLEAP's analysis CSV files, of one animal or one of several.
 
 Both count pixels as this program does: the centre of the first pixel is (0, 0).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from experiments.formats.tables import read_rows
 
 KINDS = "a table of DeepLabCut (rows scorer, bodyparts, coords) or of SLEAP (columns track, frame_idx)"
 DLC_HEADS = ("scorer", "bodyparts", "coords")
+INDIVIDUALS = "individuals"
+HDF5 = b"\x89HDF\r\n\x1a\n"
+"""First bytes of such a file."""
 COORDS = ("x", "y", "likelihood")
 MOST_FRAMES = 10**7
 """No film of marks is longer: four days at 30 frames a second; chosen."""
@@ -30,7 +34,7 @@ class PoseTable:
 
     frames: numbers of the film's frames, increasing, (n_rows,)
     parts: names; places_px: where each was seen [px], (n_rows, n_parts, 2), NaN where it was not
-    likelihood: of each, (n_rows, n_parts), NaN where there is none
+    likelihood: of each, (n_rows, n_parts), NaN where there is none: of a place that a person set
     """
 
     path: Path
@@ -40,36 +44,68 @@ class PoseTable:
     likelihood: Floats
 
 
-def read_poses(path: Path) -> PoseTable:
-    """The table of a pose tracker; raises InputError."""
+def read_poses(path: Path, individual: str | None = None) -> PoseTable:
+    """The table of a pose tracker; raises InputError.
+
+    individual: name of the animal in a table of several, of the track in one of SLEAP
+    """
+    _check_text(path)
     rows = list(read_rows(path, KINDS))
     if rows[0][0] == DLC_HEADS[0]:
-        return _deeplabcut(path, rows)
+        return _deeplabcut(path, rows, individual)
     if {"track", "frame_idx"} <= set(rows[0]):
-        return _sleap(path, rows)
+        return _sleap(path, rows, individual)
     raise InputError.at(f"{path}: row 1", KINDS, shown(",".join(rows[0])))
 
 
-def _deeplabcut(path: Path, rows: list[list[str]]) -> PoseTable:
-    heads = [row[0] for row in rows[:3]]
-    if "individuals" in heads:
-        raise InputError.at(f"{path}: row {heads.index('individuals') + 1}", "a table of one animal", "individuals")
-    for k, head in enumerate(DLC_HEADS):
-        if k >= len(heads) or heads[k] != head:
-            found = shown(heads[k]) if k < len(heads) else "none"
+def _check_text(path: Path) -> None:
+    """Raise InputError for what both trackers write beside their CSV files."""
+    try:
+        with path.open("rb") as file:
+            first = file.read(len(HDF5))
+    except OSError:
+        return  # who reads it says so
+    if first == HDF5:
+        raise InputError.at(path, f"{KINDS}, as export to CSV writes it", "an HDF5 file")
+
+
+def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> PoseTable:
+    several = len(rows) > 1 and rows[1][0] == INDIVIDUALS
+    animals = rows[1][1:] if several else []
+    heads = rows[: len(DLC_HEADS) + several]
+    wanted = [DLC_HEADS[0], INDIVIDUALS, *DLC_HEADS[1:]] if several else DLC_HEADS
+    for k, head in enumerate(wanted):
+        if k >= len(heads) or heads[k][0] != head:
+            found = shown(heads[k][0]) if k < len(heads) else "none"
             raise InputError.at(f"{path}: row {k + 1}", f"the row {head} of DeepLabCut", found)
-    names = rows[1][1::3]
-    for k, (part, coord) in enumerate(zip(rows[1][1:], rows[2][1:], strict=True)):
+    chosen = _chosen(animals, individual)
+    columns = [k for k in range(1, len(rows[0])) if not several or animals[k - 1] == chosen]
+    parts, coords = ([row[k] for k in columns] for row in heads[-2:])
+    names, last = parts[::3], len(heads)
+    for k, (part, coord) in enumerate(zip(parts, coords, strict=True)):
         expected = (names[k // 3], COORDS[k % 3])
         if (part, coord) != expected:
-            raise InputError.at(f"{path}: row 3", f"{' '.join(expected)} in column {k + 2}", shown(f"{part} {coord}"))
-    if len(rows[1]) % 3 != 1:
-        raise InputError.at(f"{path}: row 3", f"{', '.join(COORDS)} of each body part", f"{len(rows[1]) - 1} columns")
+            place = f"column {columns[k] + 1}"
+            raise InputError.at(f"{path}: row {last}", f"{' '.join(expected)} in {place}", shown(f"{part} {coord}"))
+    if len(columns) % 3:
+        raise InputError.at(f"{path}: row {last}", f"{', '.join(COORDS)} of each body part", f"{len(columns)} columns")
     header = ["coords", *(f"{name}.{coord}" for name in names for coord in ("x", "y", "score"))]
-    return _poses(path, header, rows[3:], names, frame="coords", first_row=4)
+    kept = [[row[k] for k in (0, *columns)] for row in rows[last:]]
+    return _poses(path, header, kept, names, frame="coords", first_row=last + 1)
 
 
-def _sleap(path: Path, rows: list[list[str]]) -> PoseTable:
+def _chosen(animals: Sequence[str], individual: str | None) -> str | None:
+    """The animal that is asked for, or the only one; raises InputError that lists them."""
+    names = list(dict.fromkeys(animals))
+    if individual is None and len(names) <= 1:
+        return names[0] if names else None
+    if individual not in names:
+        expected = f"one of {', '.join(map(shown, names))}" if names else "none of a table of one animal"
+        raise InputError.at("--individual", expected, "none" if individual is None else shown(individual))
+    return individual
+
+
+def _sleap(path: Path, rows: list[list[str]], individual: str | None) -> PoseTable:
     header = rows[0]
     names = [column.removesuffix(".x") for column in header if column.endswith(".x")]
     known = {*SLEAP_HEADS, *(f"{name}.{key}" for name in names for key in ("x", "y", "score"))}
@@ -78,7 +114,13 @@ def _sleap(path: Path, rows: list[list[str]]) -> PoseTable:
             raise InputError.at(f"{path}: row 1", "columns NODE.x, NODE.y, NODE.score of SLEAP", shown(column))
     for column in sorted(known - set(header) - {"instance.score"}):
         raise InputError.at(f"{path}: row 1", f"a column {column}", "none")
-    return _poses(path, header, rows[1:], names, frame="frame_idx", first_row=2)
+    track, frame = header.index("track"), header.index("frame_idx")
+    kept = rows[1:]
+    tracks = [row[track] for row in kept if row[track]]
+    if individual is not None or (len(set(tracks)) > 1 and len({row[frame] for row in kept}) < len(kept)):
+        chosen = _chosen(tracks, individual)
+        kept = [row for row in kept if row[track] == chosen]
+    return _poses(path, header, kept, names, frame="frame_idx", first_row=2)
 
 
 def _poses(

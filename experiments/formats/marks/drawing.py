@@ -76,9 +76,10 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
     None where they lie near it, and where nothing simple, or too much, would bring them there.
     """
-    if len(seen_m) < 2:
+    network = scene.network
+    nodes = [name for name in seen_m if name in network.names]  # not reference marks on the rig
+    if len(nodes) < 2:
         return None
-    network, nodes = scene.network, list(seen_m)
     drawn = network.positions[[network.index(node) for node in nodes]]
     seen = np.array([seen_m[node] for node in nodes])
     size, plain = float(np.ptp(network.positions, axis=0).max()), _rms(seen - drawn)

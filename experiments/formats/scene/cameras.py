@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments.errors import shown
 from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, read_camera_toml
+from experiments.formats.camera_yaml import LensFile, read_lens_file
 from experiments.formats.scene.schema import CameraTable
 from vision import PlaneCamera, posed_camera
 
@@ -17,40 +18,63 @@ METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 """Takes points of the plane in metres, homogeneous, to the millimetres of a scene file's homography."""
 
 
-def camera_of(table: CameraTable, folder: Path) -> PlaneCamera:
-    """The camera of a table; a file that it names is searched in this folder.
+def camera_of(table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
+    """The camera of a table, a lens alone where nothing says where it stands; a named file is searched in this folder.
 
     Raises ValueError, `key: expected …, found …`, and InputError for that file.
     """
-    if table.file is not None:
-        c = read_camera_toml(folder / table.file)
-        seen = posed_camera(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
-        return replace(seen, calibration_sd_px=table.calibration_sd_px, scale_sd=table.scale_sd)
+    camera = _of_file(table, folder) if table.file is not None else _of_keys(table)
+    if isinstance(camera, LensFile):
+        return camera
+    return replace(camera, calibration_sd_px=table.calibration_sd_px, scale_sd=table.scale_sd)
+
+
+def _of_file(table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
+    path = folder / str(table.file)
+    lens = read_lens_file(path)
+    if lens is not None:
+        return _placed(table, lens)
+    if table.rotation is not None:
+        raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's place, found one")
+    c = read_camera_toml(path)
+    return posed_camera(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
+
+
+def _of_keys(table: CameraTable) -> PlaneCamera | LensFile:
     assert table.name is not None
     assert table.size_px is not None
     size_px = (table.size_px[0], table.size_px[1])
-    if table.plane_to_px is not None:
-        homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
-        try:
-            return PlaneCamera(table.name, size_px, homography, table.calibration_sd_px, scale_sd=table.scale_sd)
-        except ValueError:  # all else that it checks, the file's model has checked
-            raise ValueError(
-                "plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
-                f" found {shown(table.plane_to_px)}"
-            ) from None
-    assert table.matrix is not None
-    assert table.distortion is not None
-    assert table.rotation is not None
-    assert table.translation_mm is not None
-    lens, pose = checked_lens(table.matrix, table.distortion), checked_pose(table.rotation, table.translation_mm)
-    calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
+    if table.matrix is not None:
+        assert table.distortion is not None
+        return _placed(table, LensFile(checked_lens(table.matrix, table.distortion), size_px, table.name))
+    homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
     try:
-        seen = posed_camera(table.name, size_px, lens, pose, calibration=calibration)
+        return PlaneCamera(table.name, size_px, homography)
+    except ValueError:  # all else that it checks, the file's model has checked
+        raise ValueError(
+            "plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
+            f" found {shown(table.plane_to_px)}"
+        ) from None
+
+
+def _placed(table: CameraTable, lens: LensFile) -> PlaneCamera | LensFile:
+    """The camera with this lens where the table says that it stands; the lens where it does not."""
+    if table.rotation is None or table.translation_mm is None:
+        return lens
+    calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
+    pose = checked_pose(table.rotation, table.translation_mm)
+    try:
+        return posed_camera(lens.name or "camera", lens.size_px, lens.lens, pose, calibration=calibration)
     except ValueError:
         raise ValueError(
             f"translation_mm: expected a pose before the plane z = 0, found {shown(table.translation_mm)}"
         ) from None
-    return replace(seen, calibration_sd_px=table.calibration_sd_px, scale_sd=table.scale_sd)
+
+
+def lens_lines(lens: LensFile) -> list[str]:
+    """`[[camera]]` of a lens that stands nowhere yet, line by line."""
+    lines = ["", "[[camera]]", f"name = {shown(lens.name)}", f"size_px = [{lens.size_px[0]}, {lens.size_px[1]}]"]
+    return [*lines, *_rows("matrix", lens.lens.matrix), f"distortion = {_list(lens.lens.distortion)}"]
 
 
 def camera_lines(camera: PlaneCamera) -> list[str]:

@@ -37,7 +37,10 @@ def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -
             named.append(parameter_named(network, text))
         except NetworkError as error:
             raise NetworkError(f"uncertainty.parameters[{i}]: {error}") from None
-    return ParameterUncertainty(tuple(named), np.array(table.directions, dtype=float).reshape(-1, len(named)))
+    try:
+        return ParameterUncertainty(tuple(named), np.array(table.directions, dtype=float).reshape(-1, len(named)))
+    except NetworkError as error:
+        raise NetworkError(f"uncertainty.{error}") from None
 
 
 def settings_of(table: FilterTable | None) -> FilterSettings:

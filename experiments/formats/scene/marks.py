@@ -67,8 +67,14 @@ def mark_of(table: MarkTable) -> Mark:
 
 def mark_lines(mark: Mark) -> list[str]:
     """`[[mark]]` of a scene file, line by line."""
-    lines = ["", "[[mark]]", f"node = {toml_text(mark.node)}", f"hue_deg = {toml_number(mark.hue_deg)}"]
-    lines += [f"diameter_mm = {toml_number(1e3 * mark.diameter_m)}", f"measured = {toml_bool(mark.measured)}"]
+    own = ["", "[[mark]]", f"node = {toml_text(mark.node)}"]
+    look = look_lines(mark)
+    return [*own, *look[:2], f"measured = {toml_bool(mark.measured)}", *look[2:]]
+
+
+def look_lines(mark: Mark) -> list[str]:
+    """The keys that say how a film shows a mark, hue and diameter first."""
+    lines = [f"hue_deg = {toml_number(mark.hue_deg)}", f"diameter_mm = {toml_number(1e3 * mark.diameter_m)}"]
     lines += [f"half_width_deg = {toml_number(mark.half_width_deg)}"]
     lines += [f"min_saturation = {toml_number(mark.min_saturation)}", f"min_value = {toml_number(mark.min_value)}"]
     lines += [f"even = {toml_bool(mark.even)}"]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, NetworkError
+from dynamics import MassSpringNetwork, NetworkError, reaches
 from experiments.arrays import Floats
 from experiments.errors import shown
 from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError
 from experiments.formats.toml_file import Strict, toml_bool, toml_list, toml_number, toml_text
+
+NEAREST_MM = 1e-4
+"""Distance of two nodes below which a spring between them has no direction [mm]; choice: no drawing is that fine."""
 
 
 def is_node_name(name: str) -> bool:
@@ -37,7 +41,7 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         if not node.fixed and i not in attached:
             raise SceneError(f"network.node[{i}]: expected one or more springs to {shown(node.name)}, found none")
     try:
-        return MassSpringNetwork(
+        network = MassSpringNetwork(
             names=tuple(indices),
             positions=1e-3 * np.array([node.position_mm for node in table.node]),
             masses=np.array([node.mass_kg or 0.0 for node in table.node]),
@@ -49,6 +53,10 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         )
     except NetworkError as error:
         raise SceneError(f"network: {error}") from None
+    for i in np.flatnonzero(~np.isfinite(reaches(network))).tolist():
+        expected = "springs that lead to an anchor" if network.fixed.any() else "springs that lead to every other node"
+        raise SceneError(f"network.node[{i}]: expected {expected}, found none from {shown(network.names[i])}")
+    return network
 
 
 def spring_groups(table: NetworkTable) -> tuple[str, ...]:
@@ -83,7 +91,7 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
     i, j = (indices[name] for name in between)
     if i == j:
         raise SceneError(f"{key}: expected two different nodes, found {shown(between)}")
-    if table.node[i].position_mm == table.node[j].position_mm:
+    if math.dist(table.node[i].position_mm, table.node[j].position_mm) < NEAREST_MM:
         raise SceneError(
             f"{key}: expected nodes at different places, found both at {shown(table.node[i].position_mm)} mm"
         )

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
+from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_whole
-from experiments.formats.scene.cameras import camera_lines, camera_of
+from experiments.formats.scene.cameras import camera_lines, camera_of, lens_lines
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_names, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import is_node_name, network_lines, network_of, spring_groups
+from experiments.formats.scene.reference import Reference, reference_lines, reference_of
+from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, read_toml, toml_list, toml_text, toml_value
-from vision import PlaneCamera
+from vision import FilePath, PlaneCamera
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +33,8 @@ class Scene:
     spring_groups: name of the group of each spring, whose constants are identified together, (n_springs,), empty for a
         spring by itself; none at all where the network has no groups
     steps: what was done on it, in order
+    reference: marks that stand still, by which the pose of the camera or tracker is corrected
+    lenses: cameras of which nothing says where they stand: no picture of theirs can be used
     """
 
     network: MassSpringNetwork
@@ -39,6 +45,8 @@ class Scene:
     settings: FilterSettings = field(default_factory=FilterSettings)
     spring_groups: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
+    reference: Reference = field(default_factory=Reference)
+    lenses: tuple[LensFile, ...] = ()
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -71,6 +79,7 @@ class Scene:
                         f"camera[{i}].plane_to_px: expected every mark before the camera's horizon,"
                         f" found that of {shown(mark.node)} beyond"
                     ) from None
+        self.reference.check(self.network, self.cameras, self.marks)
 
     def _check_marks(self) -> None:
         seen: dict[str, int] = {}
@@ -100,9 +109,22 @@ class Scene:
             raise SceneError(f"{key}: expected a free node ({why}), found the anchor {shown(node)}")
 
     @property
+    def n_cameras(self) -> str:
+        """How many cameras there are, as a message has it: with what lenses lack."""
+        lacking = "".join(f"; {lens.name} has a lens but no place: {POSE}" for lens in self.lenses)
+        return f"{len(self.cameras)}{lacking}"
+
+    @property
     def n_calibration(self) -> int:
-        """Number of directions in which the calibration of the first camera is uncertain."""
-        return self.cameras[0].n_calibration if self.cameras else 0
+        """Number of directions in which the calibration of the first camera is uncertain, its pose's last."""
+        dim = self.network.dim
+        n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0
+        return (self.cameras[0].n_calibration if self.cameras else 0) + n_pose
+
+    @property
+    def mark_names(self) -> tuple[str, ...]:
+        """What another tracker may call a mark: by its node, a reference mark by its name."""
+        return (*(mark.node for mark in self.marks), *(mark.name for mark in self.reference.marks))
 
     @property
     def measured_nodes(self) -> tuple[str, ...]:
@@ -116,30 +138,43 @@ class Scene:
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
 
-def read_scene(path: Path) -> Scene:
+def read_scene(path: FilePath) -> Scene:
     """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
-    return scene_of_tables(read_toml(path, SceneFile), path)
+    return scene_of_tables(read_toml(Path(path), SceneFile), Path(path))
+
+
+def usable_scene(path: FilePath) -> Scene:
+    """The scene of a file, to simulate or estimate with: its body rests near where it is drawn. Raises InputError."""
+    scene = read_scene(path)
+    try:
+        check_rest(scene.network)
+    except SceneError as error:
+        raise InputError(f"{path}: {error}") from None
+    return scene
 
 
 def scene_of_tables(file: SceneFile, path: Path) -> Scene:
     """The scene of a file's tables; raises InputError."""
     try:
         network = network_of(file.network)
+        cameras = [_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)]
         return Scene(
             network=network,
             marks=tuple(mark_of(table) for table in file.mark),
             target=target_of(file.target),
-            cameras=tuple(_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)),
+            cameras=tuple(camera for camera in cameras if isinstance(camera, PlaneCamera)),
+            lenses=tuple(camera for camera in cameras if isinstance(camera, LensFile)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
             spring_groups=spring_groups(file.network),
             steps=tuple(step_of(table) for table in file.provenance),
+            reference=reference_of(file.reference),
         )
     except (SceneError, NetworkError) as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
+def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
     try:
         return camera_of(table, folder)
     except InputError:
@@ -148,9 +183,9 @@ def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera:
         raise SceneError(f"camera[{i}].{error}") from None
 
 
-def write_scene(scene: Scene, path: Path) -> None:
+def write_scene(scene: Scene, path: FilePath) -> None:
     """Write a scene as `scene.toml`, whole or not at all; raises InputError."""
-    write_whole(path, scene_text(scene))
+    write_whole(Path(path), scene_text(scene))
 
 
 def scene_text(scene: Scene) -> str:
@@ -168,9 +203,14 @@ def network_digest(scene: Scene) -> str:
     return digest(network_lines(scene.network, scene.spring_groups))
 
 
-def with_step(scene: Scene, step: StepName, program: str, recording: str | None = None) -> Scene:
-    """The scene on which one more step was done, by this version of the program, with a recording of this digest."""
-    done = Step(step, program, recording, network_digest(scene), scene_digest(scene))
+def with_step(
+    scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
+) -> Scene:
+    """The scene on which one more step was done, by this version of the program, with a recording of this digest.
+
+    kept: constants that the step left as they were
+    """
+    done = Step(step, program, recording, network_digest(scene), scene_digest(scene), tuple(kept))
     return replace(scene, steps=(*scene.steps, done))
 
 
@@ -180,6 +220,7 @@ def _content(scene: Scene) -> list[str]:
     for mark in scene.marks:
         lines += mark_lines(mark)
     lines += target_lines(scene.target)
+    lines += reference_lines(scene.reference)
     if scene.uncertainty is not None:
         names = uncertainty_names(network, scene.uncertainty)
         lines += ["", "[uncertainty]", "parameters = [", *(f"    {toml_text(name)}," for name in names), "]"]
@@ -189,4 +230,6 @@ def _content(scene: Scene) -> list[str]:
         lines += [f"{key} = {toml_value(value)}" for key, value in keys.items()]
     for camera in scene.cameras:
         lines += camera_lines(camera)
+    for lens in scene.lenses:
+        lines += lens_lines(lens)
     return lines

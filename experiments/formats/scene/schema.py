@@ -54,18 +54,52 @@ class NetworkTable(Strict):
     spring: list[SpringTable]
 
 
-class MarkTable(Strict):
-    """`[[mark]]`."""
+Hue = Annotated[float, Field(ge=0, lt=360)]
 
-    node: Name
-    hue_deg: Annotated[float, Field(ge=0, lt=360)]
-    diameter_mm: Positive
-    measured: bool = True
+
+class _LookTable(Strict):
+    """How a film shows a mark, hue and diameter aside."""
+
     half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
     min_value: Annotated[float, Field(gt=0, lt=1)] = 0.2
     even: bool = True
     ball: bool = False
+
+
+class MarkTable(_LookTable):
+    """`[[mark]]`."""
+
+    node: Name
+    hue_deg: Hue
+    diameter_mm: Positive
+    measured: bool = True
+
+
+class ReferenceMarkTable(_LookTable):
+    """`[[reference.mark]]`: a mark that stands still, on an anchor or at a place of the rig."""
+
+    name: Name
+    node: Name | None = None
+    position_mm: Coordinates | None = None
+    hue_deg: Hue | None = None
+    diameter_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> ReferenceMarkTable:
+        if (self.node is None) == (self.position_mm is None):
+            found = "neither" if self.node is None else "both"
+            raise ValueError(f"expected node or position_mm, found {found}")
+        if (self.hue_deg is None) != (self.diameter_mm is None):
+            raise ValueError("expected hue_deg and diameter_mm together, found one of them")
+        return self
+
+
+class ReferenceTable(Strict):
+    """`[reference]`: marks by which the pose of a camera or tracker is corrected, and its drift."""
+
+    drift_sd_mm: NotNegative | None = None
+    mark: list[ReferenceMarkTable] = Field(default_factory=list)
 
 
 class TargetTable(Strict):
@@ -74,16 +108,20 @@ class TargetTable(Strict):
     node: Name
     radius_mm: Positive
     offset_mm: Coordinates | None = None
+    position_sd_mm: NotNegative | None = None
 
 
 class CameraTable(Strict):
-    """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both."""
+    """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both.
+
+    A lens, and a file of ROS or OpenCV, which has one, may stand without a pose, and such a file beside one.
+    """
 
     name: Name | None = None
     size_px: Annotated[list[Annotated[int, Field(gt=0)]], Field(min_length=2, max_length=2)] | None = None
     plane_to_px: Square | None = None
     matrix: Square | None = None
-    distortion: Annotated[list[float], Field(min_length=5, max_length=5)] | None = None
+    distortion: Annotated[list[float], Field(min_length=5, max_length=12)] | None = None
     rotation: Square | None = None
     translation_mm: Three | None = None
     uncertainty: list[Row] | None = None
@@ -93,22 +131,31 @@ class CameraTable(Strict):
 
     @model_validator(mode="after")
     def _one_form(self) -> CameraTable:
+        pose = ("rotation", "translation_mm")
         forms = {
-            "plane_to_px": ("name", "size_px", "plane_to_px"),
-            "matrix": ("name", "size_px", "matrix", "distortion", "rotation", "translation_mm"),
-            "file": ("file",),
+            "plane_to_px": (("name", "size_px", "plane_to_px"), ()),
+            "matrix": (("name", "size_px", "matrix", "distortion"), (*pose, "uncertainty")),
+            "file": (("file",), pose),
         }
         given = [key for key in forms if getattr(self, key) is not None]
         if len(given) != 1:
             raise ValueError(f"expected one of {', '.join(forms)}, found {' and '.join(given) or 'none'}")
-        needed = forms[given[0]]
-        allowed = {*needed, "uncertainty"} if given[0] == "matrix" else set(needed)
+        needed, optional = forms[given[0]]
+        allowed = {*needed, *optional}
+        if optional and any(getattr(self, key) is not None for key in optional):
+            needed = (*needed, *pose)
         for key in type(self).model_fields:
             if key in needed and getattr(self, key) is None:
                 raise ValueError(f"{key}: expected this key beside {given[0]}, found none")
             if key not in {*allowed, "calibration_sd_px", "scale_sd"} and getattr(self, key) is not None:
                 raise ValueError(f"{key}: expected no such key beside {given[0]}, found one")
+        if self.distortion is not None and len(self.distortion) not in (5, 8, 12):
+            raise ValueError(f"distortion: expected 5, 8 or 12 numbers, found {len(self.distortion)}")
         return self
+
+
+LogSd = Annotated[float, Field(gt=0, le=700)]
+"""Standard deviation of the log of a constant: of a larger one the factor is no finite number."""
 
 
 class UncertaintyTable(Strict):
@@ -118,11 +165,11 @@ class UncertaintyTable(Strict):
     direction, independent of the others, of the logs of the parameters named.
     """
 
-    stiffness: Positive | None = None
-    rest_length: Positive | None = None
-    damping: Positive | None = None
-    drag: Positive | None = None
-    friction: Positive | None = None
+    stiffness: LogSd | None = None
+    rest_length: LogSd | None = None
+    damping: LogSd | None = None
+    drag: LogSd | None = None
+    friction: LogSd | None = None
     parameters: list[Name] | None = None
     directions: list[list[float]] | None = None
 
@@ -165,6 +212,7 @@ class ProvenanceTable(Strict):
     recording_sha256: Name | None = None
     network_sha256: Name
     scene_sha256: Name
+    kept: list[Name] = Field(default_factory=list)
 
 
 class SceneFile(Strict):
@@ -176,5 +224,6 @@ class SceneFile(Strict):
     filter: FilterTable | None = None
     mark: list[MarkTable] = Field(default_factory=list)
     target: TargetTable
+    reference: ReferenceTable | None = None
     camera: list[CameraTable] = Field(default_factory=list)
     provenance: list[ProvenanceTable] = Field(default_factory=list)

@@ -20,6 +20,7 @@ class Step:
 
     program: its version; recording: SHA-256 of what it was done with, None where there was none
     network, scene: SHA-256 of the network and of the whole scene after it, as `scene_digest` has them
+    kept: constants that it left as they were since the recording does not determine them
     """
 
     name: StepName
@@ -27,6 +28,7 @@ class Step:
     recording: str | None
     network: str
     scene: str
+    kept: tuple[str, ...] = ()
 
 
 def digest(lines: Sequence[str]) -> str:
@@ -37,7 +39,14 @@ def digest(lines: Sequence[str]) -> str:
 
 def step_of(table: ProvenanceTable) -> Step:
     """The step of a table."""
-    return Step(table.step, table.program, table.recording_sha256, table.network_sha256, table.scene_sha256)
+    return Step(
+        table.step,
+        table.program,
+        table.recording_sha256,
+        table.network_sha256,
+        table.scene_sha256,
+        tuple(table.kept),
+    )
 
 
 def step_keys(step: Step) -> dict[str, str]:
@@ -57,4 +66,10 @@ def step_lines(steps: Sequence[Step]) -> list[str]:
     lines = []
     for step in steps:
         lines += ["", "[[provenance]]", *(f"{key} = {toml_text(value)}" for key, value in step_keys(step).items())]
+        if step.kept:
+            lines += ["kept = [  # not determined by the recording: as they were before", *_names(step.kept), "]"]
     return lines
+
+
+def _names(names: Sequence[str]) -> list[str]:
+    return [f"    {toml_text(name)}," for name in names]

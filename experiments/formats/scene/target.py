@@ -16,24 +16,36 @@ class Target:
     """The hidden point that the needle is for: a node, or a place at an offset from it.
 
     radius_m: that counts as a hit [m]; offset_m: from the node, fixed in direction [m], (dim,); empty: the node itself
+    position_sd_m: how well its place in the tissue is known, registration included, an axis [m]; None: not stated
     """
 
     node: str
     radius_m: float
     offset_m: tuple[float, ...] = ()
+    position_sd_m: float | None = None
 
     @property
     def point(self) -> TargetPoint:
-        """The target as every estimator takes it."""
-        return TargetPoint((self.node,), offset_m=self.offset_m)
+        """The target as every estimator takes it; a place that nobody states is exact here, and widens advice."""
+        return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 
 def target_of(table: TargetTable) -> Target:
     """The target of a table."""
-    return Target(table.node, 1e-3 * table.radius_mm, tuple(1e-3 * x for x in table.offset_mm or ()))
+    sd_mm = table.position_sd_mm
+    return Target(
+        table.node,
+        1e-3 * table.radius_mm,
+        tuple(1e-3 * x for x in table.offset_mm or ()),
+        None if sd_mm is None else 1e-3 * sd_mm,
+    )
 
 
 def target_lines(target: Target) -> list[str]:
     """The lines of `[target]`; no offset where there is none."""
     lines = ["", "[target]", f"node = {toml_text(target.node)}", f"radius_mm = {toml_number(1e3 * target.radius_m)}"]
-    return lines + ([f"offset_mm = {toml_list(1e3 * np.array(target.offset_m))}"] if target.offset_m else [])
+    if target.offset_m:
+        lines += [f"offset_mm = {toml_list(1e3 * np.array(target.offset_m))}"]
+    if target.position_sd_m is not None:
+        lines += [f"position_sd_mm = {toml_number(1e3 * target.position_sd_m)}"]
+    return lines

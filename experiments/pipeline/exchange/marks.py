@@ -23,7 +23,8 @@ from vision import PlaneCamera, fronto_parallel_camera
 class ImportSettings:
     """Which places of a table are marks, and how sure each is.
 
-    least: likelihood below which a place is left out [1]; source: `pcutoff` of DeepLabCut
+    least: likelihood below which a place is left out [1]; source: `pcutoff` of DeepLabCut. One without a likelihood was
+        set by a person and is kept
     sd_px: error of a place, one standard deviation an axis [px]; choice: until the tracker's own evaluation says it
     """
 
@@ -54,6 +55,7 @@ class Imported:
 
     scene: they are of; exposures_s: of all frames [s], (n_frames,); marks: of each frame
     unlikely, outside: how many places were left out, for their likelihood, and outside of the picture
+    by_hand: how many of the marks have no likelihood: a person set them
     """
 
     scene: Scene
@@ -61,11 +63,12 @@ class Imported:
     marks: tuple[tuple[MarkRow, ...], ...]
     unlikely: int
     outside: int
+    by_hand: int
 
     def counts(self) -> dict[str, int]:
         """In how many frames each node was seen."""
         seen = Counter(mark.node for found in self.marks for mark in found)
-        return {mark.node: seen[mark.node] for mark in self.scene.marks}
+        return {name: seen[name] for name in self.scene.mark_names}
 
 
 def import_table(
@@ -76,23 +79,24 @@ def import_table(
     settings: ImportSettings = DEFAULTS,
     renamed: Sequence[str] = (),
     scale: PlaneScale | None = None,
+    individual: str | None = None,
 ) -> Imported:
     """The marks of a table; raises InputError.
 
     times: frames a second, or a frames.csv; renamed: `PART=NODE` where names differ, `PART=` to leave one out
-    scale: of a camera square to the plane, in place of the scene's
+    scale: of a camera square to the plane, in place of the scene's; individual: of a table of several animals
     """
     scene = read_scene(scene_path)
     if scene.network.dim != 2:
         raise InputError.at(scene_path, "a flat scene: one picture has no depth", "a network in space")
     if scale is None and len(scene.cameras) != 1:
         expected = "one, or --mm-per-px and --origin-px"
-        raise InputError.at(f"{scene_path}: camera", expected, str(len(scene.cameras)))
-    poses = read_poses(table)
+        raise InputError.at(f"{scene_path}: camera", expected, scene.n_cameras)
+    poses = read_poses(table, individual)
     nodes = _nodes(poses, scene, renamed)
     exposures_s = _exposures_s(poses, times)
     taken = np.isfinite(poses.places_px).all(axis=2) & np.array([node is not None for node in nodes])
-    likely = taken & (poses.likelihood >= settings.least)
+    likely = taken & ~(poses.likelihood < settings.least)
     camera = scene.cameras[0] if scale is None else scale.camera()
     seen = likely & _inside(poses.places_px, camera.size_px) if scale is None else likely
     if not seen.any():
@@ -102,7 +106,8 @@ def import_table(
     for (row, part), place_m, sd_m in zip(np.argwhere(seen), places_m, sds_m, strict=True):
         marks[poses.frames[row]].append(MarkRow(str(nodes[part]), place_m, float(sd_m)))
     unlikely, outside = int((taken & ~likely).sum()), int((likely & ~seen).sum())
-    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside)
+    by_hand = int(np.isnan(poses.likelihood[seen]).sum())
+    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside, by_hand)
 
 
 def write_imported(done: Imported, folder: Path) -> None:
@@ -121,7 +126,7 @@ def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str |
             parts = ", ".join(poses.parts)
             raise InputError.at("--rename", f"PART=NODE once, of the parts {parts}", shown(text))
         names[part] = node
-    marked = [mark.node for mark in scene.marks]
+    marked = scene.mark_names
     nodes = [names.get(part, part) for part in poses.parts]
     for part, node in zip(poses.parts, nodes, strict=True):
         if node and node not in marked:

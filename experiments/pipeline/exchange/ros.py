@@ -40,7 +40,7 @@ Advance = Callable[[float], None]
 def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> dict[str, int]:
     """Write an MCAP file; how many messages each topic has. Raises InputError, SourceError."""
     recording = of.recording
-    topics = node_topics(mark.node for mark in recording.scene.marks)
+    topics = node_topics(recording.scene.mark_names)
     about = {
         "recording": recording.folder.name,
         "target": recording.scene.target.node,

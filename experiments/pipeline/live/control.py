@@ -59,10 +59,10 @@ class Control:
 
     def fix_at(self, place_px: Floats, sd_m: float) -> None:
         """The target is seen at this place of the picture [px], (2,)."""
-        cameras = self.session.line.scene.cameras
-        if not cameras:
+        line = self.session.line
+        if not line.scene.cameras:
             raise ValueError("fix: expected a camera, found none")
-        self.session.fix(cameras[0].to_plane(np.asarray(place_px)[None])[0], sd_m)
+        self.session.fix(line.camera.to_plane(np.asarray(place_px)[None])[0], sd_m)
 
     def colour_at(self, node: str, place_px: Floats) -> None:
         """The mark of this node has the colour that the newest picture shows here [px], (2,)."""

@@ -20,7 +20,7 @@ from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.interrupts import as_interrupts
 from experiments.log import LOG, SHOWN
 from experiments.pipeline.events import report_source_events
-from experiments.pipeline.frame_sources import check_size, open_source
+from experiments.pipeline.frame_sources import check_size, open_source, without_fps
 from experiments.pipeline.line import Film
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
@@ -250,6 +250,7 @@ def _open(
     source: str, scene_path: Path | None, fps: float | None, phantom: PhantomProcess | None
 ) -> tuple[Scene | None, vision.Source | MarkSource]:
     if is_mark_source(source):
+        without_fps(source, fps, "marks")
         return open_mark_source(source, scene_path)
     return open_source(source, scene_path, live=True, fps=fps, phantom=phantom)
 

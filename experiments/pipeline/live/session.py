@@ -19,7 +19,6 @@ import vision
 from estimators import (
     AdviceSettings,
     CovarianceError,
-    Doubt,
     Guidance,
     TargetEstimate,
     after_frame,
@@ -29,8 +28,9 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import report_distractors, report_event, report_swap
+from experiments.pipeline.events import report_distractors, report_event, report_move, report_swap
 from experiments.pipeline.frame_sources import check_size
+from experiments.pipeline.integrity.monitor import IntegrityMonitor
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s
 from experiments.pipeline.live.journal import Act, Done, Journal
@@ -38,7 +38,6 @@ from experiments.pipeline.live.lateness import Lateness
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.shown import Counters, Publisher, Shown, status_text
-from experiments.pipeline.live.usual import balance_of
 from experiments.pipeline.warm_up import warm_up
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
@@ -93,12 +92,10 @@ class Session:
         self.watch, self.publisher = watch, publisher
         self.journals: list[Journal] = []
         self.paused = False
-        self.doubt = Doubt()
-        self._balance, self._unstated = balance_of(scene, self.line.filter)
+        self.integrity = IntegrityMonitor(scene, self.line.filter)
         self.picture: vision.Frame | None = None
-        self.advice = (
-            None if needle is None else LiveAdvice(needle, self.line.filter, rows.with_name(ADVICE), self._unstated)
-        )
+        unstated, table = self.integrity.unstated, rows.with_name(ADVICE)
+        self.advice = None if needle is None else LiveAdvice(needle, self.line.filter, table, unstated)
         self._clock = clock
         self.counters = Counters()
         self.statuses: Counter[str] = Counter()
@@ -135,7 +132,7 @@ class Session:
         estimate = step.estimates[FILTER]
         self._write(estimate)
         used = [mark for mark in step.marks if mark.node not in step.refused]
-        self.doubt.update(estimate, self._balance.update(exposure_s, self.line.measured(used)))
+        self.integrity.take(estimate, self.line.measured(used))
         advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, self._fault)
         ended = time.perf_counter()
         stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
@@ -160,7 +157,7 @@ class Session:
 
     def _begin_anew(self) -> None:
         self.line = Line(self.line.scene, baseline=False, explain=self._explain)
-        self._balance.forget()
+        self.integrity.restart()
         if self.advice is not None:
             self.advice.forget()
 
@@ -186,12 +183,15 @@ class Session:
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
+        if step.reference is not None and step.reference.moved is not None:
+            moved = step.reference.moved
+            report_move(replace(moved, time_s=self._own_s(moved.time_s)))
         return step
 
     @property
     def _fault(self) -> str | None:
         """Why there is no advice, whatever the newest estimate says of itself."""
-        return PAUSED if self.paused else self.doubt.reason or self._lateness.fault
+        return PAUSED if self.paused else self.integrity.doubt.reason or self._lateness.fault
 
     def _publish(
         self,
@@ -206,12 +206,19 @@ class Session:
         plan = None if self.advice is None else self.advice.plan
         settings = AdviceSettings() if plan is None else plan.settings
         fault = self._fault or health_fault(estimate, now_s, self.line.filter.seen_s, settings)
-        self.publisher.publish(
-            Shown(
-                self._own(estimate), estimate.time_s, frame, step, advised, plan, fault, self.interval_s, self.counters
-            ),
-            self.line,
+        shown = Shown(
+            estimate=self._own(estimate),
+            at_s=estimate.time_s,
+            frame=frame,
+            step=step,
+            guidance=advised,
+            plan=plan,
+            fault=fault,
+            interval_s=self.interval_s,
+            counters=self.counters,
+            errors=self.integrity.largest_errors(estimate),
         )
+        self.publisher.publish(shown, self.line)
 
     def _fits(self, frame: vision.Frame) -> bool:
         if not self.counters.frames:
@@ -256,8 +263,7 @@ class Session:
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
         """The estimate in the source's time, with what the scene leaves unsaid in its covariance."""
-        cov = None if estimate.cov is None else estimate.cov + self._unstated
-        return replace(estimate, time_s=self._own_s(estimate.time_s), cov=cov)
+        return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
@@ -282,7 +288,7 @@ class Session:
         """Forget the state: the next frame starts anew."""
         self._note(Act.RESET, self.line.filter.time_s or 0.0, self._clock())
         self._begin_anew()
-        self.doubt.forget()
+        self.integrity.looked()
         self._lateness.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:

@@ -59,6 +59,7 @@ class Shown:
     guidance, plan: the advice on the needle, and where that is; None without one
     fault: why there is no advice to be given, whatever the needle
     interval_s: usual time from frame to frame [s]
+    errors: which errors have most of the target's variance
     """
 
     estimate: TargetEstimate
@@ -70,6 +71,7 @@ class Shown:
     fault: str | None
     interval_s: float | None
     counters: Counters
+    errors: str
 
 
 class Publisher(Protocol):

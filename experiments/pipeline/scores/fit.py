@@ -1,4 +1,8 @@
-"""Do the marks fit the model: innovations against the band of a consistent filter, frames by status, a verdict."""
+"""Are marks predicted as well as stated: innovations against the band of a consistent filter; and a verdict.
+
+Innovations test the filter where there are marks. Of a hidden target they show nothing: a truth does, a fix, or marks
+that are withheld.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,12 @@ from estimators import Status, TargetEstimate, mean_bounds
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
 """Frames whose innovations are judged: at a start the prior is wide on purpose."""
+
+COVERED = (0.9, 0.995)
+"""Share of frames inside the 95 % region below and above which the covariance is said to be too small, or large [1];
+choice."""
+
+UNTESTED = "this does not test the hidden target (track --check, a fix, or a recording with the target in view does)"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
 """Frames in which the estimate did not rest on marks that fit; in the order in which a verdict names them."""
@@ -69,13 +79,39 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
     return {str(status): statuses.count(status) for status in Status}
 
 
+@dataclass(frozen=True, slots=True)
+class TruthScore:
+    """What a truth shows of the target's covariance: share of frames inside the 95 % region, mean NEES, dimension."""
+
+    coverage95: float
+    mean_nees: float
+    dim: int
+
+    @property
+    def words(self) -> str:
+        """The scores, and what they say of the covariance."""
+        found = "is too small" if self.coverage95 < COVERED[0] else "holds"
+        if self.coverage95 > COVERED[1]:
+            found = "is larger than the errors"
+        return (
+            f"the true target lies inside its 95 % region in {100.0 * self.coverage95:.0f} % of frames (NEES"
+            f" {self.mean_nees:.3g}, expected {self.dim}): its covariance {found}"
+        )
+
+
 def verdict(
-    fit: Fit | None, by_status: Mapping[str, int], refused: int = 0, *, frozen: int = 0, pictures: bool = True
+    fit: Fit | None,
+    by_status: Mapping[str, int],
+    refused: int = 0,
+    *,
+    frozen: int = 0,
+    pictures: bool = True,
+    truth: TruthScore | None = None,
 ) -> str:
-    """One sentence: do the marks fit the model, and in how many frames were there any; what to do where not.
+    """What innovations show, what they do not, and in how many frames there were any.
 
     refused: marks that the gate rejected; frozen: frames whose given values repeat; pictures: whether marks were looked
-    for in pictures, and not given
+    for in pictures, and not given; truth: scores of the target, where its truth is known
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -84,25 +120,27 @@ def verdict(
         counted = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         counted = f"none of {frames} frames coasting, lost or diverged"
-    told = [NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit), counted]
-    if frozen:
-        told.append(f"{frozen} frames frozen: their values repeat those before")
-    if refused:
-        told.append(f"{refused} marks refused")
-    return "; ".join(told)
+    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit)
+    of_target = UNTESTED if truth is None and fit is not None else truth.words if truth is not None else None
+    counts = [
+        counted,
+        f"{frozen} frames frozen: their values repeat those before" if frozen else None,
+        f"{refused} marks refused" if refused else None,
+    ]
+    return "; ".join(part for part in (of_marks, of_target, *counts) if part)
 
 
 def _fit_words(fit: Fit) -> str:
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
-        return f"the marks fit the model: NIS {fit.mean_nis:.2f} in {band}"
+        return f"marks are predicted as well as stated: NIS {fit.mean_nis:.2f} in {band}"
     if fit.ratio < 1.0:
         return (
-            f"the marks fit the model, which is cautious: they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than "
-            f"predicted, NIS {fit.mean_nis:.2f} below {band} (softaim tune lowers noise levels that are too high)"
+            f"marks are predicted better than stated: they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than "
+            f"predicted, NIS {fit.mean_nis:.2f} below {band}: noise levels are too high for these marks (softaim tune)"
         )
-    more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times what"
+    more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (
-        f"the marks fit the model badly: they scatter {more} it predicts, NIS {fit.mean_nis:.2f} above {band}: "
-        f"constants or noise levels are wrong: softaim identify, softaim tune"
+        f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
+        f"constants or noise levels are wrong (softaim identify, softaim tune)"
     )

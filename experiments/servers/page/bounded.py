@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from typing import Any
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -20,12 +22,18 @@ CLOSING_S = 2.0
 """Time that a client has to take what is left for it once its connection is to end [s]; chosen."""
 MOST_UNSENT = 8 * 2**20
 """Bytes that may wait for a client that goes on sending: more than the largest picture; chosen."""
+MOST_HEAD = 16_384
+"""Bytes of a request's line and headers; chosen: ours have 1000."""
 MOST_PIECES = 256
 """Frames in one message: empty ones count nothing against its size; chosen."""
 
 
+END_OF_HEAD = re.compile(rb"\n\r?\n")
+"""What h11 takes for it."""
+
+
 class BoundedHttp(H11Protocol):
-    """HTTP; refuses connections beyond MOST_CONNECTIONS and ends each after REQUESTS_S."""
+    """HTTP; refuses connections beyond MOST_CONNECTIONS and heads beyond MOST_HEAD, ends each after REQUESTS_S."""
 
     _end: asyncio.TimerHandle | None = None
 
@@ -42,6 +50,14 @@ class BoundedHttp(H11Protocol):
         """Forget the connection."""
         self._forget_end()
         super().connection_lost(exc)
+
+    def handle_events(self) -> None:
+        """Answer what came, unless its head is too long: h11 counts only heads that have not come whole."""
+        came = self.conn.trailing_data[0] if self.conn.their_state is h11.IDLE else b""
+        if len(came) > MOST_HEAD and END_OF_HEAD.search(came, 0, MOST_HEAD) is None:
+            self.send_400_response(f"expected a head of at most {MOST_HEAD} bytes\n")
+            return
+        super().handle_events()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         """Hand the connection on: what ends it then is `BoundedWebSocket`."""

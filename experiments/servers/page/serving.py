@@ -11,12 +11,10 @@ import uvicorn
 
 from experiments.servers.feed import Feed
 from experiments.servers.page.application import application
-from experiments.servers.page.bounded import BoundedHttp, BoundedWebSocket
+from experiments.servers.page.bounded import MOST_HEAD, BoundedHttp, BoundedWebSocket
 
 MOST_INBOUND = 65_536
 """Bytes of a message from a client; asked for."""
-MOST_HEAD = 16_384
-"""Bytes of a request's line and headers; chosen: ours have 1000."""
 PING_S = 10.0
 """Between two pings, and the time in which one is to be answered [s]: who is gone is dropped in twice that; chosen."""
 LEAVING_S = 1

@@ -1,6 +1,9 @@
 """The path in two parts, nobody pokes until then and all else: each against the filter, and a hit by both."""
 
+import gc
 from dataclasses import replace
+from functools import partial
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from estimators import (
     TissueFilter,
     advise,
     fast_prediction_tables,
+    guide,
     hit_probability,
     path_by_tables,
     path_near_rest,
@@ -118,6 +122,34 @@ def test_tables_are_used_near_rest_and_as_far_as_they_reach_else_the_filter(phan
     turned = path_near_rest(fast_prediction_tables(pushed, 1.0), pushed, times)
     assert turned.mixture is None
     np.testing.assert_array_equal(turned.means, pushed.predict_path(times)[0])
+
+
+def test_guide_goes_by_tables_that_are_made_once(phantom, monkeypatch):
+    """As `softaim advise` has it, now and for a needle that starts later; what they reach is not made again."""
+    own = resting(phantom)
+    estimate = own.predict_at(own.time_s)
+    estimate = replace(estimate, nis=1.0)
+    tables = fast_prediction_tables(own, 4.0)
+    down = replace(DOWN, entry=estimate.mean + np.array([0.0, 0.06]))
+    made = []
+    monkeypatch.setattr("estimators.guidance.path.fast_prediction_tables", lambda *at, **how: made.append(at) or tables)
+    monkeypatch.setattr(TissueFilter, "predict_path", None)
+    for now_s in (None, own.time_s + 0.05):
+        found = guide(own, estimate, down, DISC, now_s=now_s)
+        expected = guide(own, estimate, down, DISC, now_s=now_s, path_at=partial(path_near_rest, tables, own))
+        assert found.probability is not None
+        assert (found.advice, found.probability) == (expected.advice, expected.probability)
+        np.testing.assert_array_equal(found.aim, expected.aim)
+    assert len(made) == 1
+
+
+def test_tables_that_guide_has_made_go_with_their_filter(phantom):
+    own = resting(phantom)
+    guide(own, own.predict_at(own.time_s), replace(DOWN, entry=own.place_of(own.target)[0] + [0.0, 0.06]), DISC)
+    gone = ref(own)
+    del own
+    gc.collect()
+    assert gone() is None
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,20 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
     assert sd[0] < 0.15 < sd[1]
 
 
+def test_a_group_that_the_recording_does_not_determine_keeps_its_value(recorded):
+    """Stiffness off by some 20 % is found; drag, known to a tenth before, is hardly better known after 4 s."""
+    told, change = wrong(chain())
+    prior = {"stiffness": 0.3, "drag": 0.1}
+    found = identify_constants(
+        told, recorded[0][:80], ("near",), "far", prior_sd=prior, settings=SETTINGS, search=ONE_START
+    )
+    assert found.kept.tolist() == [False, False, False, True, True]
+    np.testing.assert_array_equal(found.network.drag, told.drag)
+    assert (found.sd[3:] > 0.08).all()
+    assert np.abs(found.change[:3]).max() > 0.1
+    assert (np.abs(found.change[:3] + change[:3]) < 3.0 * found.sd[:3]).all()
+
+
 def test_the_directions_kept_carry_the_targets_variance(recorded, found):
     """What is left out of the covariance is nothing to the target: its columns' variance falls by 1 - kept at most."""
     frames, _ = recorded

@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import typer
 
 from experiments.commands.app import COMMANDS
 from experiments.commands.run import Answer, public, subcommand
@@ -133,7 +134,7 @@ def test_a_recording_is_replaced_with_force_and_what_else_is_there_stays() -> No
     "words",
     [
         "advise film --needle needle.toml --out out",
-        "hue spot.png --at 30,20 --fps 30",
+        "hue spot.png --at 30,20",
         "plan scene.toml --plan plan.toml --out out",
         "record film/video.avi --out out",
         "simulate scenario.toml --out out",
@@ -226,10 +227,11 @@ def test_a_print_of_a_command_does_not_mix_with_its_json(capfd: pytest.CaptureFi
         print("busy")
         return Answer({"x": 1}, lambda: print("done"))
 
-    called = subcommand(chatty)
-    called(verbose=False, as_json=True)
+    one = typer.Typer()
+    one.command()(subcommand(chatty))
+    one(["--json"], standalone_mode=False)
     shown = capfd.readouterr()
     assert json.loads(shown.out) == {"x": 1}
     assert shown.err == "busy\n"
-    called(verbose=False, as_json=False)
+    one([], standalone_mode=False)
     assert capfd.readouterr().out == "busy\ndone\n"

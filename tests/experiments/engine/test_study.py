@@ -87,17 +87,19 @@ if __name__ == "__main__":
 
 
 def test_what_is_done_is_not_done_again_after_a_kill(tmp_path):
-    """The whole study is killed when it has kept some runs; then the rest is done, here."""
+    """The whole study is killed when it has kept some runs, the later ones held; then the rest is done, here."""
+    (tmp_path / "held").touch()
     script = tmp_path / "script.py"
     script.write_text(STUDY.format(folder=str(tmp_path), study=str(tmp_path / "study")), encoding="utf-8")
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     process = subprocess.Popen([sys.executable, str(script)], env=environment | {"PYTHONPATH": str(ROOT)})
     kept = tmp_path / "study" / "kept"
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + 120.0
     while len(list(kept.glob("*.parquet"))) < 2 and time.monotonic() < until:
         time.sleep(0.02)
     process.kill()
     process.wait()
+    (tmp_path / "held").unlink()
     known = pd.concat([pd.read_parquet(path) for path in kept.glob("*.parquet")])
     assert 2 <= len(known) < 80
     assert set(known["threads"]) == {"1"}
@@ -167,7 +169,7 @@ def test_a_scheduler_that_is_not_there_is_bad_input(tmp_path, monkeypatch):
 
 
 def test_without_the_extra_the_message_has_the_command(tmp_path, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    monkeypatch.setattr("experiments.extras.find_spec", lambda _name: None)
     with pytest.raises(InputError, match=r'pip install "softaim\[cluster\]"'):
         run_study(small_runs.paired, cases(2), tmp_path, OWN_PROCESS)
 

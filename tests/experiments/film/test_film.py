@@ -32,6 +32,7 @@ acceleration_m_s2_sqrt_hz = 0.05
 size_px = [640, 480]
 mm_per_px = [1.25, 1.25]
 """
+pytestmark = pytest.mark.usefixtures("without_pictures")
 NEEDLE = "version = 1\nentry_mm = [0.0, 300.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 100.0\n"
 
 
@@ -74,23 +75,30 @@ def test_what_is_drawn_is_what_was_estimated_seen_and_expected(recording) -> Non
     assert overlay.facts.startswith(f"{estimate.time_s:.2f} s, 3 of 3 marks, sigma ")
 
 
-def test_track_writes_a_film_of_every_frame_and_the_worst(recording, tmp_path, capsys) -> None:
-    assert softaim("track", recording, "--out", tmp_path / "out", "--film") == 0
-    frames = frames_of(tmp_path / "out" / "film.avi")
+@pytest.fixture(scope="module")
+def filmed(recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("filmed") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("experiments.plots.track.write_track_plots", lambda *_, **__: [])
+        assert softaim("track", recording, "--out", out, "--film") == 0
+    return out
+
+
+def test_track_writes_a_film_of_every_frame_and_the_worst(recording, filmed) -> None:
+    frames = frames_of(filmed / "film.avi")
     assert len(frames) == 30
     assert frames[0].shape == (480, 640, 3)
     plain = frames_of(next(recording.glob("video.*")))
     assert np.abs(frames[10].astype(int) - plain[10]).max() > 100
-    assert cv2.imread(str(tmp_path / "out" / "worst.png")) is not None
-    assert cv2.VideoCapture(str(tmp_path / "out" / "film.avi")).get(cv2.CAP_PROP_FPS) == pytest.approx(30.0, rel=1e-3)
+    assert cv2.imread(str(filmed / "worst.png")) is not None
+    assert cv2.VideoCapture(str(filmed / "film.avi")).get(cv2.CAP_PROP_FPS) == pytest.approx(30.0, rel=1e-3)
 
 
-def test_without_a_film_the_estimates_are_the_same(recording, tmp_path) -> None:
+def test_without_a_film_the_estimates_are_the_same(recording, filmed, tmp_path) -> None:
     assert softaim("track", recording, "--out", tmp_path / "plain") == 0
-    assert softaim("track", recording, "--out", tmp_path / "filmed", "--film") == 0
     assert not (tmp_path / "plain" / "film.avi").exists()
     for name in ("estimates.csv", "estimates.open-loop.csv"):
-        assert (tmp_path / "plain" / name).read_bytes() == (tmp_path / "filmed" / name).read_bytes()
+        assert (tmp_path / "plain" / name).read_bytes() == (filmed / name).read_bytes()
 
 
 def test_a_mark_of_another_diameter_than_stated_is_blamed_on_that(recording, tmp_path, capsys) -> None:

@@ -103,7 +103,7 @@ def test_a_film_in_which_a_mark_is_missing_is_told_of(film, tmp_path, capsys) ->
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--film", "--scene", "scene.toml"], "--film: expected --out DIR beside it, found none"),
+        (["--film", "--scene", "scene.toml"], "--film: expected --out beside it, found none"),
         ([], "hue: expected --at U,V, or --scene scene.toml with a camera, found neither"),
         (
             ["--scene", "wide.toml"],

@@ -10,7 +10,14 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.camera_file import read_camera_toml, write_camera_toml
-from experiments.formats.camera_yaml import LensFile, opencv_text, read_opencv_yaml, read_ros_yaml, ros_text
+from experiments.formats.camera_yaml import (
+    LensFile,
+    opencv_text,
+    read_lens_file,
+    read_opencv_yaml,
+    read_ros_yaml,
+    ros_text,
+)
 from tests.real_data import DATA
 from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, noisy_views, poses
 from vision import Calibration, calibrate
@@ -131,6 +138,79 @@ def test_ros_yaml_of_other_programs_is_read(tmp_path: Path) -> None:
     assert (back.size_px, back.name) == ((640, 480), "narrow_stereo")
     np.testing.assert_array_equal(back.lens.matrix, [[535.5, 0, 342.25], [0, 536, 235.5], [0, 0, 1]])
     np.testing.assert_array_equal(back.lens.distortion, [-0.25, 0.5, 1e-3, -2.5e-4, 0.0])
+
+
+def of_ros(model: str, coefficients: list[float]) -> str:
+    """As ROS writes it, with other coefficients."""
+    head, _, rest = ROS.partition("distortion_model")
+    data = f"  rows: 1\n  cols: {len(coefficients)}\n  data: {coefficients}\n"
+    return f"{head}distortion_model: {model}\ndistortion_coefficients:\n{data}{rest[rest.index('rectification') :]}"
+
+
+def of_opencv(coefficients: list[float], path: Path) -> str:
+    """As cv2.FileStorage writes it, XML or YAML by the name."""
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 640)
+    storage.write("image_height", 480)
+    storage.write("camera_matrix", LENS.matrix)
+    storage.write("distortion_coefficients", np.array(coefficients).reshape(-1, 1))
+    storage.release()
+    return path.read_text(encoding="utf-8")
+
+
+COEFFICIENTS = [-0.25, 0.5, 1e-3, -2.5e-4, 0.01, 0.02, -0.03, 0.04, 0.001, 0.002, -0.003, 0.004, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("name", ["ost.yaml", "cv.yml", "cv.xml", "cv.json"])
+@pytest.mark.parametrize("n", [4, 5, 8, 12, 14])
+def test_lenses_of_other_programs_are_known_by_their_content(tmp_path: Path, n: int, name: str) -> None:
+    path, own = tmp_path / name, COEFFICIENTS[:n]
+    text = of_ros("plumb_bob" if n < 8 else "rational_polynomial", own) if "ost" in name else of_opencv(own, path)
+    (tmp_path / "camera.txt").write_text(text, encoding="utf-8")
+    found = read_lens_file(tmp_path / "camera.txt")
+    assert found is not None
+    assert found.size_px == (640, 480)
+    np.testing.assert_array_equal(found.lens.distortion, (*own, 0.0)[: max(5, min(n, 12))])
+    (tmp_path / "again.yaml").write_text(ros_text(found), encoding="utf-8")
+    again = read_lens_file(tmp_path / "again.yaml")
+    assert again is not None
+    np.testing.assert_array_equal(again.lens.distortion, found.lens.distortion)
+
+
+KALIBR = """cam0:
+  camera_model: pinhole
+  distortion_coeffs: [-0.28, 0.07, 0.0002, 0.00001]
+  distortion_model: radtan
+  intrinsics: [458.6, 457.3, 367.2, 248.4]
+  resolution: [752, 480]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (KALIBR, "expected camera_matrix and distortion_coefficients as ROS has them, .* found a file of Kalibr"),
+        ("\n".join(f"{0.5 * k:.3e},{-k}" for k in range(11)), "expected plane_to_px = .* found DLT coefficients"),
+        (" ".join(map(str, range(11))), r"expected plane_to_px = \[\[L1, L2, L4\], .* found DLT coefficients"),
+        (of_ros("equidistant", [0.1] * 4), 'distortion_model: .* found "equidistant"; .* fisheye lens first'),
+        (of_ros("rational_polynomial", [0.1] * 14), r"distortion_coefficients: expected a sensor that is not tilted"),
+        (
+            of_ros("plumb_bob", [0.1] * 6),
+            r"distortion_coefficients: expected 4, 5, 8, 12 or 14 numbers, .* found \[0.1",
+        ),
+        (opencv_text(CONTENT) + "fisheye_model: 1\n", "fisheye_model: expected 0; undistort pictures .* found 1"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line_that_helps(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "camera.txt").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=f"camera.txt: {message}") as fault:
+        read_lens_file(tmp_path / "camera.txt")
+    assert "\n" not in str(fault.value)
+
+
+def test_a_camera_of_this_program_is_none_of_them(calibration: Calibration, tmp_path: Path) -> None:
+    write_camera_toml(calibration, tmp_path / "camera.toml")
+    assert read_lens_file(tmp_path / "camera.toml") is None
 
 
 @pytest.mark.parametrize(

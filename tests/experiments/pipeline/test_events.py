@@ -84,6 +84,15 @@ def test_what_was_changed_by_hand_since_is_left_out_again(scene):
     assert "tuned before softaim identify, for other constants" in again["tune"]
 
 
+def test_rest_that_was_found_is_not_left_out_until_the_network_is_changed_by_hand(scene):
+    """Constants found later move it: that is no reason to find it again. Another step than this finds no rest."""
+    off = drawn_off(scene, "M1", [3e-3, -4e-3])
+    rested = with_step(with_step(off, "at-rest", "1"), "identify", "1")
+    assert "at-rest" not in steps_left_out(rested, "track")
+    assert "at-rest" in steps_left_out(with_step(off, "identify", "1"), "track")
+    assert "at-rest" in steps_left_out(drawn_off(rested, "M1", [1e-3, 0.0]), "track")
+
+
 def test_what_is_assumed_is_one_line(scene):
     """Of the phantom: four free nodes, three of them measured."""
     assert scene_line(scene) == (

@@ -17,7 +17,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.compare import compare
 from experiments.pipeline.compare import summary as compare_summary
-from experiments.pipeline.identify import confounded, fit_lines, hardly_determined
+from experiments.pipeline.identify import confounded, fit_lines, not_determined
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import summary, track
 from experiments.simulation.simulate import scene_of
@@ -103,8 +103,11 @@ def test_identify_reports_to_programs(calibrated):
     assert 0 < len(report["not_told"]) < 38
     assert {"variance_left", "weights"} == set(report["not_told"][0])
     assert all(len(pair["constants"]) == 2 for pair in report["not_told_apart"])
-    hardly = {name for names in report["hardly_determined"].values() for name in names}
-    assert {row["name"] for row in report["constants"] if row["standard_error"] > 0.4} <= hardly
+    kept = [row["name"] for row in report["constants"] if row["kept"]]
+    assert kept == [name for names in report["not_determined"].values() for name in names]
+    assert {row["name"] for row in report["constants"] if row["change"] == 0.0} == set(kept)
+    assert all(row["standard_error"] > 0.3 for row in report["constants"] if row["kept"])
+    assert read_scene(calibrated[1]).steps[-1].kept == tuple(kept)
 
 
 def test_what_is_not_told_apart_is_said():
@@ -118,7 +121,7 @@ def test_what_is_not_told_apart_is_said():
     found = IdentificationResult(
         network=four_mass_phantom(),
         groups=groups,
-        change=np.zeros(3),
+        change=np.array([0.1, 0.0, -0.1]),
         cov=cov,
         prior_sd=np.array([0.3, 0.5, 0.5]),
         uncertainty=None,
@@ -138,9 +141,9 @@ def test_what_is_not_told_apart_is_said():
     (pair,) = confounded(found)
     assert pair.constants == ("drag M1", "friction M1")
     assert pair.correlation == pytest.approx(-0.9)
-    assert hardly_determined(found) == {"drag": ["drag M1"]}
+    assert not_determined(found) == {"drag": ["drag M1"]}
     lines = fit_lines(found, 5.0)
-    assert "Hardly determined, their values are mostly those of the scene given: 1 of 1 drag" in lines
+    assert "Not determined by this recording, kept as the scene has them: 1 of 1 drag" in lines
     assert "Not told apart, by their correlation: drag M1 and friction M1 (-0.90)" in lines
 
 

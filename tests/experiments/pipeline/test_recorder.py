@@ -107,6 +107,7 @@ def check_frames(folder: Path, n: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """SIGKILL at frame 75, which is 2.5 s: lost are a second's frames, and the one that ends a piece."""
     folder, scene = tmp_path / "rec", tmp_path / "scene.toml"

@@ -134,33 +134,35 @@ from tests.experiments.pipeline.test_recorder import Frames, noise
 from vision import EveryFrame
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # then a write beyond the limit fails, as on a full disk
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
-try:
-    record(EveryFrame(Frames(*noise(90))), Path(sys.argv[1]), codec=sys.argv[3], clock=lambda: 0.0)
-except InputError as error:
-    print(error)
+for case in sys.argv[2:]:
+    codec, limit = case.split("-")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), resource.RLIM_INFINITY))
+    try:
+        record(EveryFrame(Frames(*noise(90))), Path(sys.argv[1], case), codec=codec, clock=lambda: 0.0)
+    except InputError as error:
+        print(error)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
-@pytest.mark.parametrize("codec", ["FFV1", "MJPG"])
-@pytest.mark.parametrize("limit", [700, 20_000, 60_000])
-def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(
-    tmp_path: Path, codec: Codec, limit: int
-) -> None:
-    """A limit on the size of files: an error in one line, and no piece, for the first one does not fit."""
+def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(tmp_path: Path) -> None:
+    """Limits on the size of files: of each an error in one line, and no piece, for the first one does not fit."""
+    cases = [f"{codec}-{limit}" for codec in ("FFV1", "MJPG") for limit in (700, 20_000, 60_000)]
     done = subprocess.run(
-        [sys.executable, "-c", FULL, tmp_path / "rec", str(limit), codec],
+        [sys.executable, "-c", FULL, tmp_path, *cases],
         cwd=Path(__file__).parents[3],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("\n") == 1
-    assert "expected room" in done.stdout
-    assert list((tmp_path / "rec" / "segments").iterdir()) == []
-    assert (tmp_path / "rec" / "frames.csv").read_bytes() == b"frame,exposure_s\n"
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(cases)
+    for line, case in zip(lines, cases, strict=True):
+        assert "expected room" in line
+        assert str(tmp_path / case) in line
+        assert list((tmp_path / case / "segments").iterdir()) == []
+        assert (tmp_path / case / "frames.csv").read_bytes() == b"frame,exposure_s\n"
 
 
 @pytest.fixture

@@ -39,7 +39,7 @@ class Slow:
 
     def __call__(self, k: int) -> Frame:
         self.at.set()
-        assert self.may.wait(30.0)
+        assert self.may.wait(60.0)
         return shade(k)
 
 
@@ -47,7 +47,7 @@ def test_no_more_waits_than_may(tmp_path) -> None:
     slow = Slow()
     one, faults = begun(tmp_path / "r", slow)
     assert one.put(0)
-    assert slow.at.wait(30.0)
+    assert slow.at.wait(60.0)
     assert [one.put(k) for k in range(1, 7)] == [True] * 4 + [False] * 2
     slow.may.set()
     one.finish()
@@ -59,7 +59,7 @@ def test_room_is_made_where_there_is_none(tmp_path) -> None:
     slow = Slow()
     one, faults = begun(tmp_path / "r", slow)
     assert one.put(0)
-    assert slow.at.wait(30.0)
+    assert slow.at.wait(60.0)
     made = []
     for k in range(1, 7):
         made.append(one.make_room())
@@ -84,7 +84,7 @@ def test_what_comes_just_before_the_end_is_recorded(tmp_path, monkeypatch) -> No
 
     monkeypatch.setattr(RecorderThread, "_next", found)
     one, faults = begun(tmp_path / "r")
-    assert idle.wait(30.0)
+    assert idle.wait(60.0)
     assert one.put(7)
     one.finish()
     assert (one.n_recorded, faults) == (1, [])

@@ -1,11 +1,12 @@
 """A program for `test_warm_up`: prints each kernel that a run calls in a way it was not called in before it began.
 
-    python -m tests.experiments.pipeline.warmed phantom     # pictures, and a needle
-    python -m tests.experiments.pipeline.warmed BODY        # marks of a body of the zoo
+    python -m tests.experiments.pipeline.warmed phantom BODY ...
 
-Such a call is compiled while a frame waits, unless an earlier run left it on the disk.
+phantom: pictures, and a needle; BODY: marks of a body of the zoo; each in a process of its own. Such a call is
+compiled while a frame waits, unless an earlier run left it on the disk.
 """
 
+import multiprocessing
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -127,5 +128,17 @@ def run_body(name: str) -> set[str]:
     return called() - before
 
 
+def report(name: str) -> None:
+    """Print what a run calls, a line each, and that it is over."""
+    for kernel in sorted(run_phantom() if name == "phantom" else run_body(name)):
+        print(f"{name}: {kernel}", flush=True)
+    print(f"{name}: over", flush=True)
+
+
 if __name__ == "__main__":
-    print("\n".join(sorted(run_phantom() if sys.argv[1] == "phantom" else run_body(sys.argv[1]))))
+    # What was imported is shared where a process can be forked; no kernel was called yet
+    context = multiprocessing.get_context("spawn" if sys.platform == "win32" else "fork")
+    for name in sys.argv[1:]:
+        process = context.Process(target=report, args=(name,))
+        process.start()
+        process.join()

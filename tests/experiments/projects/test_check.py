@@ -1,18 +1,24 @@
 """`softaim check`: what it says of a scene, against closed forms and scenes each of which lacks one thing."""
 
 import json
+from contextlib import ExitStack
 from dataclasses import replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
 
 from dynamics import build_network, four_mass_phantom, independent_uncertainty, parameters
-from estimators import FilterSettings
+from estimators import FilterSettings, TissueFilter
+from experiments.commands.run import Run
+from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
 from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
+from experiments.log import Kept
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
 from experiments.simulation.simulate import draw
@@ -37,7 +43,7 @@ def hanging(**changes) -> Scene:
     )
     marks = (Mark("M", 0.0, 0.01), Mark("T", 120.0, 0.01, measured=False))
     camera = fronto_parallel_camera("front", (320, 240), (1.5, 1.5), (0.0, -0.1))
-    return replace(Scene(network, marks, Target("T", 0.005), (camera,)), **changes)
+    return replace(Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), (camera,)), **changes)
 
 
 def report_of(scene: Scene, tmp_path, **options):
@@ -130,10 +136,11 @@ def complete() -> Scene:
     return Scene(
         network,
         marks,
-        Target("M2", 0.005),
+        Target("M2", 0.005, position_sd_m=5e-4),
         (camera,),
         uncertainty=independent_uncertainty(parameters(network, ("stiffness",)), 0.02),
         settings=replace(FilterSettings(), quiet=replace(FilterSettings().quiet, white=0.05)),
+        reference=Reference((ReferenceMark("R", "In2", look=Mark("R", 240.0, 0.03)),)),
     )
 
 
@@ -143,16 +150,20 @@ def test_a_complete_scene_lacks_nothing(tmp_path) -> None:
 
 
 LACKS = {
+    "a moved camera or tracker cannot be noticed": lambda s: replace(s, reference=Reference()),
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),
+    "how well the target's place in the tissue is known is not stated": lambda s: replace(
+        s, target=Target("M2", 0.005)
+    ),
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),
     "the target M2 has no mark": lambda s: replace(s, marks=tuple(m for m in s.marks if m.node != "M2")),
     "1 free node without any mark, M4": lambda s: replace(s, marks=s.marks[:3]),
     "1 mark not found in its picture or rows: M3": lambda s: replace(
         s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
     ),
-    "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4)),
+    "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4, position_sd_m=0.0)),
     "rest lengths do not fit the drawing": lambda s: replace(
         s, network=replace(s.network, rest_lengths=1.1 * s.network.rest_lengths)
     ),
@@ -184,7 +195,8 @@ def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
         gravity=[0.0, -G],
         fixed=["hook"],
     )
-    scene = Scene(network, (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False)), Target("T", 0.005), ())
+    marks = (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False))
+    scene = Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), ())
     assert any(line.startswith("the marks are too few or too far to carry") for line in lacking(scene, tmp_path))
 
 
@@ -193,13 +205,55 @@ def test_the_command_prints_writes_and_draws(tmp_path, capsys) -> None:
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
     subjects = [line.split()[0] for line in told.splitlines() if line[:1].strip()]
-    assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "missing", "Picture"]
+    assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "errors", "missing", "Picture"]
     picture = cv2.imread(str(tmp_path / "out" / "check.png"))
     assert picture is not None
     assert picture.std() > 10.0
     kept = json.loads((tmp_path / "out" / "check.json").read_text(encoding="utf-8"))
     assert softaim("check", tmp_path / "scene.toml", "--json") == 0
     assert json.loads(capsys.readouterr().out) == {"out": None, **kept}
+
+
+def string(n_free: int, dim: int) -> Scene:
+    """A string of so many masses that hangs from an anchor, the first one marked."""
+    names = ["A", *(f"N{k}" for k in range(n_free))]
+    places = np.zeros((n_free + 1, dim))
+    places[:, 0] = 0.01 * np.arange(n_free + 1)
+    edges = list(pairwise(names))
+    away = [1.0] + [0.0] * (dim - 1)
+    network = build_network(names, places, edges, stiffness=100.0, masses=1e-3, gravity=away, fixed=["A"])
+    return Scene(network, (Mark("N0", 0.0, 0.01),), Target(names[-1], 0.005), ())
+
+
+@pytest.mark.parametrize(("dim", "most"), [(2, 150), (3, 100)])
+@pytest.mark.parametrize("before", ["identify", "tune", "track", "insert"])
+def test_a_body_too_large_for_a_filter_is_refused_before_anything_is_computed(before, dim, most) -> None:
+    run = Run("track", (), Kept(), ExitStack())
+    run.use(string(most, dim), before)
+    where = "in space" if dim == 3 else "in the plane"
+    message = f"scene: network.node: expected at most {most} free nodes for a filter {where}, found {most + 1}"
+    with pytest.raises(InputError, match=message):
+        run.use(string(most + 1, dim), before)
+    run.use(string(most + 1, dim), "simulate")
+    run.use(string(most + 1, dim))
+
+
+def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr("experiments.projects.check.rest_shape", None)
+    write_scene(string(317, 3), tmp_path / "scene.toml")
+    assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 2
+    line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 100 free nodes for a filter in space, found 317"
+    assert capsys.readouterr().err == f"softaim: {line}\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_filter_of_many_nodes_is_made_with_a_warning(monkeypatch) -> None:
+    scene = hanging()
+    monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 8)
+    TissueFilter(scene.network, "T", ["M"])
+    monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 7)
+    with pytest.warns(UserWarning, match="a filter of 2 free nodes takes seconds for a frame"):
+        TissueFilter(scene.network, "T", ["M"])
 
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:
@@ -214,7 +268,9 @@ def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:
         fixed=["A", "B"],
         rest_lengths=[0.15, 0.15, 0.1],
     )
-    write_scene(Scene(network, (Mark("M", 0.0, 0.01),), Target("T", 0.005), ()), tmp_path / "scene.toml")
+    write_scene(
+        Scene(network, (Mark("M", 0.0, 0.01),), Target("T", 0.005, position_sd_m=5e-4), ()), tmp_path / "scene.toml"
+    )
     code = softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out")
     err = capsys.readouterr().err
     assert code == 2

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from experiments.errors import InputError
+from experiments.formats.scene.scene import read_scene
 from experiments.studies.own_phantom import __main__ as study
 from experiments.studies.own_phantom.insertions import insertions, reliability_table
 from experiments.studies.own_phantom.steps import steps_of, times_table
@@ -32,6 +33,7 @@ def test_the_tutorial_has_the_steps_of_a_new_project(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_pictures")
 def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     """All commands of the page, 6 s in place of 20 recorded: the target is followed no worse than by the open loop.
 
@@ -46,6 +48,12 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
         Path(name).write_text(re.sub(r"duration_s = [\d.]+", "duration_s = 6.0", text), encoding="utf-8")
     for step in steps:
         assert softaim(*step) == 0, step
+    believed, found = (read_scene(Path(name)) for name in ("scene.toml", "tuned.toml"))
+    true = read_scene(Path("truth/scene.toml")).network.positions
+    before, after = (np.abs(one.network.positions - true).max() for one in (believed, found))
+    assert after < 0.5 * before
+    assert [step.name for step in found.steps] == ["at-rest", "identify", "tune"]
+    assert Path("advice/advice.csv").is_file()
     figures = json.loads(Path("track/summary.json").read_text(encoding="utf-8"))
     assert figures["filter"]["mae_mm"] < min(figures["open-loop"]["mae_mm"], 1.0)
     assert figures["filter"]["coverage95"] > 0.8

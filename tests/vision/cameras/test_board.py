@@ -36,6 +36,18 @@ def test_corners_are_found_to_a_fraction_of_a_pixel(board: Board, rms_px: float,
     assert np.abs(all_errors.mean(axis=0)).max() < 0.02
 
 
+@pytest.mark.parametrize("board", [Board(7, 5, 0.025, "4X4_50", 0.018), CHARUCO], ids=["even rows", "as before"])
+@pytest.mark.parametrize("legacy", [False, True])
+def test_boards_printed_before_opencv_46_are_found(board: Board, legacy: bool, rays: np.ndarray) -> None:
+    """Of an even number of rows of squares other squares have the markers; the corners are the same."""
+    rng = np.random.default_rng(6)
+    pose = poses(1, rng)[0]
+    corners = find_board(board, drawn(board, pose, rays, rng=rng, legacy=legacy))
+    assert corners is not None
+    assert len(corners.seen_px) >= 16
+    assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
+
+
 @pytest.mark.parametrize("degrees", [90.0, 180.0, 270.0])
 @pytest.mark.parametrize("board", [BOARD, CHARUCO], ids=["chessboard", "charuco"])
 def test_corners_keep_their_names_when_the_board_is_turned(board: Board, degrees: float, rays: np.ndarray) -> None:

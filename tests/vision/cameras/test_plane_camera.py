@@ -27,6 +27,18 @@ def test_a_square_camera_has_its_centre_scale_and_axes() -> None:
     np.testing.assert_allclose(camera.mm_per_px((0.3, -0.1)), [4.24, 4.56], rtol=1e-12)
 
 
+@pytest.mark.parametrize("bent", [False, True])
+def test_a_moved_camera_sees_points_where_it_saw_moved_ones(bent: bool) -> None:
+    lens = Lens(np.array([[800.0, 0.0, 320.0], [0.0, 800.0, 240.0], [0.0, 0.0, 1.0]]), np.array([-0.2, 0.1, 0, 0, 0]))
+    pose = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 1.0]))
+    camera = posed_camera("bent", (640, 480), lens, pose) if bent else tilted()
+    turn = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
+    points, shift = np.array([[0.1, 0.05], [-0.1, 0.08]]), np.array([0.01, -0.02])
+    moved = camera.moved(turn, shift)
+    np.testing.assert_allclose(moved.project(points), camera.project(points @ turn.T + shift), atol=1e-9)
+    np.testing.assert_allclose(moved.to_plane(moved.project(points)), points, atol=1e-6)
+
+
 def test_projection_is_the_homography() -> None:
     x, y = 0.12, -0.07
     w = 0.15 * x - 0.25 * y + 1.0

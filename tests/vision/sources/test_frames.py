@@ -1,11 +1,15 @@
+import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+import vision
 from vision import FolderFrames, SourceError, VideoFileFrames, VideoWriter, count_frames
 
 N = 5
@@ -78,7 +82,7 @@ def test_a_folder_with_gaps_or_other_counts_is_told(folder: Path) -> None:
         list(FolderFrames(folder, [0.0] * N))
     (folder / "000002.png").write_bytes(b"no picture")
     (folder / "000007.png").unlink()
-    with pytest.raises(SourceError, match=r"000002.png: expected a PNG picture"):
+    with pytest.raises(SourceError, match=r"000002.png: expected a picture, found a file that cannot be read as one"):
         list(FolderFrames(folder, [0.0] * N))
     with pytest.raises(SourceError, match="expected a folder of frames, found none"):
         FolderFrames(folder / "none", [])
@@ -107,3 +111,33 @@ def test_a_bad_film_gives_one_line_and_no_noise(tmp_path: Path, name: str, conte
     )
     assert done.stdout == line + "\n"
     assert done.stderr == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such names themselves")
+@pytest.mark.parametrize(
+    "use",
+    [
+        vision.grey_picture,
+        vision.VideoFileFrames,
+        vision.count_frames,
+        lambda path: vision.VideoWriter(path, (64, 48), 10.0),
+        lambda path: vision.open_source(path, live=False),
+        lambda path: vision.open_source(f"http://{path}", live=False),
+        lambda path: list(vision.PictureFolderFrames(path.parent, 10.0)),
+    ],
+)
+def test_a_name_that_is_not_utf_8_never_reaches_opencv(tmp_path: Path, use: Callable[[Path], object]) -> None:
+    """It would end the process."""
+    path = tmp_path / os.fsdecode(b"k\xfcche.png")
+    path.write_bytes(b"no picture")
+    with pytest.raises(SourceError, match=r"k\\xfcche.*png: expected a name in UTF-8, found other bytes") as fault:
+        use(path)
+    assert str(fault.value).isascii()
+
+
+def test_every_name_that_opencv_gets_is_checked() -> None:
+    root = Path(__file__).parents[3]
+    for package in ("vision", "experiments"):
+        for file in (root / package).rglob("*.py"):
+            found = re.findall(r"cv2\.(?:imread|imwrite|VideoCapture|VideoWriter)\(str\(.*", file.read_text("utf-8"))
+            assert not found, file

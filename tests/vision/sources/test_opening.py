@@ -76,6 +76,55 @@ def test_a_folder_of_pictures_comes_by_name_so_many_a_second(folder: str) -> Non
     assert [frame.exposure_s for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
+ORDERS = [
+    [f"frame{k}.jpg" for k in (1, 2, 3, 9, 10, 11, 20, 24)],
+    [f"frame{k:04d}.png" for k in (1, 2, 10, 11, 100, 1000)],
+    ["a 2.png", "a 10.png", "b 1.png"],
+    ["run1 frame9.png", "run1 frame10.png", "run2 frame1.png", "run10 frame1.png"],
+    ["2026-01-31T9.png", "2026-01-31T10.png", "2026-02-01T1.png"],
+    ["1.jpg", "02.png", "3.JPEG", "010.png", "11.jpg"],
+    ["f01.png", "f1.png"],
+    ["take\n2.png", "take\n10.png"],
+]
+"""Names of pictures in the order in which they were taken."""
+
+
+@pytest.mark.parametrize("names", ORDERS, ids=lambda names: names[0].replace("\n", " "))
+def test_pictures_come_in_the_order_of_the_numbers_in_their_names(tmp_path: Path, names: list[str]) -> None:
+    """As frames and for a calibration; files that begin with a dot are none, such as those a Mac leaves beside."""
+    for k, name in enumerate(names):
+        cv2.imwrite(str(tmp_path / name), numbered(k))
+        (tmp_path / f"._{name}").write_bytes(b"no picture")
+    with open_source(str(tmp_path), live=False, fps=10.0) as source:
+        assert numbers(list(source)) == list(range(len(names)))
+    assert [name for name, _ in vision.grey_pictures([tmp_path])] == names
+    several = [path for path in tmp_path.iterdir() if not path.name.startswith(".")]
+    assert [name for name, _ in vision.grey_pictures(several)] == names
+
+
+def test_numbered_pictures_beside_hidden_files_are_a_recording(tmp_path: Path) -> None:
+    for k in range(3):
+        cv2.imwrite(str(tmp_path / f"{k:06d}.png"), numbered(k))
+        (tmp_path / f"._{k:06d}.png").write_bytes(b"no picture")
+    assert vision.count_numbered(tmp_path) == 3
+    assert numbers(list(vision.FolderFrames(tmp_path, [0.0, 0.1, 0.2]))) == [0, 1, 2]
+
+
+def test_a_film_is_as_fast_as_is_said(film: str) -> None:
+    """Slow motion, 240 pictures a second, that is stored as 50 a second."""
+    with open_source(film, live=False, fps=240.0) as source:
+        assert [frame.exposure_s for frame in source] == pytest.approx([k / 240.0 for k in range(6)], abs=1e-12)
+    with open_source(film, live=True, fps=240.0) as source:
+        times = [(frame.index, frame.exposure_s - source.origin_s) for frame in source]
+    assert [time_s for _, time_s in times] == pytest.approx([k / 240.0 for k, _ in times], abs=1e-9)
+
+
+@pytest.mark.parametrize("spec", ["0", "/dev/null", "rtsp://camera/1"])
+def test_a_camera_and_a_stream_are_as_fast_as_they_are(spec: str) -> None:
+    with pytest.raises(SourceError, match=f"{spec}: expected no fps beside a camera or stream, found 30"):
+        open_source(spec, live=True, fps=30.0)
+
+
 def test_pictures_of_another_size_are_told(folder: str) -> None:
     cv2.imwrite(str(Path(folder) / "b.JPEG"), numbered(2)[:24])
     with open_source(folder, live=False, fps=10.0) as source:

@@ -99,10 +99,17 @@ INTERVAL_S = 1.0 / 30.0
 DUE_S = INTERVAL_S * np.arange(360)
 
 
-def sparse(exposures_s: np.ndarray) -> list[SourceEvent]:
-    """What is said of pictures that were exposed at these times [s]."""
-    watch = SparsePictures()
-    return [event for exposure_s in exposures_s for event in watch.saw(float(exposure_s))]
+def sparse(exposures_s: np.ndarray, brightness: int = 200) -> list[SourceEvent]:
+    """What is said of even pictures that were exposed at these times [s]."""
+    watch, image = SparsePictures(), np.full((4, 6, 3), brightness, dtype=np.uint8)
+    return [event for exposure_s in exposures_s for event in watch.saw(float(exposure_s), image)]
+
+
+@pytest.mark.parametrize(("brightness", "dark"), [(5, True), (50, True), (70, False), (195, False)])
+def test_darkness_is_named_where_the_picture_is_dark_and_the_load_always(brightness: int, dark: bool) -> None:
+    lost, *_ = sparse(DUE_S[np.r_[0:120, 120:200:2]], brightness)
+    assert lost.kind is EventKind.SPARSE
+    assert ("dark" in lost.text, "light" in lost.text, "load" in lost.text) == (dark, dark, True)
 
 
 @pytest.mark.parametrize("until", [180, 360], ids=["for 2 s", "from now on"])
@@ -140,12 +147,12 @@ def test_a_rate_that_wanders_a_gap_and_a_late_reader_are_no_lost_pictures(exposu
 
 
 def test_a_pause_says_nothing_of_the_rate() -> None:
-    watch = SparsePictures()
+    watch, image = SparsePictures(), np.zeros((4, 6, 3), dtype=np.uint8)
     for exposure_s in DUE_S[:60]:
-        assert watch.saw(exposure_s) == []
+        assert watch.saw(exposure_s, image) == []
     for exposure_s in (3.0, 4.0, 5.0, 6.0):
         watch.began_again()
-        assert watch.saw(exposure_s) == []
+        assert watch.saw(exposure_s, image) == []
 
 
 REPEATS = {

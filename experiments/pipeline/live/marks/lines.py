@@ -65,7 +65,7 @@ def _mark(place: str, stated: object, scene: Scene) -> MarkRow:
     spread = "cov_mm2" if isinstance(stated, dict) and "cov_mm2" in stated else "sd_mm"
     table = _table(place, stated, ("node", *axes, spread))
     node = table["node"]
-    if not isinstance(node, str) or node not in (mark.node for mark in scene.marks):
+    if not isinstance(node, str) or node not in scene.mark_names:
         raise LineError(f"{place}.node: expected a node with a mark in the scene, found {shown(node)}")
     position_mm = np.array([_number(f"{place}.{axis}", table[axis], -FARTHEST_MM) for axis in axes])
     if spread == "sd_mm":

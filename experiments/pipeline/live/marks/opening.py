@@ -8,7 +8,7 @@ from experiments.errors import InputError
 from experiments.formats.marks.drawing import first_marks_line
 from experiments.formats.pictures import MARKS, source_in
 from experiments.formats.recording import read_frames, read_marks
-from experiments.formats.scene.scene import Scene, read_scene
+from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.log import LOG
 from experiments.pipeline.live.marks.feeds import PipeFeed, udp_feed
 from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
@@ -29,7 +29,7 @@ def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSou
     """The marks of `spec`, and the scene: that of scene_path, else that beside marks.csv. Raises InputError."""
     path = source_in(Path(spec)) if Path(spec).is_dir() else Path(spec)
     if path.suffix == ".csv":
-        scene = read_scene(path.with_name("scene.toml") if scene_path is None else scene_path)
+        scene = usable_scene(path.with_name("scene.toml") if scene_path is None else scene_path)
         frames_csv = path.with_name("frames.csv")
         times_s = read_frames(frames_csv) if path.name == MARKS and frames_csv.exists() else None
         exposures_s, marks = read_marks(path, scene, times_s)
@@ -39,7 +39,7 @@ def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSou
     name = f"--source {spec}"
     if scene_path is None:
         raise InputError.at(name, "--scene scene.toml beside it", "none")
-    scene = read_scene(scene_path)
+    scene = usable_scene(scene_path)
     try:
         return scene, LiveMarks(scene, PipeFeed() if spec in STDIN else udp_feed(spec))
     except SourceError as error:

@@ -29,6 +29,7 @@ const stream = new Stream({
     anew();
     commands.scene(message);
     text("source", message.source);
+    text("note", message.notes.join("; "));
   },
   state(message) {
     const at = performance.now();
@@ -170,6 +171,7 @@ function slow() {
   text("memory", `${number(counters.memory_mb, 0)} MB`);
   const sigma = state.sigma_mm;
   text("sigma-now", sigma === null ? "–" : `σ ${sigma.toFixed(2)} · 95 % ${(WITHIN_95[scene.dim] * sigma).toFixed(1)} mm`);
+  text("errors-now", state.errors);
   text("nis-now", number(state.nis, 1));
   text("poke-now", state.poked === null ? "–" : `${(100 * state.poked).toFixed(0)} %`);
   find("recording").hidden = state.recording === null;

@@ -165,6 +165,24 @@ def test_links_are_no_stiffer_than_is_known_of_them():
     assert as_stiff_as_known(softer, 0.01) is softer
 
 
+def test_a_string_under_more_tension_than_it_weighs_keeps_half_of_its_length():
+    """A bead of 1 g amid a string that pulls with 100 N: by weight alone a link would be below 0."""
+    places, gravity = [[-0.1, 0.0], [0.0, 0.0], [0.1, 0.0]], [0.0, -9.81]
+    network = build_network(
+        ["left", "bead", "right"],
+        places,
+        [(0, 1), (1, 2)],
+        stiffness=1e5,
+        masses=1e-3,
+        gravity=gravity,
+        fixed=["left", "right"],
+        rest_lengths=[0.099, 0.099],
+    )
+    softer = as_stiff_as_known(network, 0.01)
+    np.testing.assert_allclose(softer.rest_lengths, 0.05, rtol=1e-3)
+    np.testing.assert_allclose(rest_shape(softer), rest_shape(network), rtol=0, atol=1e-9)
+
+
 def test_the_slowest_oscillation_of_a_pendulum_is_that_of_the_textbook():
     """A mass on a link of length L swings with w² = g / L, whatever it weighs, and returns with g."""
     places, gravity = [[0.0, 0.0], [0.0, -0.4]], [0.0, -9.81]

@@ -83,13 +83,13 @@ def test_it_is_schmidts_filter(added_share):
 @pytest.mark.slow
 @pytest.mark.parametrize("same", [True, False])
 def test_its_covariance_holds_in_linear_runs(same):
-    """Mean NEES of all four states after 60 steps, 200 runs, force and calibration drawn once in each.
+    """Mean NEES of all four states after 60 steps, 100 runs, force and calibration drawn once in each.
 
     Inside the 99.9 % bounds about 4 where that is considered; past twice that where a calibration drawn anew in
     each frame is believed.
     """
     nees = []
-    for seed in range(200):
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         theta, x, mixture = rng.normal(size=3), np.sqrt(np.diag(START)) * rng.normal(size=4), considered()
         for _ in range(60):
@@ -102,7 +102,7 @@ def test_its_covariance_holds_in_linear_runs(same):
                 mixture.update_linear(z, H, R + SHARED @ SHARED.T)
         off = x - mixture.x
         nees.append(off @ np.linalg.solve(mixture.P, off))
-    low, high = mean_bounds(4, 200, 0.999)
+    low, high = mean_bounds(4, 100, 0.999)
     if same:
         assert low < np.mean(nees) < high
     else:

@@ -1,7 +1,9 @@
 """`softaim export` as it is called: what it prints, what it leaves."""
 
+import errno
 import json
-import sys
+import os
+import re
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,37 @@ def test_its_provenance_stands_beside_it(here: Path) -> None:
     assert found["scene"]["steps"] == []
 
 
+@pytest.mark.parametrize("force", [False, True])
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+@pytest.mark.parametrize("nth", [1, 2])
+def test_on_a_full_disk_nothing_is_left_beside_it(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], nth: int, call: str, force: bool
+) -> None:
+    """Whichever of its two files there is no room for."""
+    if force:
+        assert softaim(*CALL) == 0
+        Path("film.provenance.json").write_text("mine", encoding="utf-8")
+    before, calls = tree(here), []
+    owner = os if call == "fsync" else Path
+    real = getattr(owner, call)
+
+    def full(*words: object) -> object:
+        calls.append(words)
+        if len(calls) == nth:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(*words)
+
+    capfd.readouterr()
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, call, full)
+        assert softaim(*CALL, *(["--force"] if force else [])) == 2
+    assert re.fullmatch(
+        r"softaim: \S+: expected (room to write|a file that can be written), found no space left on device\n",
+        capfd.readouterr().err.splitlines(keepends=True)[-1],
+    )
+    assert tree(here) == before
+
+
 def test_with_force_a_file_is_replaced() -> None:
     Path("film.mcap").write_text("mine")
     assert softaim(*CALL) == 2
@@ -58,9 +91,9 @@ def test_with_force_a_file_is_replaced() -> None:
 def test_without_the_package_it_is_one_line(
     here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    monkeypatch.setattr("experiments.extras.find_spec", lambda _name: None)
     before = tree(here)
     assert softaim(*CALL) == 2
-    said = 'expected the package mcap of the extra "export" (pip install "softaim[export]"), found none'
+    said = 'expected the extra export (pip install "softaim[export]"), found no mcap'
     assert capfd.readouterr().err == f"softaim: --to mcap: {said}\n"
     assert tree(here) == before

@@ -53,9 +53,72 @@ def test_two_animals_are_refused(tmp_path: Path) -> None:
         read_poses(path)
 
 
+def several(path: Path, animals: dict[str, float]) -> Path:
+    """A table of several animals, as DeepLabCut writes it; each is off by its own number of pixels."""
+    names = ["scorer", "individuals", "bodyparts", "coords"]
+    parts = {
+        animal: pd.DataFrame(
+            np.concatenate([PLACES + off, LIKELIHOOD[:, :, None]], axis=2).reshape(3, -1),
+            columns=pd.MultiIndex.from_product([["DLC"], [animal], PARTS, ["x", "y", "likelihood"]], names=names),
+        )
+        for animal, off in animals.items()
+    }
+    pd.concat(parts.values(), axis=1).to_csv(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("animals", "individual"),
+    [({"mouse": 0.0}, None), ({"rat": 9.0, "mouse": 0.0, "cat": 5.0}, "mouse"), ({"mouse": 0.0, "rat": 9.0}, "mouse")],
+)
+def test_one_of_several_animals(tmp_path: Path, animals: dict[str, float], individual: str | None) -> None:
+    check(read_poses(several(tmp_path / "poses.csv", animals), individual), [0, 1, 2])
+
+
+@pytest.mark.parametrize(
+    ("individual", "said"),
+    [
+        (None, '--individual: expected one of "rat", "mouse", found none'),
+        ("dog", '--individual: expected one of "rat", "mouse", found "dog"'),
+    ],
+)
+def test_an_animal_that_is_not_named_is_asked_for(tmp_path: Path, individual: str | None, said: str) -> None:
+    path = several(tmp_path / "poses.csv", {"rat": 9.0, "mouse": 0.0})
+    with pytest.raises(InputError, match=said):
+        read_poses(path, individual)
+
+
+def test_an_animal_is_asked_of_a_table_of_one(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='--individual: expected none of a table of one animal, found "rat"'):
+        read_poses(sleap(tmp_path / "poses.csv", [3, 4, 7], [0, 1, 2]), "rat")
+
+
+def test_one_of_several_tracks(tmp_path: Path) -> None:
+    """Tracks of SLEAP are individuals; of one animal in pieces no name is needed."""
+    path = sleap(tmp_path / "poses.csv", [3, 4, 7], [0, 1, 2])
+    table = pd.read_csv(path).assign(track="left")
+    other = table.assign(track="right", **{"nose.x": 99.0})
+    pd.concat([other, table]).to_csv(path, index=False)
+    check(read_poses(path, "left"), [3, 4, 7])
+    with pytest.raises(InputError, match='--individual: expected one of "right", "left", found none'):
+        read_poses(path)
+    table.assign(track=["left", "left", "right"]).to_csv(path, index=False)
+    check(read_poses(path), [3, 4, 7])
+
+
+def test_an_analysis_file_in_hdf5_is_asked_for_as_csv(tmp_path: Path) -> None:
+    (tmp_path / "poses.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(InputError, match=r"poses\.h5: expected .* as export to CSV writes it, found an HDF5 file"):
+        read_poses(tmp_path / "poses.h5")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        (
+            "scorer,a,a,a\nindividuals,m,m,m\nbodyparts,n,n,n\n",
+            "row 4: expected the row coords of DeepLabCut, found none",
+        ),
         ("scorer,a,a,a\nbodyparts,n,n,n\n", "row 3: expected the row coords of DeepLabCut, found none"),
         ("scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,likelihood\n", "expected a row for each frame, and body parts"),
         ("scorer\nbodyparts\ncoords\n0\n", "expected a row for each frame, and body parts, found none"),

@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from experiments.errors import InputError
+from experiments.formats.camera_yaml import LensFile, opencv_text, ros_text
 from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.pipeline.frame_sources import filmed_scene
 from vision import Lens, Pose, posed_camera
 
 GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8")
@@ -62,6 +65,73 @@ def test_faults_of_cameras_are_told(tmp_path: Path, old: str, new: str, message:
         read_scene(path)
     assert message in str(fault.value)
     assert str(fault.value).startswith(str(tmp_path))
+
+
+POSED = "".join(line + "\n" for line in TABLE.splitlines() if line.startswith(("rotation", "translation")))
+LENSES = {
+    "ros": lambda lens: ros_text(LensFile(lens, (640, 480), "front")),
+    "opencv": lambda lens: opencv_text(LensFile(lens, (640, 480))),
+}
+
+
+@pytest.mark.parametrize("n", [5, 8, 12])
+@pytest.mark.parametrize("kind", LENSES)
+def test_a_lens_of_another_program_stands_where_the_scene_says(tmp_path: Path, kind: str, n: int) -> None:
+    """OpenCV's own projection is the oracle; a scene that is written and read again has the same camera."""
+    lens = Lens(LENS.matrix, np.append(LENS.distortion, np.linspace(0.01, 0.001, 7))[:n])
+    (tmp_path / "front.yaml").write_text(LENSES[kind](lens), encoding="utf-8")
+    path = scene_with(tmp_path, f'[[camera]]\nfile = "front.yaml"\n{POSED}scale_sd = 0.01\n')
+    points = np.array([[0.1, 0.05, 0.0], [-0.2, 0.1, 0.0]])
+    turn = cv2.Rodrigues(POSE.rotation)[0]
+    expected = cv2.projectPoints(points, turn, POSE.translation_m, lens.matrix, lens.distortion)[0].reshape(-1, 2)
+    write_scene(read_scene(path), tmp_path / "again.toml")
+    for scene in (read_scene(path), read_scene(tmp_path / "again.toml")):
+        (camera,) = scene.cameras
+        assert (camera.name, camera.size_px, camera.scale_sd, scene.lenses) == ("front", (640, 480), 0.01, ())
+        np.testing.assert_allclose(camera.project(points[:, :2]), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", LENSES)
+def test_a_lens_that_stands_nowhere_is_kept_and_no_camera(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "front.yaml").write_text(LENSES[kind](LENS), encoding="utf-8")
+    path = scene_with(tmp_path, '[[camera]]\nfile = "front.yaml"\n')
+    write_scene(read_scene(path), tmp_path / "again.toml")
+    for scene in (read_scene(path), read_scene(tmp_path / "again.toml")):
+        (lens,) = scene.lenses
+        assert (scene.cameras, lens.name, lens.size_px) == ((), "front", (640, 480))
+        np.testing.assert_array_equal(lens.lens.distortion, LENS.distortion)
+    said = "camera: expected one, found 0; front has a lens but no place: rotation and translation_mm"
+    with pytest.raises(InputError, match=said):
+        filmed_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        (
+            f'file = "front.yaml"\n{POSED.splitlines()[0]}',
+            "camera[0]: translation_mm: expected this key beside file, found",
+        ),
+        (f'file = "camera.toml"\n{POSED}', "camera[0].rotation: expected no such key beside camera.toml, which has"),
+        (
+            'file = "front.yaml"\nmatrix = [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]',
+            "camera[0]: expected one of plane_to_px, matrix",
+        ),
+        ('file = "none.yaml"', "none.yaml: expected a file, found none"),
+    ],
+)
+def test_faults_of_a_lens_file_are_told(tmp_path: Path, camera: str, message: str) -> None:
+    (tmp_path / "front.yaml").write_text(LENSES["ros"](LENS), encoding="utf-8")
+    (tmp_path / "camera.toml").write_text("version = 1\n", encoding="utf-8")
+    with pytest.raises(InputError) as fault:
+        read_scene(scene_with(tmp_path, f"[[camera]]\n{camera}\n"))
+    assert message in str(fault.value)
+
+
+def test_distortion_has_as_many_numbers_as_opencv(tmp_path: Path) -> None:
+    table = TABLE.replace("-0.002, 0.02]", "-0.002, 0.02, 0.1]")
+    with pytest.raises(InputError, match=r"camera\[0\]: distortion: expected 5, 8 or 12 numbers, found 6"):
+        read_scene(scene_with(tmp_path, table))
 
 
 @pytest.mark.slow

@@ -46,7 +46,10 @@ BAD = {
     "unknown table": (
         "[target]",
         "[aim]",
-        ": aim: expected one of version, network, uncertainty, filter, mark, target, camera, provenance, found",
+        (
+            ": aim: expected one of version, network, uncertainty, filter, mark, target, reference, camera, provenance,"
+            " found"
+        ),
     ),
     "missing key": ("stiffness_N_m = 80.0\n", "", ": network.spring[0].stiffness_N_m: expected this key, found none"),
     "missing mass": (

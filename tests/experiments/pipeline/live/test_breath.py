@@ -1,9 +1,11 @@
 """Advice on a target that breathes, and on one that leaves its breath: GO comes true, and probabilities do."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +17,8 @@ from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import case_of
 from experiments.simulation.world import World, world_of
 
-LEAVES_S, END_S = 11.0, 17.0
-"""When the target leaves its breath, and when the run ends [s]."""
+ASKED_S, LEAVES_S, END_S = 7.5, 11.0, 17.0
+"""When advice is first asked for, when the target leaves its breath, and when the run ends [s]."""
 
 GIVES = np.array([5.2e-3, 0.62e-3])
 """By how much the phantom's target moves aside and up where its outer masses are pushed by 1 m/s² [m s²/m]."""
@@ -88,32 +90,69 @@ def world_under(pushes: Pushes, seed: int) -> World:
     return replace(world, knots=SampledForces(forces, step_s))
 
 
+class Run:
+    """A phantom, its filter and the advice. State: these, the next frame, where all is, what was said."""
+
+    def __init__(self, pushes: Pushes, seed: int, folder: Path) -> None:
+        self.world, self.k = world_under(pushes, seed), 0
+        given, plan = self.world.case.given, self.world.case.plan
+        self.tissue = TissueFilter(given.network, HIDDEN, OUTER, given.settings)
+        self.plan = replace(
+            plan,
+            insertion=replace(plan.insertion, speed_m_s=0.1),
+            settings=replace(plan.settings, horizon_s=0.0),
+        )
+        self.advice = LiveAdvice(self.plan, self.tissue, folder / f"{seed}.csv")
+        self.advice.table.close()
+        self.advice.table = SimpleNamespace(write=lambda _row: None)
+        self.state, self.said, self.truth = self.world.start, [], []
+
+    def aim_at(self, radius_mm: float) -> None:
+        self.plan = replace(self.plan, lesion=replace(self.plan.lesion, axes=1e-3 * radius_mm * np.eye(2)))
+        self.advice.plan = self.plan
+
+    def until(self, end_s: float) -> None:
+        """Go on to this time [s]; nobody asks for advice before ASKED_S."""
+        world = self.world
+        away = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
+        while self.k < round(end_s * 30):
+            now = world.frame_s(self.k)
+            self.tissue.predict(now)
+            estimate = self.tissue.update(world.marks(self.k, self.state))
+            guided = self.advice.seen(self.tissue, estimate, now, "not asked yet" if now < ASKED_S else None)
+            self.truth.append(world.target(self.state))
+            if guided.turned_axis is not None:
+                self.said.append((now, self.advice.plan.insertion, guided))
+                turned = replace(self.plan.insertion, axis=guided.turned_axis)
+                self.advice.plan = replace(self.plan, insertion=turned)
+            self.k += 1
+            self.state, _ = world.moved(self.state, away, (now, world.frame_s(self.k)), False)
+
+
+@cache
+def begun(seed: int, folder: Path) -> Run:
+    """As long as nobody asks."""
+    run = Run(breath, seed, folder)
+    run.until(ASKED_S)
+    return run
+
+
+@cache
+def breathing(seed: int, radius_mm: float, folder: Path) -> Run:
+    """As long as all breathe alike."""
+    run = deepcopy(begun(seed, folder))
+    run.aim_at(radius_mm)
+    run.until(LEAVES_S)
+    return run
+
+
 @cache
 def advised(pushes: Pushes, seed: int, radius_mm: float, folder: Path) -> tuple[Advised, ...]:
     """Advice at each frame from 8 s on: a needle that is turned as it was advised a frame ago, at 100 mm/s."""
-    world = world_under(pushes, seed)
-    given, plan = world.case.given, world.case.plan
-    tissue = TissueFilter(given.network, HIDDEN, OUTER, given.settings)
-    lesion = replace(plan.lesion, axes=1e-3 * radius_mm * np.eye(2))
-    plan = replace(
-        plan,
-        lesion=lesion,
-        insertion=replace(plan.insertion, speed_m_s=0.1),
-        settings=replace(plan.settings, horizon_s=0.0),
-    )
-    advice = LiveAdvice(plan, tissue, folder / f"{pushes.__name__}-{seed}-{radius_mm}.csv")
-    away, state = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
-    said, truth, rng = [], [], np.random.default_rng(seed)
-    for k in range(round(END_S * 30)):
-        now = world.frame_s(k)
-        tissue.predict(now)
-        guided = advice.seen(tissue, tissue.update(world.marks(k, state)), now)
-        truth.append(world.target(state))
-        if guided.turned_axis is not None:
-            said.append((now, advice.plan.insertion, guided))
-            advice.plan = replace(plan, insertion=replace(plan.insertion, axis=guided.turned_axis))
-        state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), False)
-    advice.table.close()
+    run, rng = deepcopy(breathing(seed, radius_mm, folder)), np.random.default_rng(seed)
+    run.world = world_under(pushes, seed)
+    run.until(END_S)
+    truth, said, plan = run.truth, run.said, run.plan
     times, found = np.arange(len(truth)) / 30.0, []
     for now, insertion, guided in said:
         if now < 8.0 or guided.arrival_s > times[-1]:

@@ -68,7 +68,7 @@ class Unread(io.StringIO):
         self.goes_on = threading.Event()
 
     def write(self, text):
-        self.goes_on.wait(30.0)
+        self.goes_on.wait(60.0)
         return super().write(text)
 
 

@@ -69,7 +69,7 @@ class Shown:
 
     def wait(self) -> bool:
         """Until so much was shown; whether it was."""
-        return self.enough.wait(10.0)
+        return self.enough.wait(60.0)
 
 
 @pytest.fixture

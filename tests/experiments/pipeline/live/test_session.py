@@ -243,7 +243,7 @@ def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, ima
     source = Clocked(frames, [], 101.3)
     scene = scene_of(read_scenario("webcam"))
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: source.now)
-    session.doubt.reason = "made up"
+    session.integrity.doubt.reason = "made up"
     turns = 0
 
     def attend() -> None:
@@ -256,7 +256,7 @@ def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, ima
     session.close()
     assert sum("its state is no number" in record.message for record in caplog.records) == 1
     assert session.counters.frames == len(frames)
-    assert session.doubt.reason == "made up"
+    assert session.integrity.doubt.reason == "made up"
     with (tmp_path / "estimates.csv").open(encoding="utf-8") as file:
         status = [row["status"] for row in csv.DictReader(file)]
     assert status[-1] == "TRACKING"

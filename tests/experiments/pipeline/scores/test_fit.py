@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from estimators import Status, TargetEstimate
-from experiments.pipeline.scores.fit import fit_of, frames_by_status, sigmas_m, verdict
+from experiments.pipeline.scores.fit import TruthScore, fit_of, frames_by_status, sigmas_m, verdict
 
 RNG = np.random.default_rng(7)
 
@@ -62,10 +62,13 @@ def test_sigma_is_of_an_axis_and_of_frames_that_have_one():
 @pytest.mark.parametrize(
     ("mean", "words"),
     [
-        (6.0, "the marks fit the model: NIS 6.00 in its band 5.61 to 6.40; none of 300 frames"),
-        (24.0, "the marks fit the model badly: they scatter 2 times what it predicts, NIS 24.00 above its band 5.61"),
-        (8.64, "the marks fit the model badly: they scatter 20 % more than it predicts, NIS 8.64 above"),
-        (1.5, "the marks fit the model, which is cautious: they scatter 50 % less than predicted, NIS 1.50 below"),
+        (
+            6.0,
+            "marks are predicted as well as stated: NIS 6.00 in its band 5.61 to 6.40; this does not test",
+        ),
+        (24.0, "marks are predicted worse than stated: they scatter 2 times as much as predicted, NIS 24.00 above its"),
+        (8.64, "marks are predicted worse than stated: they scatter 20 % more than predicted, NIS 8.64 above"),
+        (1.5, "marks are predicted better than stated: they scatter 50 % less than predicted, NIS 1.50 below"),
     ],
 )
 def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
@@ -75,6 +78,23 @@ def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
     assert told.endswith("none of 300 frames coasting, lost or diverged")
     assert ("softaim identify" in told) == (mean > 6.4)
     assert ("softaim tune" in told) == (mean != 6.0)
+
+
+@pytest.mark.parametrize("mean", [1.5, 6.0, 24.0])
+@pytest.mark.parametrize(
+    ("coverage95", "nees", "words"),
+    [
+        (0.85, 4.2, "inside its 95 % region in 85 % of frames (NEES 4.2, expected 2): its covariance is too small"),
+        (0.95, 2.1, "in 95 % of frames (NEES 2.1, expected 2): its covariance holds"),
+        (1.0, 0.1, "in 100 % of frames (NEES 0.1, expected 2): its covariance is larger than the errors"),
+    ],
+)
+def test_a_verdict_never_contradicts_the_truth(mean, coverage95, nees, words):
+    frames = estimates([mean] * 300)
+    found = verdict(fit_of(frames), frames_by_status(frames), truth=TruthScore(coverage95, nees, 2))
+    assert words in found
+    assert "does not test" not in found
+    assert "fit the model" not in found
 
 
 def test_a_verdict_counts_what_was_missed():

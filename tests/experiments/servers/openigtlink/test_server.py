@@ -33,7 +33,7 @@ NEEDLE = encode(Message("TRANSFORM", "NeedleTipToReference", pack_transform(np.e
 
 def run(scenario) -> None:
     """Run a coroutine, which must not take for ever."""
-    asyncio.run(asyncio.wait_for(scenario, 60.0))
+    asyncio.run(asyncio.wait_for(scenario, 5.0 * SOON_S))
 
 
 def test_pyigtl_receives_the_target_and_sends_needle_and_fix():

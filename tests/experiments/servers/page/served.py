@@ -23,6 +23,8 @@ from experiments.servers.feed import Feed, Message
 from experiments.servers.page.serving import serve
 
 TOKEN = "a-token-of-tests"
+SOON_S = 60.0
+"""For what comes at once; a busy machine takes long."""
 
 
 class Served:
@@ -45,7 +47,7 @@ class Served:
         """Publish a state from any thread."""
         self.loop.call_soon_threadsafe(self.feed.publish, json.dumps(state, allow_nan=False).encode(), picture)
 
-    def until(self, holds: Any, timeout_s: float = 5.0) -> None:
+    def until(self, holds: Any, timeout_s: float = SOON_S) -> None:
         """Wait for a condition, as short as it takes."""
         ends = time.monotonic() + timeout_s
         while not holds():
@@ -77,7 +79,7 @@ def served(scene: Message, *, read_open: bool = True) -> Iterator[Served]:
         yield one
     finally:
         one.loop.call_soon_threadsafe(task.cancel)
-        thread.join(timeout=10.0)
+        thread.join(timeout=SOON_S)
         assert not thread.is_alive(), "the server did not end"
         one.loop.close()
 

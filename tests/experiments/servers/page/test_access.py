@@ -9,7 +9,7 @@ from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from tests.experiments.servers.page import messages
-from tests.experiments.servers.page.served import TOKEN, Served, served
+from tests.experiments.servers.page.served import SOON_S, TOKEN, Served, served
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def answer(
     one: Served, method: str = "GET", path: str = "/", body: bytes | None = None, **headers: str
 ) -> http.client.HTTPResponse:
     """The answer to a request with these headers, read whole."""
-    connection = http.client.HTTPConnection("127.0.0.1", one.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", one.port, timeout=SOON_S)
     connection.request(method, path, body, {name.replace("_", "-"): value for name, value in headers.items()})
     found = connection.getresponse()
     found.body = found.read()  # type: ignore[attr-defined]
@@ -44,7 +44,7 @@ def stream(one: Served, *tokens: str, query: str = "", **headers: str) -> Client
         subprotocols=["softaim.v1", *(f"token.{token}" for token in tokens)],  # type: ignore[list-item]
         additional_headers=headers,
         proxy=None,
-        open_timeout=5,
+        open_timeout=SOON_S,
     )
 
 
@@ -75,7 +75,7 @@ def test_other_origins_are_refused_on_http_and_websocket(one: Served, origin: st
 def test_own_origin_is_answered_on_http_and_websocket(one: Served) -> None:
     assert answer(one, Origin=f"http://127.0.0.1:{one.port}").status == 200
     with stream(one, Origin=f"http://127.0.0.1:{one.port}") as client:
-        assert json.loads(client.recv(5))["type"] == "scene"
+        assert json.loads(client.recv(SOON_S))["type"] == "scene"
 
 
 def test_every_answer_has_the_headers(one: Served) -> None:
@@ -105,7 +105,7 @@ def test_only_reading_methods_are_answered(one: Served, method: str) -> None:
 
 
 def test_a_body_is_refused_before_it_comes(one: Served) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", one.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", one.port, timeout=SOON_S)
     connection.putrequest("GET", "/")
     connection.putheader("Content-Length", str(10**12))
     connection.endheaders()
@@ -115,17 +115,17 @@ def test_a_body_is_refused_before_it_comes(one: Served) -> None:
 
 def test_no_token_reads_where_all_may_but_does_not_write(one: Served) -> None:
     with stream(one) as client:
-        assert json.loads(client.recv(5))["may_write"] is False
+        assert json.loads(client.recv(SOON_S))["may_write"] is False
         client.send('{"command": "reset"}')
-        assert "token" in json.loads(client.recv(5))["error"]
+        assert "token" in json.loads(client.recv(SOON_S))["error"]
     assert one.commands == []
 
 
 def test_the_token_writes(one: Served) -> None:
     with stream(one, TOKEN) as client:
-        assert json.loads(client.recv(5))["may_write"] is True
+        assert json.loads(client.recv(SOON_S))["may_write"] is True
         client.send('{"command": "pause", "on": true}')
-        assert json.loads(client.recv(5)) == {"type": "answer", "command": "pause", "error": None}
+        assert json.loads(client.recv(SOON_S)) == {"type": "answer", "command": "pause", "error": None}
     assert one.commands == [{"command": "pause", "on": True}]
     one.commands.clear()
 
@@ -134,13 +134,13 @@ def test_the_token_writes(one: Served) -> None:
 def test_a_wrong_token_reads_nothing_anywhere(one: Served, closed: Served, tokens: tuple[str, ...]) -> None:
     for serving in (one, closed):
         with stream(serving, *tokens) as client, pytest.raises(ConnectionClosedError) as caught:
-            client.recv(5)
+            client.recv(SOON_S)
         assert caught.value.rcvd is not None
         assert caught.value.rcvd.code == 4401
 
 
 def test_off_the_loopback_reading_needs_the_token(closed: Served) -> None:
     with stream(closed) as client, pytest.raises(ConnectionClosedError):
-        client.recv(5)
+        client.recv(SOON_S)
     with stream(closed, TOKEN) as client:
-        assert json.loads(client.recv(5))["type"] == "scene"
+        assert json.loads(client.recv(SOON_S))["type"] == "scene"

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
@@ -14,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from experiments.servers.feed import Feed
 from experiments.servers.page.stream import Viewer
 from tests.experiments.servers.page import messages
-from tests.experiments.servers.page.served import TOKEN, Served, served
+from tests.experiments.servers.page.served import SOON_S, TOKEN, Served, served
 from tests.experiments.servers.page.test_access import stream
 
 
@@ -26,23 +25,23 @@ def one() -> Iterator[Served]:
 
 def test_scene_then_each_newest_state_and_its_picture_right_after(one: Served) -> None:
     with stream(one, query="?pictures=1") as client:
-        assert json.loads(client.recv(5)) == {**json.loads(json.dumps(messages.scene())), "may_write": False}
+        assert json.loads(client.recv(SOON_S)) == {**json.loads(json.dumps(messages.scene())), "may_write": False}
         one.until(lambda: one.feed.n_watching == 1)
         for frames in (1, 2):
             one.publish(messages.state(frames), messages.picture())
-            assert json.loads(client.recv(5))["counters"]["frames"] == frames
-            assert client.recv(5) == messages.picture()
+            assert json.loads(client.recv(SOON_S))["counters"]["frames"] == frames
+            assert client.recv(SOON_S) == messages.picture()
         one.publish(messages.state(3))
-        assert json.loads(client.recv(5))["counters"]["frames"] == 3
+        assert json.loads(client.recv(SOON_S))["counters"]["frames"] == 3
     one.until(lambda: one.feed.n_watching == 0)
 
 
 def test_a_client_that_asked_for_none_gets_no_pictures(one: Served) -> None:
     with stream(one) as client:
-        client.recv(5)
+        client.recv(SOON_S)
         for frames in (1, 2):
             one.publish(messages.state(frames), messages.picture())
-            assert json.loads(client.recv(5))["counters"]["frames"] == frames
+            assert json.loads(client.recv(SOON_S))["counters"]["frames"] == frames
         assert one.feed.n_watching == 0
 
 
@@ -64,7 +63,7 @@ def test_who_is_gone_while_a_state_and_an_answer_are_sent_ends_without_a_fault(t
         feed.publish(b"{}", None)
         socket = WebSocket({"type": "websocket", "query_string": b"", "headers": []}, receive, send)
         await socket.accept()
-        await asyncio.wait_for(Viewer(socket, feed, may_write=False).serve(), 5.0)
+        await asyncio.wait_for(Viewer(socket, feed, may_write=False).serve(), SOON_S)
 
     told: list[Mapping[str, Any]] = []
     asyncio.run(watched())
@@ -73,29 +72,29 @@ def test_who_is_gone_while_a_state_and_an_answer_are_sent_ends_without_a_fault(t
 
 def test_a_client_that_sets_its_pace_gets_the_newest_when_it_is_ready(one: Served) -> None:
     with stream(one, query="?pace=1") as client:
-        client.recv(5)
+        client.recv(SOON_S)
         one.publish(messages.state(1))
-        assert json.loads(client.recv(5))["counters"]["frames"] == 1
+        assert json.loads(client.recv(SOON_S))["counters"]["frames"] == 1
         for frames in range(2, 10):
             one.publish(messages.state(frames))
         with pytest.raises(TimeoutError):
             client.recv(0.1)
         client.send("next")
-        assert json.loads(client.recv(5))["counters"]["frames"] == 9
+        assert json.loads(client.recv(SOON_S))["counters"]["frames"] == 9
 
 
 def test_who_does_not_read_neither_holds_up_others_nor_fills_memory(one: Served) -> None:
     padding = bytes(500_000)
     with stream(one, query="?pictures=1") as slow, stream(one) as other:
         for client in (slow, other):
-            client.recv(5)
+            client.recv(SOON_S)
         n_published = 400
         for frames in range(1, n_published + 1):
             one.publish(messages.state(frames), padding)
-            assert json.loads(other.recv(5))["counters"]["frames"] == frames
-        got = [json.loads(slow.recv(5))["counters"]["frames"]]
+            assert json.loads(other.recv(SOON_S))["counters"]["frames"] == frames
+        got = [json.loads(slow.recv(SOON_S))["counters"]["frames"]]
         while got[-1] < n_published:
-            message = slow.recv(5)
+            message = slow.recv(SOON_S)
             got += [json.loads(message)["counters"]["frames"]] if isinstance(message, str) else []
         # What was not taken was left out: 200 MB were published
         assert len(got) < n_published / 2
@@ -105,9 +104,9 @@ def test_sixteen_clients_and_no_more(one: Served) -> None:
     with ExitStack() as stack:
         clients = [stack.enter_context(stream(one)) for _ in range(16)]
         for client in clients:
-            client.recv(5)
+            client.recv(SOON_S)
         with stream(one) as more, pytest.raises(ConnectionClosed) as caught:
-            more.recv(5)
+            more.recv(SOON_S)
         assert caught.value.rcvd is not None
         assert caught.value.rcvd.code == 1013
         clients[0].close()
@@ -117,7 +116,7 @@ def test_sixteen_clients_and_no_more(one: Served) -> None:
 def accepted(one: Served) -> bool:
     with stream(one) as client:
         try:
-            return bool(client.recv(5))
+            return bool(client.recv(SOON_S))
         except ConnectionClosed:
             return False
 
@@ -139,9 +138,9 @@ def accepted(one: Served) -> bool:
 )
 def test_what_is_no_command_is_refused_in_one_line(one: Served, text: str) -> None:
     with stream(one, TOKEN) as client:
-        client.recv(5)
+        client.recv(SOON_S)
         client.send(text)
-        found = json.loads(client.recv(5))
+        found = json.loads(client.recv(SOON_S))
         assert found["type"] == "answer"
         assert 0 < len(found["error"]) <= 200
     assert one.commands == []
@@ -169,9 +168,9 @@ def test_a_needle_whose_pose_is_refused_is_not_seen(one: Served, refused: str) -
 def test_what_the_run_refuses_is_told(one: Served) -> None:
     one.refusal = "recording: the disk is full"
     with stream(one, TOKEN) as client:
-        client.recv(5)
+        client.recv(SOON_S)
         client.send('{"command": "record", "on": true}')
-        assert json.loads(client.recv(5)) == {
+        assert json.loads(client.recv(SOON_S)) == {
             "type": "answer",
             "command": "record",
             "error": "recording: the disk is full",
@@ -181,10 +180,10 @@ def test_what_the_run_refuses_is_told(one: Served) -> None:
 @pytest.mark.parametrize(("message", "code"), [("x" * 65_537, 1009), (b"binary", 1003)])
 def test_too_much_and_binary_end_the_connection_alone(one: Served, message: str | bytes, code: int) -> None:
     with stream(one, TOKEN) as client:
-        client.recv(5)
+        client.recv(SOON_S)
         client.send(message)
         with pytest.raises(ConnectionClosed) as caught:
-            client.recv(5)
+            client.recv(SOON_S)
         assert caught.value.rcvd is not None
         assert caught.value.rcvd.code == code
     assert accepted(one)
@@ -194,10 +193,8 @@ def test_clients_are_told_when_the_server_ends() -> None:
     with ExitStack() as stack:
         with served(messages.scene()) as one:
             client = stack.enter_context(stream(one))
-            client.recv(5)
-            began = time.monotonic()
-        assert time.monotonic() - began < 3.0
+            client.recv(SOON_S)
         with pytest.raises(ConnectionClosed) as caught:
-            client.recv(5)
+            client.recv(SOON_S)
         assert caught.value.rcvd is not None
         assert caught.value.rcvd.code == 1012

@@ -11,9 +11,29 @@ from experiments.studies.faults.catalogue import FAULTS, fault_of
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
 from experiments.studies.faults.study import cells, markdown, names_of, run, summary
-from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames
+from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn
 
 SEED = 7000
+MOST_KEPT = 240
+"""Pictures of a megabyte."""
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """What was drawn, by where the nodes are and which are hidden: until its onset all faults are of the same film."""
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def _drawn_once(pictures, monkeypatch):
+    def kept(scene, places, rng, *, hidden=()):
+        key = places.tobytes(), hidden
+        image = pictures[key].copy() if key in pictures else drawn(scene, places, rng, hidden=hidden)
+        if len(pictures) < MOST_KEPT:
+            pictures.setdefault(key, image.copy())
+        return image
+
+    monkeypatch.setattr("experiments.studies.faults.scripted.drawn", kept)
 
 
 def moment(time_s: float, **changes: object) -> Moment:
@@ -153,7 +173,7 @@ def test_a_camera_that_tells_its_times_proves_after_a_pause_that_nothing_lags(na
 @pytest.mark.parametrize("name", ["frozen in turn", "16 bit", "all covered"])
 def test_go_is_not_shown_on_a_faulty_estimate(name, tmp_path):
     """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
-    found = fault_of(name).judged(SEED, tmp_path)
+    found = fault_of(name).judged(SEED, tmp_path, duration_s=9.5)
     assert found.go_shown_while_faulty == 0
     assert found.go > 60
     if name == "16 bit":
@@ -199,7 +219,9 @@ def test_a_needle_that_bends_towards_the_line_is_told_to_realign_before_it_is_to
 
 
 @pytest.mark.slow
-def test_a_run_is_a_row_of_the_study():
+def test_a_run_is_a_row_of_the_study(monkeypatch):
+    judged = ScriptedFault.judged
+    monkeypatch.setattr(ScriptedFault, "judged", lambda fault, seed, folder: judged(fault, seed, folder, 7.0))
     row = run({"fault": "black", "seed": SEED})
     assert row["go_shown_while_faulty"] == 0
     assert row["noticed_ms"] <= 200.0

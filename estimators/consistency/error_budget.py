@@ -1,0 +1,72 @@
+"""Errors of the target that no innovation shows, each as a covariance at rest: the error budget of an estimate.
+
+An estimate that follows its marks puts the hidden nodes (h) where the model has them between the marked ones (m).
+An error s of the marks' places then moves them by -Khh^-1 Khm s, and a force g that the model leaves out by
+Khh^-1 gh, with K the stiffness at rest: static condensation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynamics import rest_shape, stiffness_matrix
+from estimators.arrays import Floats
+from estimators.process.process_model import LOOSE
+from estimators.tissue.filter import TissueFilter
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorSource:
+    """One source of error of the target.
+
+    name: in a few words; cov: of the target by it [m²], (dim, dim); considered: whether the filter's covariance has it
+    variance: trace of cov [m²]
+    """
+
+    name: str
+    cov: Floats
+    considered: bool
+    variance: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "variance", float(np.trace(self.cov)))
+
+    @classmethod
+    def of(cls, name: str, directions: Floats, *, considered: bool) -> ErrorSource:
+        """A source of independent directions of one standard deviation each [m], (dim, r)."""
+        return cls(name, directions @ directions.T, considered)
+
+
+class StaticResponse:
+    """How the target of a filter moves at rest where its estimate follows the marks of these nodes.
+
+    rest: where the body rests [m], (n_nodes, dim)
+    State: the hidden coordinates' stiffness, solved for what is asked.
+    """
+
+    def __init__(self, tissue: TissueFilter, nodes: Sequence[str]) -> None:
+        network, self._target = tissue.model.network, tissue.target
+        self.rest = rest_shape(network)
+        K = stiffness_matrix(network, self.rest)
+        places = [network.coordinates(node) for node in nodes]
+        self._m = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
+        self._h = np.setdiff1d(np.arange(len(K)), self._m)
+        self._hidden, self._coupling = K[np.ix_(self._h, self._h)], K[np.ix_(self._h, self._m)]
+
+    def to_marks(self, shifts: Floats) -> Floats:
+        """Shift of the target [m], (dim, r), by errors of the marked coordinates [m], (m, r)."""
+        return self._moved(shifts, -self._coupling @ shifts)
+
+    def to_forces(self, forces: Floats) -> Floats:
+        """Shift of the target [m], (dim, r), by forces on the free coordinates [N], (n_free dim, r)."""
+        return self._moved(np.zeros((len(self._m), forces.shape[1])), forces[self._h])
+
+    def _moved(self, marked: Floats, forces: Floats) -> Floats:
+        shifts = np.zeros((len(self._m) + len(self._h), forces.shape[1]))
+        shifts[self._m] = marked
+        # where nothing resists a turn about the marks, nothing makes one
+        shifts[self._h] = np.linalg.lstsq(self._hidden, forces, rcond=LOOSE)[0]
+        return self._target.linear(shifts)

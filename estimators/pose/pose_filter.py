@@ -1,0 +1,258 @@
+"""The pose error of a camera or tracker from its reference marks: Kalman filters of hypotheses, moved and not moved.
+
+A reference mark at x is seen at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) is the pose error. The errors
+of the calibration, k, have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is noise. The
+motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a hypothesis is born: the camera was moved
+since the frame before. Hypotheses are weighted by their likelihoods, and pruned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from estimators.arrays import Floats
+from estimators.pose.rigid import RigidMotion
+from estimators.pose.settings import PoseSettings
+from estimators.tissue.estimate import MarkMeasurement
+
+ITERATIONS, NEAR_RAD = 5, 1e-3
+"""Of an update, until the turn changes by less than this [rad]: what is left is half its square; numerical."""
+
+START_S = 1.0
+"""Before the first frame a camera may have been moved as often as in this time [s]; choice."""
+
+LEAST_SEEN = 3
+"""Reference marks of which one may be found wrong: two that contradict each other do not say which is."""
+
+
+SURE = 10.0
+"""Squared change by its covariance, by degree of freedom, above which a move is reported [1]; choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMove:
+    """A change of the pose that is reported.
+
+    time_s: when [s]; distance_m: by which the middle of the reference marks seems moved [m]; angle_rad: by which they
+    seem turned [rad]
+    """
+
+    time_s: float
+    distance_m: float
+    angle_rad: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseEstimate:
+    """The pose error at one time.
+
+    motion: the rigid motion from where points are to where they are seen; cov: of its change, (n, n)
+    columns: what one standard deviation of each error of the calibration changes it by, (n, n_calibration)
+    """
+
+    motion: RigidMotion
+    cov: Floats
+    columns: Floats
+
+    def corrected(self, mark: MarkMeasurement) -> MarkMeasurement:
+        """A mark as a camera without pose error sees it; the directions of the pose come last in its `shared`."""
+        turned = self.motion.rotation.T
+        shared = turned @ self.seen_shared(mark.position, mark.shared)
+        place = self.motion.back(mark.position[None])[0]
+        return MarkMeasurement(mark.node, place, _symmetric(turned @ mark.cov @ turned.T), shared)
+
+    def seen_shared(self, seen_m: Floats, shared: Floats | None) -> Floats:
+        """Shift of a mark seen at a place [m], (dim,), by one sd of each error [m], (dim, n_calibration + n).
+
+        shared: by those of the calibration alone, (dim, n_calibration); those of the pose come last
+        """
+        J = self.motion.change_of(seen_m[None])[0]
+        own = np.zeros((len(seen_m), self.columns.shape[1])) if shared is None else shared
+        return np.concatenate([own + J @ self.columns, J @ np.linalg.cholesky(self.cov)], axis=1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hypothesis:
+    """A Gaussian of the motion and its rates: cov P (2 n, 2 n), columns (2 n, n_calibration); rate (n,); log weight.
+
+    wrong: names of the reference marks that it takes for something else in this frame
+    """
+
+    motion: RigidMotion
+    rate: Floats
+    P: Floats
+    columns: Floats
+    log_weight: float = 0.0
+    wrong: frozenset[str] = frozenset()
+
+
+class PoseFilter:
+    """Estimates the pose error, frame by frame.
+
+    places: of the reference marks [m], by name, (dim,) each; n_calibration: directions of `shared` of the marks it gets
+    State: time_s, None before the first frame; hypotheses, the most probable first; when a mark was last seen; the
+    motion that was last reported; moves: reports not taken yet; wrong: names of the marks not used in the last frame.
+    """
+
+    def __init__(
+        self, places: Mapping[str, Floats], settings: PoseSettings | None = None, *, n_calibration: int = 0
+    ) -> None:
+        if not places:
+            raise ValueError("reference marks: expected one or more, found none")
+        self.places = {name: np.asarray(place, dtype=np.float64) for name, place in places.items()}
+        self.settings = s = settings or PoseSettings()
+        centre = np.mean(list(self.places.values()), axis=0)
+        dim, turns = len(centre), len(centre) * (len(centre) - 1) // 2
+        self.n = n = dim + turns
+        self._rate_var = np.repeat([s.rate_m_s, s.rate_rad_s], [dim, turns]) ** 2
+        self._moved_var = np.repeat([s.moved_m, s.moved_rad], [dim, turns]) ** 2
+        start = np.diag(np.concatenate([np.repeat([s.start_m, s.start_rad], [dim, turns]) ** 2, self._rate_var]))
+        none = RigidMotion.none(centre)
+        self._hypotheses = [_Hypothesis(none, np.zeros(n), start, np.zeros((2 * n, n_calibration)))]
+        self.time_s: float | None = None
+        self._seen_s: float | None = None
+        self._reported = none
+        self.wrong: frozenset[str] = frozenset()
+
+    @property
+    def estimate(self) -> PoseEstimate:
+        """The mean of the hypotheses and its covariance."""
+        first, n = self._hypotheses[0], self.n
+        weights = np.exp([one.log_weight for one in self._hypotheses])
+        changes = np.array([first.motion.change_to(one.motion) for one in self._hypotheses])
+        mean = weights @ changes
+        spread = np.einsum("k,ki,kj->ij", weights, changes - mean, changes - mean)
+        own = np.einsum("k,kij->ij", weights, np.array([one.P[:n, :n] for one in self._hypotheses]))
+        columns = np.einsum("k,kij->ij", weights, np.array([one.columns[:n] for one in self._hypotheses]))
+        return PoseEstimate(first.motion.changed(mean), _symmetric(own + spread), columns)
+
+    @property
+    def after_move(self) -> PoseEstimate:
+        """As `estimate`, had the camera just been moved at once."""
+        first, n = self._hypotheses[0], self.n
+        return PoseEstimate(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
+
+    def predict(self, time_s: float) -> None:
+        """Move the state to this time [s]."""
+        dt = 0.0 if self.time_s is None else time_s - self.time_s
+        self.time_s = time_s
+        if dt <= 0.0:
+            return
+        n, T = self.n, self.settings.lasting_s
+        a, x = np.exp(-dt / T), dt / T
+        F = np.block([[np.eye(n), T * (1.0 - a) * np.eye(n)], [np.zeros((n, n)), a * np.eye(n)]])
+        rate, both = np.diag(self._rate_var), T * (1.0 - a) ** 2
+        moved = T**2 * max(2.0 * x - 3.0 + 4.0 * a - a**2, 0.0)
+        Q = np.block([[moved * rate, both * rate], [both * rate, (1.0 - a**2) * rate]])
+        self._hypotheses = [
+            replace(
+                one,
+                motion=one.motion.changed(T * (1.0 - a) * one.rate),
+                rate=a * one.rate,
+                P=F @ one.P @ F.T + Q,
+                columns=F @ one.columns,
+            )
+            for one in self._hypotheses
+        ]
+
+    def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
+        """Take in the reference marks that were seen at the state's time; what is to be reported, None if nothing."""
+        if self.time_s is None:
+            raise ValueError("update: expected predict(time_s) before, found no time")
+        self.wrong = frozenset()
+        if not marks:
+            return None
+        s = self.settings
+        first = self._hypotheses[0]
+        unseen_s = START_S if self._seen_s is None else self.time_s - self._seen_s
+        self._seen_s = self.time_s
+        log_moved = float(np.log(-np.expm1(-max(unseen_s, 1e-3) / s.moved_each_s)))
+        born = replace(first, rate=np.zeros(self.n), P=self._moved(first.P), log_weight=first.log_weight + log_moved)
+        updated = [self._updated(one, marks) for one in (*self._hypotheses, born)]
+        order = sorted(range(len(updated)), key=lambda k: -updated[k].log_weight)
+        best = updated[order[0]].log_weight
+        kept = [updated[k] for k in order[: s.n_hypotheses] if updated[k].log_weight > best + np.log(s.least)]
+        total = float(np.logaddexp.reduce([one.log_weight for one in kept]))
+        self._hypotheses = [replace(one, log_weight=one.log_weight - total) for one in kept]
+        self.wrong = kept[0].wrong
+        return self._report(jumped=order[0] > 0)
+
+    def _moved(self, P: Floats) -> Floats:
+        """The covariance of a pose that was moved: its drift begins again."""
+        n = self.n
+        pose = P[:n, :n] + np.diag(self._moved_var)
+        return np.block([[pose, np.zeros((n, n))], [np.zeros((n, n)), np.diag(self._rate_var)]])
+
+    def _updated(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> _Hypothesis:
+        """A hypothesis after marks, without those that are more probably something else."""
+        s, dim = self.settings, len(marks[0].position)
+        found, nis = self._with(one, marks)
+        used = list(marks)
+        log_wrong = float(np.log(s.wrong_share) - 0.5 * dim * np.log(2.0 * np.pi * s.wrong_m**2))
+        while len(used) >= LEAST_SEEN and nis > s.gate * dim * len(used):
+            tried = [self._with(one, [mark for mark in used if mark is not other]) for other in used]
+            k = int(np.argmax([other.log_weight for other, _ in tried]))
+            n_wrong = len(marks) - len(used) + 1
+            better = replace(tried[k][0], log_weight=tried[k][0].log_weight + n_wrong * log_wrong)
+            if better.log_weight <= found.log_weight:
+                break
+            found, nis = replace(better, wrong=found.wrong | {used[k].node}), tried[k][1]
+            del used[k]
+        return found
+
+    def _with(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> tuple[_Hypothesis, float]:
+        """A hypothesis after these marks, and their normalised innovation squared."""
+        n, places = self.n, np.array([self.places[mark.node] for mark in marks])
+        z = np.array([mark.position for mark in marks])
+        dim, C = z.shape[1], one.columns
+        R = np.zeros((z.size, z.size))
+        for k, mark in enumerate(marks):
+            R[k * dim : (k + 1) * dim, k * dim : (k + 1) * dim] = mark.cov
+        none = np.zeros((dim, C.shape[1]))
+        B = np.concatenate([none if mark.shared is None else mark.shared for mark in marks])
+        change = np.zeros(2 * n)
+        for _ in range(ITERATIONS):
+            motion = one.motion.changed(change[:n])
+            seen = motion.moved(places)
+            H = np.zeros((z.size, 2 * n))
+            H[:, :n] = motion.change_of(seen).reshape(z.size, n)
+            considered = H @ C + B
+            S = H @ one.P @ H.T + considered @ considered.T + R
+            y = (z - seen).ravel() + H @ change
+            K = np.linalg.solve(S, H @ one.P + considered @ C.T).T
+            before, change = change, K @ y
+            if np.abs(change - before)[dim:n].max() < NEAR_RAD:
+                break
+        kept = np.eye(2 * n) - K @ H
+        P = _symmetric(kept @ one.P @ kept.T + K @ R @ K.T)
+        nis = float(y @ np.linalg.solve(S, y))
+        log_likelihood = -0.5 * (nis + float(np.linalg.slogdet(2.0 * np.pi * S)[1]))
+        after = _Hypothesis(
+            one.motion.changed(change[:n]),
+            one.rate + change[n:],
+            P,
+            kept @ C - K @ B,
+            one.log_weight + log_likelihood,
+        )
+        return after, nis
+
+    def _report(self, *, jumped: bool) -> CameraMove | None:
+        """The change since the last report, where a camera was moved at once or has drifted far."""
+        s, first, n = self.settings, self._hypotheses[0], self.n
+        change = self._reported.change_to(first.motion)
+        dim = len(first.motion.centre)
+        distance, angle = float(np.linalg.norm(change[:dim])), float(np.linalg.norm(change[dim:]))
+        certain = change @ np.linalg.solve(first.P[:n, :n], change) > SURE * n
+        drifted = distance > s.drifted_m or angle > s.drifted_rad
+        if not (certain and (jumped or drifted)):
+            return None
+        self._reported = first.motion
+        assert self.time_s is not None
+        return CameraMove(self.time_s, distance, angle)
+
+
+def _symmetric(P: Floats) -> Floats:
+    return np.asarray(0.5 * (P + P.T))

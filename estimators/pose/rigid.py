@@ -1,0 +1,73 @@
+"""Rigid motions in the plane and in space: p = R (x - c) + c + t, and small changes of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.arrays import Floats
+
+GENERATORS = {
+    2: np.array([[[0.0, -1.0], [1.0, 0.0]]]),
+    3: np.array(
+        [
+            [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+            [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+            [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        ]
+    ),
+}
+"""The generators of the rotations by the dimension, (dim (dim - 1) / 2, dim, dim): d/da exp(a G) = G at a = 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigidMotion:
+    """A rigid motion of points x [m] to R (x - c) + c + t [m].
+
+    rotation: R, (dim, dim); translation: t [m], (dim,); centre: c [m], (dim,)
+    A small change has n numbers, the translation first [m], then the rotation [rad], from the left.
+    """
+
+    rotation: Floats
+    translation: Floats
+    centre: Floats
+
+    @classmethod
+    def none(cls, centre: Floats) -> RigidMotion:
+        """The motion that moves nothing."""
+        return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
+
+    def moved(self, points_m: Floats) -> Floats:
+        """Where it moves points [m], (k, dim)."""
+        return np.asarray((points_m - self.centre) @ self.rotation.T + self.centre + self.translation)
+
+    def back(self, points_m: Floats) -> Floats:
+        """The points that it moves here [m], (k, dim)."""
+        return np.asarray((points_m - self.centre - self.translation) @ self.rotation + self.centre)
+
+    def change_of(self, moved_m: Floats) -> Floats:
+        """Shift of moved points [m], (k, dim), by a small change of the motion, (k, dim, n)."""
+        arms = moved_m - self.centre - self.translation
+        turned = np.einsum("aij,kj->kia", GENERATORS[len(self.centre)], arms)
+        return np.concatenate([np.broadcast_to(np.eye(len(self.centre)), (len(arms), *self.rotation.shape)), turned], 2)
+
+    def changed(self, change: Floats) -> RigidMotion:
+        """The motion after a change, (n,)."""
+        dim = len(self.centre)
+        angle = float(np.linalg.norm(change[dim:]))
+        turn = np.eye(dim)
+        if angle > 0.0:  # Rodrigues' formula
+            axis = sum(a * G for a, G in zip(change[dim:] / angle, GENERATORS[dim], strict=True))
+            turn = turn + np.sin(angle) * axis + (1.0 - np.cos(angle)) * axis @ axis
+        return RigidMotion(turn @ self.rotation, self.translation + change[:dim], self.centre)
+
+    def change_to(self, other: RigidMotion) -> Floats:
+        """The change that makes it the other one, (n,); exact in the plane, in space for turns of less than a half."""
+        turn = other.rotation @ self.rotation.T
+        skew = 0.5 * (turn - turn.T)
+        axes = np.array([0.5 * np.sum(G * skew) for G in GENERATORS[len(self.centre)]])
+        sine = float(np.linalg.norm(axes))
+        cosine = 0.5 * float(np.trace(turn) - (len(turn) - 2))
+        angle = np.arctan2(sine, cosine)
+        return np.concatenate([other.translation - self.translation, axes * (angle / sine if sine > 0.0 else 1.0)])

@@ -1,0 +1,37 @@
+"""How a camera or tracker may move, and how a reference mark may be wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class PoseSettings:
+    """Prior of the pose error of a camera or tracker, and of its motion.
+
+    start_m, start_rad: standard deviation of the error at the start, along each axis [m] and about it [rad]; choice
+    rate_m_s, rate_rad_s: of the speed of a drift [m/s], [rad/s]; lasting_s: its correlation time [s]; choice
+    moved_m, moved_rad: of the change where the camera is moved at once [m], [rad]; moved_each_s: mean time between two
+        such moves [s]; choice
+    wrong_share: of the reference marks that are taken for another thing [1]; wrong_m: how far from its place such a
+        one is seen [m]; choice
+    gate: normalised innovation squared by degree of freedom above which one of the marks may be wrong [1]; choice
+    n_hypotheses: number of hypotheses at most; least: probability below which one is given up [1]; choice
+    drifted_m, drifted_rad: change since the last report that is reported [m], [rad]; choice
+    """
+
+    start_m: float = 1e-3
+    start_rad: float = 5e-3
+    rate_m_s: float = 1e-3
+    rate_rad_s: float = 1e-3
+    lasting_s: float = 20.0
+    moved_m: float = 0.05
+    moved_rad: float = 0.05
+    moved_each_s: float = 100.0
+    wrong_share: float = 1e-3
+    wrong_m: float = 0.1
+    gate: float = 3.0
+    n_hypotheses: int = 5
+    least: float = 1e-7
+    drifted_m: float = 5e-3
+    drifted_rad: float = 0.02

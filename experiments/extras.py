@@ -1,0 +1,31 @@
+"""Extras: packages that some commands need and the plain installation leaves out."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from experiments.errors import InputError
+
+EXTRAS = {
+    "live": ("starlette", "uvicorn", "websockets"),
+    "cluster": ("dask", "distributed", "pyarrow"),
+    "export": ("mcap",),
+}
+"""Packages by extra, as pyproject.toml has them."""
+
+
+def missing(extra: str) -> str | None:
+    """The first package of an extra that is not installed."""
+    return next((name for name in EXTRAS[extra] if find_spec(name) is None), None)
+
+
+def needed(extra: str) -> str:
+    """The extra in words, with the command that installs it."""
+    return f'the extra {extra} (pip install "softaim[{extra}]")'
+
+
+def require(asked_by: str, *extras: str) -> None:
+    """Raise InputError, in the name of what asks, for an extra that is not installed."""
+    for extra in extras:
+        if (name := missing(extra)) is not None:
+            raise InputError.at(asked_by, needed(extra), f"no {name}")

@@ -1,0 +1,146 @@
+"""Reference marks of a scene file: read from `[reference]`, and written to it.
+
+They stand still in the world, on anchors or on the rig; by them the pose of a camera or tracker is corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from experiments.arrays import Floats
+from experiments.errors import shown
+from experiments.formats.scene.marks import Mark, look_lines
+from experiments.formats.scene.network import is_node_name
+from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError
+from experiments.formats.toml_file import toml_list, toml_number, toml_text
+from vision import PlaneCamera
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceMark:
+    """A mark that stands still.
+
+    name: in tables and lines; node: the anchor that it sits on, None where it stands at position_m [m], (dim,)
+    look: how a film shows it, its node the name; None where no camera does
+    """
+
+    name: str
+    node: str | None = None
+    position_m: tuple[float, ...] = ()
+    look: Mark | None = None
+
+    def place(self, network: MassSpringNetwork) -> Floats:
+        """Where it is [m], (dim,)."""
+        return np.array(self.position_m) if self.node is None else network.positions[network.index(self.node)].copy()
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The reference marks of a scene.
+
+    drift_sd_m: how far the camera or tracker may have drifted unnoticed, one standard deviation an axis [m]; None: not
+        stated
+    """
+
+    marks: tuple[ReferenceMark, ...] = ()
+    drift_sd_m: float | None = None
+
+    @property
+    def looks(self) -> tuple[Mark, ...]:
+        """How a film shows them, those that it shows."""
+        return tuple(mark.look for mark in self.marks if mark.look is not None)
+
+    def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
+        """Raise SceneError where they do not fit the network, the cameras, or the marks of the tissue."""
+        names: dict[str, int] = {}
+        for i, mark in enumerate(self.marks):
+            key = f"reference.mark[{i}]"
+            if not is_node_name(mark.name):
+                raise SceneError(f"{key}.name: expected a name that prints on one line, found {shown(mark.name)}")
+            if mark.name in names:
+                raise SceneError(
+                    f"{key}.name: expected a name of its own, found that of reference.mark[{names[mark.name]}]"
+                )
+            names[mark.name] = i
+            if mark.name in network.names and mark.name != mark.node:
+                raise SceneError(f"{key}.name: expected no node's name but its own, found {shown(mark.name)}")
+            self._check_place(key, mark, network)
+            for j, camera in enumerate(cameras):
+                self._check_look(key, mark, marks)
+                try:
+                    camera.project(mark.place(network)[None])
+                except ValueError:
+                    raise SceneError(f"{key}: expected it before the horizon of camera[{j}], found it beyond") from None
+
+    def _check_place(self, key: str, mark: ReferenceMark, network: MassSpringNetwork) -> None:
+        if mark.node is None:
+            if len(mark.position_m) != network.dim:
+                raise SceneError(
+                    f"{key}.position_mm: expected {network.dim} numbers, as network.gravity_m_s2 has,"
+                    f" found {len(mark.position_m)}"
+                )
+        elif mark.node not in network.names:
+            raise SceneError(f"{key}.node: no node named {shown(mark.node)}")
+        elif not network.fixed[network.index(mark.node)]:
+            raise SceneError(f"{key}.node: expected an anchor, which stands still, found the mass {shown(mark.node)}")
+
+    def _check_look(self, key: str, mark: ReferenceMark, marks: Sequence[Mark]) -> None:
+        if mark.look is None:
+            raise SceneError(f"{key}: expected hue_deg and diameter_mm, by which a camera sees it, found none")
+        for i, other in enumerate(marks):
+            apart = abs((mark.look.hue_deg - other.hue_deg + 180.0) % 360.0 - 180.0)
+            if apart < max(mark.look.half_width_deg, other.half_width_deg):
+                raise SceneError(
+                    f"{key}.hue_deg: expected a hue of reference marks alone, found {mark.look.hue_deg:g},"
+                    f" {apart:g} from that of mark[{i}]"
+                )
+
+
+def reference_of(table: ReferenceTable | None) -> Reference:
+    """The reference marks of a table; raises SceneError."""
+    if table is None:
+        return Reference()
+    drift_sd_m = None if table.drift_sd_mm is None else 1e-3 * table.drift_sd_mm
+    return Reference(tuple(_mark_of(mark) for mark in table.mark), drift_sd_m)
+
+
+def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
+    look = None
+    if table.hue_deg is not None and table.diameter_mm is not None:
+        look = Mark(
+            table.name,
+            table.hue_deg,
+            1e-3 * table.diameter_mm,
+            half_width_deg=table.half_width_deg,
+            min_saturation=table.min_saturation,
+            min_value=table.min_value,
+            even=table.even,
+            ball=table.ball,
+        )
+    return ReferenceMark(table.name, table.node, tuple(1e-3 * x for x in table.position_mm or ()), look)
+
+
+def reference_lines(reference: Reference) -> list[str]:
+    """The lines of `[reference]`; none where nothing is stated."""
+    if not reference.marks and reference.drift_sd_m is None:
+        return []
+    lines = ["", "[reference]"]
+    if reference.drift_sd_m is not None:
+        lines += [f"drift_sd_mm = {toml_number(1e3 * reference.drift_sd_m)}"]
+    for mark in reference.marks:
+        lines += ["", "[[reference.mark]]", f"name = {toml_text(mark.name)}"]
+        if mark.node is not None:
+            lines += [f"node = {toml_text(mark.node)}"]
+        else:
+            lines += [f"position_mm = {toml_list(1e3 * np.array(mark.position_m))}"]
+        lines += look_lines(mark.look) if mark.look is not None else []
+    return lines
+
+
+def reference_places(reference: Reference, network: MassSpringNetwork) -> Mapping[str, Floats]:
+    """Where each reference mark is [m], (dim,), by name."""
+    return {mark.name: mark.place(network) for mark in reference.marks}

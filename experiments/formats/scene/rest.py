@@ -1,0 +1,131 @@
+"""Whether a network rests near where it is drawn; where it does not, which key of its file is in another unit.
+
+The rest depends on the weight by the stiffness: masses in g and a stiffness in N/mm give the same one. The density that
+follows from masses and distances decides between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynamics import MassSpringNetwork, NetworkError, node_forces, rest_shape, spring_lengths
+from experiments.arrays import Floats
+from experiments.errors import shown
+from experiments.formats.scene.schema import SceneError
+
+UNIT = 30.0
+"""Factor beyond which a number is in another unit rather than wrong: units differ by 100 or 1000; choice."""
+
+BALANCED = 0.05
+"""Share of the weight that may be left over where springs carry it as drawn: rest lengths that are rounded; choice."""
+
+LONGEST = 2.0
+"""Length of a spring at rest by its rest length beyond which a body hangs by stretching, not by turning; choice."""
+
+DENSITY = 100.0
+"""Of a node's mass in the cube of a spring's length [kg/m³]: tissue has 1000, a phantom less; choice."""
+
+GRAVITY = 9.81
+"""[m/s²]"""
+
+UNITS = {
+    ("mass_kg", 3): "g",
+    ("mass_kg", -3): "t",
+    ("stiffness_N_m", 3): "N/mm",
+    ("stiffness_N_m", 2): "N/cm",
+    ("stiffness_N_m", -3): "mN/m",
+    ("gravity_m_s2", 3): "mm/s²",
+    ("gravity_m_s2", 2): "cm/s²",
+    ("position_mm", 3): "m",
+    ("position_mm", -3): "µm",
+}
+"""The unit that is suspected, by the key and by the power of ten of the stiffness that is lacking."""
+
+
+def check_rest(network: MassSpringNetwork) -> None:
+    """Raise SceneError, `network…: …`, where a network does not rest near where it is drawn."""
+    lengths = spring_lengths(network.positions, network.springs)
+    for s, ratio in enumerate(network.rest_lengths / lengths):
+        if not 1.0 / UNIT < ratio < UNIT:
+            raise SceneError(
+                f"network.spring[{s}].rest_length_mm: expected about the distance drawn, {1e3 * lengths[s]:.4g} mm,"
+                f" found {1e3 * network.rest_lengths[s]:.4g}; are both in mm?"
+            )
+    still, weightless = np.zeros_like(network.positions), replace(network, gravity=np.zeros(network.dim))
+    springs = node_forces(weightless, network.positions, still)[network.free]
+    weight = network.masses[network.free, None] * network.gravity
+    heavy = bool(network.fixed.any() and weight.any())  # what has no anchor hangs on its marks
+    if heavy and _is_unit(lacking := _lacking(springs, weight)):
+        raise SceneError(_suspect(network, lacking))
+    if (fault := _fault(network)) is not None:
+        if heavy and _fault(replace(network, stiffness=1e3 * network.stiffness)) is None:
+            raise SceneError(_suspect(network, 1e3))
+        raise SceneError(f"network: {fault}")
+
+
+def _is_unit(factor: float) -> bool:
+    return factor > 0 and not 1.0 / UNIT < factor < UNIT
+
+
+def _lacking(springs: Floats, weight: Floats) -> float:
+    """Factor on the stiffness with which springs carry the weight as drawn, by least squares; 1 where none does.
+
+    springs, weight: forces on the free nodes [N], (n_free, dim)
+    """
+    largest, heaviest = np.abs(springs).max(), np.abs(weight).max()
+    if largest == 0.0:
+        return 1.0
+    f, w = springs / largest, weight / heaviest  # neither overflows
+    factor = -float(np.vdot(f, w) / np.vdot(f, f))
+    balanced = np.linalg.norm(factor * f + w) <= BALANCED * np.linalg.norm(w)
+    return float(factor * (heaviest / largest)) if balanced else 1.0
+
+
+def _fault(network: MassSpringNetwork) -> str | None:
+    """Why a network does not rest near where it is drawn; None where it does, or turns there without stretching."""
+    try:
+        with np.errstate(all="ignore"):  # what overflows has no rest
+            rest = rest_shape(network)
+    except NetworkError as error:
+        return f"{error}; braces, stiffer springs or anchors would hold it"
+    except (ValueError, ArithmeticError) as error:  # where numbers are so large that they overflow
+        return f"rest shape: expected numbers that can be computed with, found {shown(str(error))}"
+    off = np.linalg.norm(rest - network.positions, axis=1)
+    size_m = np.linalg.norm(np.ptp(network.positions, axis=0))
+    stretched = (spring_lengths(rest, network.springs) / network.rest_lengths).max() > LONGEST
+    if not (stretched and off.max() > size_m):
+        return None
+    return (
+        f"expected to rest no farther from where it is drawn than it is large, {1e3 * size_m:.4g} mm,"
+        f" found {shown(network.names[int(off.argmax())])} {1e3 * off.max():.4g} mm away"
+    )
+
+
+def _suspect(network: MassSpringNetwork, lacking: float) -> str:
+    """The key that is suspected where the stiffness lacks this factor, and its first value as the file has it."""
+    first = int(network.free[0])
+    length_m = np.median(spring_lengths(network.positions, network.springs))
+    density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)
+    # by what the density, to the power that the mended unit has in it, is off
+    powers = {"stiffness_N_m": 0, "mass_kg": 1, "position_mm": 3}
+    key = min(powers, key=lambda key: abs(np.log(density / DENSITY) - powers[key] * factor))
+    if _is_unit(float(np.linalg.norm(network.gravity)) / GRAVITY):
+        key = "gravity_m_s2"
+    place, value = {
+        "stiffness_N_m": ("network.spring[0].stiffness_N_m", float(network.stiffness[0])),
+        "mass_kg": (f"network.node[{first}].mass_kg", float(network.masses[first])),
+        "position_mm": (f"network.node[{first}].position_mm", (1e3 * network.positions[first]).round(9).tolist()),
+        "gravity_m_s2": ("network.gravity_m_s2", network.gravity.tolist()),
+    }[key]
+    unit = UNITS.get((key, round(np.log10(lacking))), "another unit")
+    times = f"{_rounded(lacking)} times too soft" if lacking > 1 else f"{_rounded(1 / lacking)} times too stiff"
+    return (
+        f"{place}: expected springs that carry the weight near where the network is drawn,"
+        f" found {shown(value)}, for which they are {times}; in {unit}?"
+    )
+
+
+def _rounded(factor: float) -> str:
+    return f"{float(f'{factor:.3g}'):g}"

@@ -1,0 +1,135 @@
+"""The target's error budget: what a scene states, and what is supposed where it states nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynamics import ParameterUncertainty, independent_uncertainty, parameter_forces, parameters
+from estimators import ErrorSource, StaticBalance, StaticResponse, TargetEstimate, TissueFilter
+from experiments.arrays import Floats
+from experiments.formats.scene.scene import Scene
+
+MOST = 0.9
+"""Share of the variance whose sources are named [1]."""
+
+SEEN = "marks and disturbances"
+"""The source of what the filter's covariance has beside what is considered."""
+
+
+@dataclass(frozen=True, slots=True)
+class UsualUncertainty:
+    """Standard deviations where a scene states none.
+
+    stiffness, mass: relative, of each spring and node for the target [1]; of all springs together for the balance of
+        forces, where each by itself would hide a cut spring; choice
+    scale: relative, of a camera's millimetres a pixel [1]; choice: half of what a scale is supposed to be wrong by at
+        most
+    position_m: of the target's place in the tissue, an axis [m]; choice: registration from another picture errs by so
+        much
+    drift_m: of a camera or tracker that no reference mark watches, an axis [m]; choice
+    """
+
+    stiffness: float = 0.3
+    mass: float = 0.3
+    scale: float = 0.025
+    position_m: float = 3e-3
+    drift_m: float = 1e-3
+
+
+USUAL = UsualUncertainty()
+
+
+def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> StaticBalance:
+    """The balance of forces of a scene's body, its constants and camera as uncertain as stated or usual."""
+    which = parameters(scene.network, ("stiffness",))
+    together = ParameterUncertainty(which, np.full((1, len(which)), usual.stiffness))
+    camera = scene.cameras[0] if scene.cameras else None
+    if camera is not None and _is_unscaled(scene):
+        camera = replace(camera, scale_sd=usual.scale)
+    uncertainty = together if scene.uncertainty is None else scene.uncertainty
+    return StaticBalance(tissue, uncertainty, None if camera is None else camera.calibration_error)
+
+
+def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
+    """The sources of the target's error that no mark shows; those that a scene states the filter considers.
+
+    Constants are stated by `[uncertainty]`, as `softaim identify` writes it, a camera's scale by `scale_sd` or by the
+    `uncertainty` of its calibration, the target's place by `position_sd_mm`.
+    """
+    network, nodes = scene.network, scene.measured_nodes
+    at_rest = StaticResponse(tissue, nodes)
+    stated, dim = scene.uncertainty, network.dim
+    found = []
+    uncertainty = stated or independent_uncertainty(parameters(network, ("stiffness",)), usual.stiffness)
+    own = parameter_forces(network, uncertainty.parameters, at_rest.rest, np.zeros_like(at_rest.rest))
+    constants = at_rest.to_forces(own.T @ uncertainty.directions.T)
+    found.append(_source("constants", constants, stated=stated is not None))
+    if stated is None:
+        weights = np.zeros((len(network.free), dim, len(network.free)))
+        weights[range(len(network.free)), :, range(len(network.free))] = np.outer(
+            network.masses[network.free], tissue.model.network.gravity
+        )
+        masses = usual.mass * at_rest.to_forces(weights.reshape(-1, len(network.free)))
+        found.append(_source("masses", masses, stated=False))
+    if scene.cameras:
+        camera, unscaled = scene.cameras[0], _is_unscaled(scene)
+        seen = replace(camera, scale_sd=usual.scale) if unscaled else camera
+        places = at_rest.rest[[network.index(node) for node in nodes]]
+        shifts = seen.calibration_error(places).reshape(len(nodes) * dim, -1)
+        found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not unscaled))
+    if not scene.reference.marks:  # they are seen to move with the camera
+        drift_m = scene.reference.drift_sd_m
+        alike = np.tile((usual.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
+        name = "drift of the camera" if drift_m is not None else "drift of the camera (supposed)"
+        found.append(ErrorSource.of(name, at_rest.to_marks(alike), considered=False))
+    sd_m = scene.target.position_sd_m
+    place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
+    found.append(_source("the target's place in the tissue", place, stated=sd_m is not None))
+    sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
+        network.positions[network.free].ravel()
+    )
+    found.append(ErrorSource.of("rest elsewhere than drawn", np.linalg.norm(sag) * np.eye(dim), considered=False))
+    return tuple(found)
+
+
+def _source(name: str, directions: Floats, *, stated: bool) -> ErrorSource:
+    return ErrorSource.of(name if stated else f"{name} (supposed)", directions, considered=stated)
+
+
+def unstated(budget: Sequence[ErrorSource]) -> Floats:
+    """What the filter's covariance lacks [m²], (dim, dim)."""
+    return np.asarray(sum(one.cov for one in budget if not one.considered))
+
+
+def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
+    """Share of each source in the target's variance, the largest first; none without a covariance.
+
+    estimate: by the filter, without what that lacks
+    """
+    if estimate.cov is None or not np.isfinite(estimate.cov).all():
+        return {}
+    considered = sum(one.variance for one in budget if one.considered)
+    found = {one.name: one.variance for one in budget}
+    found[SEEN] = max(float(np.trace(estimate.cov)) - considered, 0.0)
+    whole = sum(found.values()) or 1.0
+    return {name: found[name] / whole for name in sorted(found, key=lambda name: -found[name])}
+
+
+def shares_words(shares: Mapping[str, float]) -> str:
+    """Which errors have most of the target's variance: the largest sources, to `MOST` of it together."""
+    named, together = [], 0.0
+    for name, share in shares.items():
+        named.append(f"{name} {100.0 * share:.0f} %")
+        together += share
+        if together >= MOST:
+            break
+    return ", ".join(named)
+
+
+def _is_unscaled(scene: Scene) -> bool:
+    """Whether nothing is stated of the scale of the scene's camera."""
+    camera = scene.cameras[0] if scene.cameras else None
+    return camera is not None and not camera.n_calibration and camera.scale_sd is None

@@ -1,0 +1,45 @@
+"""Whether an estimate may guide: contradictions between marks and model, and errors that no mark shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from estimators import Doubt, MarkMeasurement, TargetEstimate, TissueFilter
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
+
+
+class IntegrityMonitor:
+    """Watches the estimates of a scene's filter, frame by frame in order of time.
+
+    budget: sources of the target's error; unstated: what the filter's covariance lacks [m²], (dim, dim)
+    State: the doubt, and the balance of forces on the marks.
+    """
+
+    def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
+        self.budget = error_budget(scene, tissue)
+        self.unstated = unstated(self.budget)
+        self.doubt = Doubt()
+        self._balance = balance_of(scene, tissue)
+
+    def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
+        """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is."""
+        self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
+        return self.doubt.reason
+
+    def widened(self, estimate: TargetEstimate) -> TargetEstimate:
+        """The estimate with what the scene leaves unstated in its covariance."""
+        return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
+
+    def largest_errors(self, estimate: TargetEstimate) -> str:
+        """Which errors have most of the variance of the target of an estimate by the filter."""
+        return shares_words(variance_shares(self.budget, estimate))
+
+    def restart(self) -> None:
+        """Forget the marks: the filter begins again."""
+        self._balance.forget()
+
+    def looked(self) -> None:
+        """Somebody looked at tissue and marks: the doubt is over."""
+        self.doubt.forget()

@@ -1,0 +1,1 @@
+"""Worlds that differ from what the scene states, and how often GO is wrong there; `__main__` has the command."""

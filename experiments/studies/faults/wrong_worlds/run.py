@@ -1,0 +1,175 @@
+"""One run: a live session before a world that differs from its scene, and how often it was wrong."""
+
+from __future__ import annotations
+
+import logging
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from estimators import Advice, Status
+from experiments.errors import InputError
+from experiments.formats.outputs import write_whole
+from experiments.formats.scene.scene import Scene, read_scene, scene_text
+from experiments.formats.toml_file import toml_text, toml_value
+from experiments.log import LOG
+from experiments.pipeline.line import Line
+from experiments.pipeline.live.following import follow
+from experiments.pipeline.live.session import ESTIMATES, Session
+from experiments.pipeline.live.shown import Publisher, Shown
+from experiments.studies.faults.judge import is_wrong
+from experiments.studies.faults.world import BEGAN_S, Motion
+from experiments.studies.faults.wrong_worlds.bodies import BODIES, plan_of, scene_of_body
+from experiments.studies.faults.wrong_worlds.rows import World, world_of
+from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
+from experiments.studies.faults.wrong_worlds.truth import motion_of
+
+REFUSED = "refused"
+
+REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
+"""Squared radius of the region of 95 %, by dimension [sigmas²]."""
+
+REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
+"""How reference marks look, where a camera stands before the body: no other mark has that hue."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What was shown at one time, and whether it was right.
+
+    of_frame: whether a frame came; advice: None where there was none
+    error_m: of the target [m]; covered: whether the truth lies in the region of 95 %; wrong: as in `is_wrong`
+    """
+
+    of_frame: bool
+    status: str
+    advice: str | None
+    why: str
+    error_m: float
+    covered: bool
+    wrong: bool
+
+    @property
+    def words(self) -> str:
+        """What was shown, whatever its figures."""
+        if self.advice == str(Advice.GO):
+            return self.advice
+        what = self.status if self.advice in (None, str(Advice.NO_GUIDANCE)) else self.advice
+        return _plain(f"{what}: {self.why}" if self.why else what)
+
+
+class Judging(Publisher):
+    """A `Publisher` that judges what is shown from a time on. State: the moments."""
+
+    def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
+        self._motion, self._target, self._onset_s = motion, target, onset_s
+        self.moments: list[Moment] = []
+
+    def publish(self, shown: Shown, line: Line) -> None:
+        """Judge what is shown now."""
+        time_s = shown.at_s - BEGAN_S
+        if time_s < self._onset_s:
+            return
+        truth, estimate, guidance = self._motion.at(time_s)[self._target], shown.estimate, shown.guidance
+        off, cov = truth - estimate.mean, estimate.cov
+        covered = False
+        if cov is not None and np.isfinite(off).all() and np.isfinite(cov).all():
+            covered = bool(off @ np.linalg.solve(cov, off) <= REGION[len(off)])
+        self.moments.append(
+            Moment(
+                shown.step is not None,
+                str(estimate.status),
+                None if guidance is None else str(guidance.advice),
+                shown.fault or ("" if guidance is None else guidance.reason),
+                float(np.linalg.norm(off)),
+                covered,
+                is_wrong(estimate.mean, cov, truth),
+            )
+        )
+
+
+def run(case: Mapping[str, Any]) -> dict[str, Any]:
+    """A world with a body and a seed, as a row of the study; `duration_s` of the case in place of the body's [s]."""
+    world, scene = world_of(case["world"]), scene_of_body(case["body"])
+    duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
+    level = LOG.level
+    LOG.setLevel(logging.CRITICAL)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            return counted(moments_of(world, scene, case["seed"], duration_s, Path(folder)))
+    except InputError as error:
+        return {**counted([]), REFUSED: True, "shown": _plain(str(error).replace(f"{folder}/", ""))}
+    finally:
+        LOG.setLevel(level)
+
+
+def _plain(text: str) -> str:
+    """A text whatever its figures."""
+    return re.sub(r"\d+(\.\d+)?", "…", text)
+
+
+def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
+    """All that a live run shows; folder: for its tables. Raises InputError where the scene is refused."""
+    motion = motion_of(scene, world.truth, seed, duration_s)
+    path = folder / "scene.toml"
+    write_whole(path, stated_text(world, scene))
+    stated = read_scene(path)
+    nodes = scene.measured_nodes + (_anchors(scene) if world.reference else ())
+    seen = world.seen(seen_of(scene, nodes, motion, seed), np.random.default_rng([seed, 13]))
+    judging = Judging(motion, scene.network.index(scene.target.node), world.onset_s)
+    frames = ScriptedMarks(stated, lines_of(seen, world.sd_m))
+    clock = partial(getattr, frames, "now_s")
+    try:
+        session = Session(
+            stated, folder / ESTIMATES, lambda _text: None, needle=plan_of(scene), publisher=judging, clock=clock
+        )
+        follow(session, frames, duration_s, clock)
+        session.close()
+    finally:
+        frames.close()
+    return judging.moments
+
+
+def stated_text(world: World, scene: Scene) -> str:
+    """The scene file that the world's user has written."""
+    lines = scene_text(world.scene(scene)).splitlines()
+    target = lines.index("[target]") + 1
+    lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
+    for anchor in _anchors(scene) if world.reference else ():
+        lines += ["", "[[reference.mark]]", f"name = {toml_text(anchor)}", f"node = {toml_text(anchor)}"]
+        lines += [f"hue_deg = {REFERENCE_HUE_DEG}", f"diameter_mm = {REFERENCE_MM}"] if scene.cameras else []
+    return "\n".join(lines) + "\n"
+
+
+def _anchors(scene: Scene) -> tuple[str, ...]:
+    return tuple(scene.network.names[i] for i in np.flatnonzero(scene.network.fixed))
+
+
+def counted(moments: list[Moment]) -> dict[str, Any]:
+    """The moments of a run in figures.
+
+    tracking, tracking_wrong, covered: frames; go, go_wrong: moments; error_mm: median of frames that are TRACKING
+    shown: what was shown at most of the moments
+    """
+    tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
+    go = [one for one in moments if one.advice == str(Advice.GO)]
+    shown = Counter(one.words for one in moments).most_common(1)
+    return {
+        "frames": sum(one.of_frame for one in moments),
+        "tracking": len(tracking),
+        "tracking_wrong": sum(one.wrong for one in tracking),
+        "covered": sum(one.covered for one in tracking),
+        "error_mm": 1e3 * float(np.median([one.error_m for one in tracking])) if tracking else np.nan,
+        "go": len(go),
+        "go_wrong": sum(one.wrong for one in go),
+        "shown": shown[0][0] if shown else "",
+        REFUSED: False,
+    }

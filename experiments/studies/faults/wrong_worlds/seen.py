@@ -1,0 +1,128 @@
+"""What a tracker sees of a body's marks, what is wrong with that, and the lines that it sends."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.arrays import Floats
+from experiments.formats.recording import AXES
+from experiments.formats.scene.scene import Scene
+from experiments.pipeline.live.marks.receiver import LiveMarks, MarksFrame
+from experiments.studies.faults.judge import ONSET_S
+from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Motion
+
+MARK_SD_M = 1e-3
+"""Standard deviation of the marks, an axis [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Frames of a tracker.
+
+    exposed_s: when each was exposed [s], (n,); stated_s: by the tracker's clock; arrive_s: when its line comes
+    nodes: of the marks; places: as it sees them [m], (n, n_marks, dim); shown: which it sees, (n, n_marks)
+    middle: of the body as drawn [m], (dim,)
+    """
+
+    exposed_s: Floats
+    stated_s: Floats
+    arrive_s: Floats
+    nodes: tuple[str, ...]
+    places: Floats
+    shown: NDArray[np.bool_]
+    middle: Floats
+
+    def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
+        """The frames that are exposed from this time on, for so long [s], (n,)."""
+        return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
+
+    def moved(self, by: Floats) -> Seen:
+        """All marks displaced [m], (n, dim) of each frame or (n, n_marks, dim) of each mark."""
+        return replace(self, places=self.places + (by[:, None] if by.ndim == 2 else by))
+
+
+Sees = Callable[[Seen, np.random.Generator], Seen]
+
+
+def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
+    """The marks on these nodes as a tracker sees them, all to `MARK_SD_M`; its clock is right, and no line is late."""
+    times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
+    columns = [scene.network.index(node) for node in nodes]
+    places = np.array([motion.at(float(t))[columns] for t in times])
+    noise = MARK_SD_M * np.random.default_rng([seed, 7]).normal(size=places.shape)
+    middle = 0.5 * (scene.network.positions.min(axis=0) + scene.network.positions.max(axis=0))
+    return Seen(times, times, times, nodes, places + noise, np.ones(places.shape[:2], bool), middle)
+
+
+def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
+    """When each line arrives on the clock [s], and the line, in the order of arrival; sd_m: as is stated [m]."""
+    axes = AXES[: seen.places.shape[2]]
+    lines = []
+    for k, arrives_s in enumerate(seen.arrive_s):
+        marks = [
+            {"node": node, **dict(zip(axes, (1e3 * seen.places[k, m]).tolist(), strict=True)), "sd_mm": 1e3 * sd_m}
+            for m, node in enumerate(seen.nodes)
+            if seen.shown[k, m]
+        ]
+        line = json.dumps({"time_s": BEGAN_S + float(seen.stated_s[k]), "marks": marks})
+        lines.append((BEGAN_S + float(arrives_s), line.encode()))
+    return sorted(lines)
+
+
+class _Script:
+    """A feed whose lines are given by a script. State: whether the script is over."""
+
+    def __init__(self) -> None:
+        self._over = threading.Event()
+
+    def run(self, _receiver: LiveMarks) -> None:
+        """Wait for its end."""
+        self._over.wait()
+
+    def close(self) -> None:
+        """End it."""
+        self._over.set()
+
+
+class ScriptedMarks(LiveMarks):
+    """Live marks whose lines come when a script says so. State: the script's clock [s], the lines to come."""
+
+    def __init__(self, scene: Scene, lines: list[tuple[float, bytes]]) -> None:
+        self.now_s = BEGAN_S
+        self._to_come = deque(lines)
+        self._script = _Script()
+        self._at_end = False
+        super().__init__(scene, self._script, clock=lambda: self.now_s)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the script is over."""
+        return self._at_end or super().ended
+
+    def next(self, timeout_s: float) -> MarksFrame | None:
+        """The newest frame that came until now, or the first within timeout_s [s]."""
+        until_s = self.now_s + timeout_s
+        while self._to_come and self._to_come[0][0] <= self.now_s:
+            self.take_line(self._to_come.popleft()[1])
+        frame = super().next(0.0)
+        while frame is None and self._to_come and self._to_come[0][0] <= until_s:
+            arrives_s, line = self._to_come.popleft()
+            self.now_s = arrives_s
+            self.take_line(line)
+            frame = super().next(0.0)
+        if frame is None:
+            self.now_s = until_s
+            self._at_end = not self._to_come
+        return frame
+
+    def close(self) -> None:
+        """End the script, and what waits for it."""
+        self._script.close()
+        super().close()

@@ -1,0 +1,101 @@
+"""How a body truly moves: poked and breathing, by SciPy's DOP853."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from experiments.formats.scenario import Breathing, Pokes, Scenario, read_scenario
+from experiments.formats.scene.scene import Scene
+from experiments.simulation.simulate import breathing_force, poke_force
+from experiments.studies.faults.world import Motion, moved
+
+Becomes = Callable[[MassSpringNetwork], MassSpringNetwork]
+Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
+"""The true network of a scene, which the scene does not state."""
+
+SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
+"""Direction of a second breath, by dimension; the first goes upward."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pushes:
+    """What pushes the body: pokes and a breath [m/s²] of the marked nodes.
+
+    Either of: hidden, the target is poked as well; second, a second breath, of another period and direction
+    """
+
+    pokes_m_s2: float = 5.0
+    breath_m_s2: float = 2.0
+    hidden: bool = False
+    second: bool = False
+
+
+PUSHES = Pushes()
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """How the true body differs from the scene's: from the first exposure on, and from the onset [s] on; its pushes."""
+
+    network: Changes = lambda scene, _rng: scene.network
+    becomes: Becomes = lambda network: network
+    onset_s: float = 0.0
+    pushes: Pushes = PUSHES
+
+
+AS_STATED = Truth()
+
+
+def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
+    """The motion of a scene's body; kept of one that is as stated, for most worlds are of the same."""
+    if truth == AS_STATED:
+        return _as_stated(scene, seed, duration_s)
+    return _moved(scene, truth, seed, duration_s)
+
+
+@lru_cache(maxsize=8)
+def _as_stated(scene: Scene, seed: int, duration_s: float) -> Motion:
+    return _moved(scene, AS_STATED, seed, duration_s)
+
+
+def _moved(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
+    network = truth.network(scene, np.random.default_rng([seed, 11]))
+    scenario = _scenario(scene, truth.pushes, seed, duration_s)
+    more = None
+    if truth.pushes.second:
+        breath = _breath(scene, truth.pushes.breath_m_s2, SECOND[network.dim])
+        more = breathing_force(network, breath, np.random.default_rng([seed, 12]))
+    if truth.pushes.hidden:
+        pokes = _pokes(truth.pushes, [scene.target.node])
+        more = poke_force(network, pokes, duration_s, np.random.default_rng([seed, 12]))
+    return moved(scenario, network, truth.becomes, truth.onset_s, more)
+
+
+def _scenario(scene: Scene, pushes: Pushes, seed: int, duration_s: float) -> Scenario:
+    changes = {
+        "seed": seed,
+        "duration_s": duration_s,
+        "tremor": None,
+        "pokes": _pokes(pushes, list(scene.measured_nodes)),
+        "breathing": _breath(scene, pushes.breath_m_s2),
+    }
+    return read_scenario("poked").model_copy(update=changes)
+
+
+def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
+    return Pokes(nodes=nodes, acceleration_m_s2=pushes.pokes_m_s2, shortest_s=0.1, longest_s=0.4, pause_s=1.5)
+
+
+def _breath(scene: Scene, strength_m_s2: float, direction: list[float] | None = None) -> Breathing:
+    return Breathing(
+        nodes=list(scene.measured_nodes),
+        acceleration_m_s2=strength_m_s2,
+        shortest_s=3.0,
+        longest_s=6.0,
+        direction=direction,
+    )

@@ -1,0 +1,118 @@
+"""A target whose place in the tissue is not exact: the filter against the joint posterior, by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, four_mass_phantom
+from estimators import (
+    FilterSettings,
+    FixBias,
+    MarkMeasurement,
+    TargetPoint,
+    TissueFilter,
+    fast_prediction_tables,
+    fixed_interval,
+    predict_fast,
+)
+
+SD_M, BIAS_M, FIX_M = 6e-3, 1e-3, 0.5e-3
+AT_S = 0.5
+"""When the fix comes [s]."""
+
+
+def filter_of(sd_m: float, *, bias: FixBias | None = None, network=None) -> TissueFilter:
+    settings = replace(FilterSettings(), fix_bias=bias)
+    body = four_mass_phantom() if network is None else network
+    return TissueFilter(body, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, settings)
+
+
+def marks_at(tissue: TissueFilter, frame: int):
+    """Marks that stand where they rest, each a little off, the same in every filter."""
+    network, rng = tissue.model.network, np.random.default_rng(frame)
+    return [
+        MarkMeasurement(node, network.positions[network.index(node)] + 1e-3 * rng.normal(size=2), 1e-6 * np.eye(2))
+        for node in OUTER
+    ]
+
+
+def tracked(tissue: TissueFilter, until_s: float = AT_S):
+    for frame in range(round(30 * until_s) + 1):
+        tissue.predict(frame / 30)
+        estimate = tissue.update(marks_at(tissue, frame))
+    return estimate
+
+
+def test_the_place_is_as_uncertain_as_stated_and_nothing_else_changes():
+    plain, loose = tracked(filter_of(0.0)), tracked(filter_of(SD_M))
+    np.testing.assert_allclose(loose.mean, plain.mean, atol=1e-6)
+    np.testing.assert_allclose(loose.cov, plain.cov + SD_M**2 * np.eye(2), atol=1e-7)
+    assert loose.gain == pytest.approx(plain.gain, abs=0.01)
+    assert not loose.model_only
+
+
+def test_marks_do_not_tell_the_place_however_long_they_are_seen():
+    first, later = (tracked(filter_of(SD_M), until_s=s).cov for s in (0.5, 4.0))
+    assert np.trace(later) >= 2.0 * SD_M**2
+    assert np.trace(first) >= 2.0 * SD_M**2
+
+
+def test_a_fix_is_fused_as_the_joint_posterior_has_it():
+    """Place o, tissue x and bias b: the fix sees x + o + b; of x + o the posterior by Bayes' rule for Gaussians."""
+    before = tracked(filter_of(0.0))
+    tissue = filter_of(SD_M, bias=FixBias(BIAS_M, lasting_s=1e9))
+    tracked(tissue)
+    seen = before.mean + np.array([5e-3, -3e-3])
+    found = tissue.fix(seen, FIX_M**2 * np.eye(2))
+    prior = before.cov + SD_M**2 * np.eye(2)
+    gain = prior @ np.linalg.inv(prior + (BIAS_M**2 + FIX_M**2) * np.eye(2))
+    np.testing.assert_allclose(found.mean, before.mean + gain @ (seen - before.mean), atol=2e-6)
+    np.testing.assert_allclose(found.cov, prior - gain @ prior, rtol=1e-3, atol=1e-11)
+
+
+def test_what_a_fix_showed_outlasts_a_gap_and_a_loss():
+    """The body is forgotten in the gap, and found again by its marks; the lesion is where it was in it."""
+    tissue = filter_of(SD_M)
+    tracked(tissue)
+    rest = tissue.model.network.positions[tissue.model.network.index(HIDDEN)]
+    tissue.fix(rest + np.array([5e-3, 0.0]), FIX_M**2 * np.eye(2))
+    for frame in range(60):
+        tissue.predict(30.0 + frame / 30)
+        estimate = tissue.update(marks_at(tissue, frame))
+    np.testing.assert_allclose(estimate.mean - rest, [5e-3, 0.0], atol=5e-4)
+    assert np.sqrt(np.diag(estimate.cov)).max() < 1e-3
+
+
+def test_predictions_and_the_smoother_have_it_too():
+    """Ahead and in hindsight, with a fix: the tables against the filter's own prediction, as without an offset."""
+    tissue = filter_of(SD_M)
+    tracked(tissue)
+    tissue.fix(tracked(filter_of(0.0)).mean + np.array([5e-3, 0.0]), FIX_M**2 * np.eye(2))
+    times, means, covs = predict_fast(fast_prediction_tables(tissue, 0.3), tissue)
+    slow_means, slow_covs = tissue.predict_path(times)
+    np.testing.assert_allclose(means, slow_means, atol=2e-4)
+    np.testing.assert_allclose(np.sqrt(covs[:, 0, 0]), np.sqrt(slow_covs[:, 0, 0]), rtol=0.2)
+    smoothed = fixed_interval(filter_of(SD_M), [(k / 30, marks_at(tissue, k)) for k in range(10)])
+    assert all(np.diag(one.cov).min() >= SD_M**2 for one in smoothed[3:])
+
+
+def test_a_stiff_body_has_it_beside_its_own_field():
+    """The field through the marks has the node's place: the offset comes on top of what is reported of that.
+
+    Innovations inflate the whole state of such a body, the offset's error by as much as the others.
+    """
+    soft = four_mass_phantom()
+    stiff = replace(soft, stiffness=1e3 * soft.stiffness)
+    plain, loose = (filter_of(sd_m, network=stiff) for sd_m in (0.0, SD_M))
+    assert plain.settings.led is not None
+    known, found = tracked(plain), tracked(loose)
+    np.testing.assert_allclose(found.mean, known.mean, atol=1e-5)
+    ratio = np.diag(found.cov) / np.diag(known.cov + SD_M**2 * np.eye(2))
+    assert 0.98 < ratio.min() <= ratio.max() < 1.2
+
+
+@pytest.mark.parametrize("sd_m", [-1e-3, np.nan, np.inf])
+def test_a_place_known_to_no_number_is_refused(sd_m):
+    with pytest.raises(ValueError, match="sd_m: expected 0 or more, finite"):
+        TargetPoint((HIDDEN,), sd_m=sd_m)

@@ -1,0 +1,33 @@
+"""How far a run is, said where there is no terminal for a bar."""
+
+import threading
+
+from experiments.commands.terminal import progress_lines
+
+SOON_S = 20.0
+
+
+def test_a_run_that_takes_long_says_how_far_it_is_though_it_stands_still() -> None:
+    """After a time, then after twice as long; the stage begun last is the one at work."""
+    said, heard = [], [threading.Event() for _ in range(3)]
+
+    def say(line: str) -> None:
+        said.append(line)
+        heard[len(said) - 1].set()
+
+    with progress_lines(0.05, say) as stage:
+        stage("read")(1.0)
+        done = stage("track")
+        done(0.25)
+        assert heard[0].wait(SOON_S)
+        assert heard[1].wait(SOON_S)
+        lines = said[:2]
+    assert [line.split(" after")[0] for line in lines] == ["track: 25%", "track: 25%"]
+
+
+def test_a_run_that_ends_says_nothing_more() -> None:
+    said: list[str] = []
+    with progress_lines(3600.0, said.append) as stage:
+        stage("read")(0.5)
+    assert not [thread for thread in threading.enumerate() if thread.name == "softaim progress"]
+    assert said == []

@@ -1,0 +1,233 @@
+"""Worlds that differ from their scene: what each does to marks, body and scene, a quick run, and the table."""
+
+import itertools
+import json
+import tomllib
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from dynamics import node_forces
+from experiments.errors import InputError
+from experiments.formats.scene.schema import SceneFile
+from experiments.studies.faults.judge import ONSET_S
+from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Motion
+from experiments.studies.faults.wrong_worlds.__main__ import main
+from experiments.studies.faults.wrong_worlds.bodies import BODIES, scene_of_body
+from experiments.studies.faults.wrong_worlds.rows import WORLDS, world_of
+from experiments.studies.faults.wrong_worlds.run import Moment, counted, run, stated_text
+from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
+from experiments.studies.faults.wrong_worlds.table import markdown, rows_of
+from experiments.studies.faults.wrong_worlds.truth import AS_STATED, motion_of
+
+SEED = 7000
+
+
+def seen(body: str = "four masses", duration_s: float = 7.0):
+    """Marks of a body that rests."""
+    scene = scene_of_body(body)
+    times = np.arange(0.0, duration_s + 0.1, INTERVAL_S)
+    motion = Motion(times, np.tile(scene.network.positions, (len(times), 1, 1)))
+    return seen_of(scene, scene.measured_nodes, motion, SEED)
+
+
+def displaced_mm(name: str, body: str = "four masses"):
+    """By how much a world displaces each mark in each frame [mm], (n, n_marks), and the frames' times [s]."""
+    before = seen(body)
+    after = world_of(name).seen(before, np.random.default_rng(SEED))
+    return 1e3 * np.linalg.norm(after.places - before.places, axis=2), before.exposed_s
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize(
+    ("name", "at_s", "mm"),
+    [
+        ("the camera drifts by 1 mm/s", 6.0, 2.0),
+        ("the camera is moved by 10 mm", 6.0, 10.0),
+        ("all marks move by 8 mm for half a second", 4.2, 8.0),
+        ("all marks move by 8 mm for half a second", 4.6, 0.0),
+    ],
+)
+def test_a_camera_that_moves_displaces_all_marks_alike(name, at_s, mm, body):
+    by, times = displaced_mm(name, body)
+    np.testing.assert_allclose(by[times < ONSET_S], 0.0, atol=1e-9)
+    np.testing.assert_allclose(by[np.argmin(np.abs(times - at_s))], mm, atol=0.05)
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_a_turned_camera_keeps_distances_and_turns_by_two_degrees(body):
+    """From the trace of the turn that fits best: of 2 degrees 2 cos in the plane, 1 + 2 cos in space."""
+    before = seen(body)
+    after = world_of("the camera is turned by 2 degrees").seen(before, np.random.default_rng(SEED))
+    a, b = before.places[-1], after.places[-1]
+    left, _, right = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
+    turn = right.T @ np.diag([*np.ones(len(right) - 1), np.linalg.det(right.T @ left.T)]) @ left.T
+    assert np.trace(turn) == pytest.approx(2.0 * np.cos(np.deg2rad(2.0)) + len(turn) - 2.0, abs=1e-9)
+    np.testing.assert_allclose(b - b.mean(axis=0), (a - a.mean(axis=0)) @ turn.T, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "at_s", "mm"),
+    [("a mark slides by 8 mm in 2 s", 5.0, 4.0), ("a mark is stuck on 5 mm elsewhere", 5.0, 5.0)],
+)
+def test_one_mark_alone_is_displaced(name, at_s, mm):
+    by, times = displaced_mm(name)
+    assert sorted(by[np.argmin(np.abs(times - at_s))]) == pytest.approx([0.0, 0.0, mm], abs=0.1)
+
+
+def test_values_freeze_to_the_last_digit_while_times_go_on():
+    lines = lines_of(world_of("values freeze for 2 s, times go on").seen(seen(), np.random.default_rng(SEED)), 1e-3)
+    frames = [json.loads(line) for _, line in lines]
+    frozen = [one for one in frames if ONSET_S - 1e-6 <= one["time_s"] - BEGAN_S < ONSET_S + 2.0 - 1e-6]
+    assert len(frozen) == 60
+    assert all(one["marks"] == frozen[0]["marks"] for one in frozen)
+    times = [one["time_s"] for one in frames]
+    assert np.diff(times) == pytest.approx(INTERVAL_S)
+    moving = [one for one in frames if one["time_s"] - BEGAN_S < ONSET_S - 0.05]
+    assert all(one["marks"] != other["marks"] for one, other in itertools.pairwise(moving))
+
+
+def test_times_are_late_fast_or_lack_and_marks_are_exchanged_or_astray():
+    rng, before = np.random.default_rng(SEED), seen()
+    late = world_of("a delay of 100 ms that nobody states").seen(before, rng)
+    np.testing.assert_allclose(late.stated_s - before.exposed_s, 0.1)
+    np.testing.assert_allclose(late.arrive_s, late.stated_s)
+    fast = world_of("the tracker's clock is 2 % fast").seen(before, rng)
+    assert fast.stated_s[-1] / fast.arrive_s[-1] == pytest.approx(1.02)
+    half = world_of("half of the frames are lost").seen(before, rng)
+    assert 0.35 < len(half.places) / len(before.places) < 0.65
+    swapped = world_of("two marks are exchanged").seen(before, rng)
+    np.testing.assert_array_equal(swapped.places[-1], before.places[-1][[1, 0, 2]])
+    wild = np.linalg.norm(world_of("one mark in twenty is 10 mm off").seen(before, rng).places - before.places, axis=2)
+    assert 0.02 < (wild > 5e-3).mean() < 0.08
+    assert wild.max() == pytest.approx(10e-3)
+
+
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("world", [w for w in WORLDS if w.truth != AS_STATED], ids=lambda w: w.name)
+def test_every_true_body_begins_at_rest(world, body):
+    """At rest no node feels more than a thousandth of its weight."""
+    network = world.truth.network(scene_of_body(body), np.random.default_rng(SEED))
+    still = np.zeros_like(network.positions)
+    forces = np.linalg.norm(node_forces(network, network.positions, still)[network.free], axis=1)
+    assert (forces < 1e-3 * 9.81 * network.masses[network.free]).all()
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_every_scene_that_is_stated_has_the_form_of_a_scene_file(body):
+    scene = scene_of_body(body)
+    texts = [stated_text(world, scene) for world in WORLDS if world.is_supported]
+    for text in set(texts):
+        SceneFile.model_validate(tomllib.loads(text))
+    assert len(set(texts)) >= 5  # friction, gravity twice, masses and stiffness; as it is
+
+
+def test_a_target_rests_so_far_from_where_it_is_drawn():
+    scene = scene_of_body("four masses")
+    target = scene.network.index(scene.target.node)
+    network = world_of("the target rests 10 mm from where it is drawn").truth.network(scene, np.random.default_rng(1))
+    away = np.linalg.norm(network.positions - scene.network.positions, axis=1)
+    assert away[target] == pytest.approx(10e-3, abs=1e-6)
+    assert np.delete(away, target).max() < 1e-6
+
+
+def test_other_pushes_move_the_body_otherwise():
+    """Of the same seed, by more than a millimetre; both begin at rest."""
+    scene = scene_of_body("light phantom")
+    usual = motion_of(scene, AS_STATED, SEED, 3.0).positions
+    poked = motion_of(scene, world_of("the target is poked, too").truth, SEED, 3.0).positions
+    breathing = motion_of(scene, world_of("a second breath from aside").truth, SEED, 3.0).positions
+    apart = np.linalg.norm(poked - usual, axis=2).max(axis=1)
+    assert apart[0] == 0.0
+    assert apart.max() > 1e-3
+    assert np.linalg.norm(breathing - usual, axis=2).max() > 1e-3
+
+
+def test_keys_that_a_row_adds_stand_in_their_tables():
+    world = world_of("the target rests 10 mm from where it is drawn; so stated")
+    lines = stated_text(world, scene_of_body("breast")).splitlines()
+    assert lines[lines.index("[target]") + 1] == "position_sd_mm = 10.0"
+    breast, drift = scene_of_body("breast"), world_of("the camera drifts by 1 mm/s; reference marks on the anchors")
+    assert stated_text(drift, breast).count("[[reference.mark]]") == int(breast.network.fixed.sum())
+
+
+def test_a_script_gives_each_line_when_it_comes_and_ends_after_the_last():
+    scene = scene_of_body("four masses")
+    lines = lines_of(seen(duration_s=0.2), 1e-3)
+    frames = ScriptedMarks(scene, lines)
+    times, gaps = [], 0
+    while not frames.ended:
+        frame = frames.next(0.01)
+        gaps += frame is None
+        times += [] if frame is None else [frame.exposure_s - BEGAN_S]
+    frames.close()
+    np.testing.assert_allclose(times, INTERVAL_S * np.arange(len(lines)), atol=1e-9)
+    assert gaps > 2 * len(lines)  # three waits of 10 ms between two frames
+
+
+def moment(**changes) -> Moment:
+    usual = {"of_frame": True, "status": "TRACKING", "advice": "GO", "why": "", "error_m": 1e-3, "covered": True}
+    return Moment(**{"wrong": False, **usual, **changes})
+
+
+def test_moments_are_counted():
+    moments = [
+        *[moment()] * 5,
+        moment(wrong=True, covered=False, error_m=9e-3),
+        moment(of_frame=False, wrong=True),
+        *[moment(advice="NO_GUIDANCE", status="LOST", why="no mark for 1.5 s")] * 2,
+    ]
+    found = counted(moments)
+    assert {key: found[key] for key in ("frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong")} == {
+        "frames": 8,
+        "tracking": 6,
+        "tracking_wrong": 1,
+        "covered": 5,
+        "go": 7,
+        "go_wrong": 2,
+    }
+    assert found["error_mm"] == pytest.approx(1.0)
+    assert (found["shown"], moments[-1].words) == ("GO", "LOST: no mark for … s")
+
+
+def test_a_row_of_which_any_body_is_beyond_half_a_percent_is_marked():
+    usual = {"frames": 300, "tracking": 290, "tracking_wrong": 0, "covered": 280, "error_mm": 1.0, "shown": "GO"}
+    runs = pd.DataFrame(
+        [
+            {"world": "nothing", "body": "breast", "go": 200, "go_wrong": 1, "refused": False, **usual},
+            {"world": "the scale is 3 % off", "body": "breast", "go": 100, "go_wrong": 1, "refused": False, **usual},
+            {"world": "masses stated in g", "body": "breast", "go": 0, "go_wrong": 0, "refused": True, **usual},
+        ]
+    )
+    good, refused, marked = markdown(rows_of(runs)).splitlines()[2:]
+    assert good.startswith("| nothing | 200 | 1 | 0.5 % |")
+    assert marked.startswith("| **the scale is 3 % off** | 100 | 1 | **1.0 %** |")
+    assert "| refused in 1 of 1: GO |" in refused
+
+
+def test_two_rows_are_run_and_written_and_a_row_counts_from_its_onset_on(tmp_path, capsys):
+    """Of 4.5 s 135 frames count where nothing is wrong, 15 of a camera that is moved at 4 s; one more or less."""
+    moved = "the camera is moved by 10 mm"
+    options = ["--bodies", "light phantom", "--seeds", "1", "--first-seed", str(SEED), "--seconds", "4.5"]
+    options += ["--out", str(tmp_path / "out"), "--processes", "1"]
+    assert main([*options, "--only", "nothing", "--only", moved]) == 0
+    rows = pd.read_csv(tmp_path / "out" / "wrong_worlds.csv").set_index("world")
+    assert rows.loc["nothing", "frames"] == pytest.approx(135, abs=1)
+    assert rows.loc[moved, "frames"] == pytest.approx(15, abs=1)
+    assert rows.loc["nothing", "tracking"] > 120
+    assert rows.loc["nothing", "go"] > 120
+    assert (rows.loc["nothing", "tracking_wrong"], rows.loc["nothing", "go_wrong"]) == (0, 0)
+    assert (tmp_path / "out" / "wrong_worlds.md").read_text(encoding="utf-8") == capsys.readouterr().out
+    assert main([*options, "--only", "nought"]) == 2
+    assert "--only: expected one of nothing, " in capsys.readouterr().err
+
+
+def test_a_scene_that_is_refused_counts_as_refused(monkeypatch):
+    def refused(*_args):
+        raise InputError.at("scene.toml: network", "a rest of 12 mm", "another")
+
+    monkeypatch.setattr("experiments.studies.faults.wrong_worlds.run.moments_of", refused)
+    found = run({"world": "nothing", "body": "breast", "seed": SEED})
+    assert (found["refused"], found["go"]) == (True, 0)
+    assert found["shown"] == "scene.toml: network: expected a rest of … mm, found another"
