@@ -5,7 +5,7 @@ They stand still in the world, on anchors or on the rig; by them the pose of a c
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,6 +141,6 @@ def reference_lines(reference: Reference) -> list[str]:
     return lines
 
 
-def reference_places(reference: Reference, network: MassSpringNetwork) -> Mapping[str, Floats]:
+def reference_places(reference: Reference, network: MassSpringNetwork) -> dict[str, Floats]:
     """Where each reference mark is [m], (dim,), by name."""
     return {mark.name: mark.place(network) for mark in reference.marks}

