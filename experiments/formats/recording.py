@@ -120,7 +120,7 @@ def read_recording(
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
     scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
-    scene = usable_scene(scene_path)
+    scene = usable_scene(scene_path, rests=False)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:
