@@ -139,9 +139,10 @@ def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasur
 
 def frames_frozen(recording: Recording) -> int:
     """How many frames of given marks repeat values, and are not used."""
-    marks = recording.marks or ()
-    used, _ = without_repeats(recording.exposures_s, marks)
-    return sum(bool(given) and not left for given, left in zip(marks, used, strict=True))
+    if recording.marks is None:
+        return 0
+    used, _ = without_repeats(recording.exposures_s, recording.marks)
+    return sum(bool(given) and not left for given, left in zip(recording.marks, used, strict=True))
 
 
 def measurement(mark: MarkRow) -> MarkMeasurement:
