@@ -15,7 +15,6 @@ Names to start with:
     hit_probability       of a needle that stands still
     guide                 go, wait or realign
     anees, coverage       is the covariance consistent
-    PoseFilter            the pose error of a camera or tracker, by marks that stand still
 """
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap

@@ -36,7 +36,7 @@ def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...
     """What sets the number of threads of each OpenBLAS that NumPy and SciPy brought, and what tells it."""
     found = []
     for package in (numpy, scipy):
-        home = Path(package.__file__).parent
+        home = Path(package.__path__[0])
         folders = home.parent / f"{package.__name__}.libs", home / ".dylibs"
         for path in (one for folder in folders for one in folder.glob("*openblas*")):
             for ending in ("64_", ""):

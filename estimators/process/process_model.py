@@ -1,8 +1,7 @@
 """The tissue as a process model: its equations of motion, with an unknown poke on each marked node.
 
 The state of the filter is the network's (positions, then velocities of the free nodes) followed by the poke on each
-marked coordinate [N], node-major, and by slow states [m], (dim,) each: the bias of fixes, where fixes are expected,
-and the error of the target's offset, where that is not exact.
+marked coordinate [N], node-major, and slow states [m], (dim,) each: bias of fixes, error of the target's offset.
 """
 
 from __future__ import annotations
@@ -110,13 +109,12 @@ class TissueModel:
         places = [network.coordinates(node) for node in [*marked, *hidden]]
         self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
         n_fixed = network.n_state + len(self.poked_rows)
-        slow = [] if bias is None else [(bias.sd_m, bias.lasting_s)]
-        slow += [(offset_sd_m, np.inf)] if offset_sd_m else []
+        slow = [(offset_sd_m, np.inf)] if offset_sd_m else []
+        slow = slow if bias is None else [(bias.sd_m, bias.lasting_s), *slow]
         self.slow_sd, self._slow_s = (np.repeat([one[k] for one in slow], network.dim) for k in (0, 1))
-        self.dim_x = n_fixed + len(self.slow_sd)
-        self.slow = slice(n_fixed, self.dim_x)
+        self.slow = slice(n_fixed, n_fixed + len(self.slow_sd))
         self.bias_rows = slice(n_fixed, n_fixed + (0 if bias is None else network.dim))
-        self.offset_rows = slice(self.bias_rows.stop, self.dim_x)
+        self.dim_x, self.offset_rows = self.slow.stop, slice(self.bias_rows.stop, self.slow.stop)
         nodes: Sequence[str] = () if led is None else led[0]
         self._led_by = None if led is None else led[1]
         if unmarked := sorted(set(nodes) - set(marked)):
@@ -129,9 +127,8 @@ class TissueModel:
         self._asked: tuple[Sequence[ForceMode], tuple[Floats, Floats, Floats]] | None = None
         self._noises: tuple[float, Sequence[ForceMode], list[tuple[Floats, Floats]]] | None = None
         self.mass = np.repeat(network.masses[network.free], network.dim)
-        self.uncertainty = uncertainty
+        self.uncertainty, self.n_calibration = uncertainty, n_calibration
         self.n_constants = 0 if uncertainty is None else len(uncertainty.directions)
-        self.n_calibration = n_calibration
         self.n_columns = self.n_constants + n_calibration
         self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 

@@ -86,9 +86,10 @@ class TargetMap:
             H[:, rows] = np.eye(len(H))
         return H
 
-    def error_m2(self, P: Floats) -> float:
-        """Trace of the offset's own covariance [m²] in a covariance of the state (dim_x, dim_x)."""
-        return 0.0 if self.error_rows is None else float(np.trace(P[self.error_rows, self.error_rows]))
+    def tissue_m2(self, cov: Floats, P: Floats) -> float:
+        """Trace of the target's covariance [m²], (dim, dim), less that of its offset's error in P, (dim_x, dim_x)."""
+        own = 0.0 if self.error_rows is None else float(np.trace(P[self.error_rows, self.error_rows]))
+        return float(np.trace(cov)) - own
 
     def _rows_in(self, n: int) -> slice | None:
         return self.error_rows if self.error_rows is not None and n >= self.error_rows.stop else None

@@ -72,20 +72,16 @@ class TissueFilter:
         uncertainty: ParameterUncertainty | None = None,
         n_calibration: int = 0,
     ) -> None:
-        self.n_calibration = n_calibration
+        self.n_calibration, sd_m = n_calibration, 0.0 if isinstance(target, str) else target.sd_m
+        asked, network = settings or FilterSettings(), carried(network)
         self.model, self.settings = model_of(
-            carried(network),
-            marked,
-            settings or FilterSettings(),
-            uncertainty=uncertainty,
-            n_calibration=n_calibration,
-            offset_sd_m=0.0 if isinstance(target, str) else target.sd_m,
+            network, marked, asked, uncertainty=uncertainty, n_calibration=n_calibration, offset_sd_m=sd_m
         )
         network = self.model.network
         self.time_s: float | None = None
+        self._updated_s: float | None = None
         self.health, self.log_likelihood = Health(), 0.0
         self.rejected: Counter[str] = Counter()
-        self._updated_s: float | None = None
         self._before_s = self._refuted_s = -np.inf
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
@@ -96,16 +92,15 @@ class TissueFilter:
         self._modes, self._forget_s = self.settings.modes, max(self.settings.forget_s, self.settings.lost_s)
         self.mixture = mixture_of_modes(self.model, self.settings, self._modes)
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
-        self._start_cov, self._start_columns = self.mixture.filters[0].P.copy(), self.mixture.columns[0].copy()
-        self._model_only_m2 = self.settings.model_only_share * self._tissue_m2(self.target.cov(self.mixture.P))
+        P, self._start_columns = self.mixture.filters[0].P, self.mixture.columns[0].copy()
+        self._model_only_m2 = self.settings.model_only_share * self.target.tissue_m2(self.target.cov(P), P)
+        self._start_cov = P.copy()
         self._start_cov[self.model.slow, self.model.slow] = 0.0
-        self._driven = frozenset(node for node in marked if (node,) != self.target.point.nodes)
-        self.open_loop = OpenLoopCovariance(
-            network, self.target.point, [node for node in marked if node in self._driven], self.settings.quiet.white
-        )
+        driven = [node for node in marked if (node,) != self.target.point.nodes]
+        self._driven = frozenset(driven)
+        self.open_loop = OpenLoopCovariance(network, self.target.point, driven, self.settings.quiet.white)
         self._outliers = outliers_of(network, self._rest, self.settings)
-        self.marks_scale = VarianceScale(self.settings.marks_bounds)
-        self.model_error = ModelError(self.model, self.settings)
+        self.marks_scale, self.model_error = VarianceScale(asked.marks_bounds), ModelError(self.model, self.settings)
 
     @property
     def repairs(self) -> Counter[str]:
@@ -227,8 +222,7 @@ class TissueFilter:
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
         """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest, without marks; inflated: it may be displaced."""
-        place = self._places[node]
-        mean = self._rest[self.model.network.index(node)].copy()
+        place, mean = self._places[node], self._rest[self.model.network.index(node)].copy()
         return mean, self.settings.inflation * self._start_cov[place, place]
 
     def _expected_at_start(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
@@ -251,13 +245,13 @@ class TissueFilter:
         dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
         self._before_s = self._before_s if self._updated_s is None or dt <= 0.0 else self._updated_s
         self._updated_s = self.time_s
-        if self.marks_scale.scale != 1.0:
-            marks = [replace(mark, cov=self.marks_scale.scale * mark.cov) for mark in marks]
+        scale = self.marks_scale.scale
+        marks = marks if scale == 1.0 else [replace(mark, cov=scale * mark.cov) for mark in marks]
         starting = self.health.since_s is None or self.health.status is Status.LOST
         gated = self._gated(self.time_s, marks, starting=starting)
         accepted, self.log_likelihood = gated.accepted, gated.log_likelihood
-        driven = {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven}
-        self.open_loop.take(min(dt, self._forget_s), driven)
+        covs = {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven}
+        self.open_loop.take(min(dt, self._forget_s), covs)
         if not accepted:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
             return self._estimate(self.time_s, 0, None)
@@ -274,7 +268,7 @@ class TissueFilter:
         nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
         few = decide_at_elbows(belief, self._elbows, self.model_error.shown.inflation)
         if self.settings.marks_bounds != (1.0, 1.0):
-            self.marks_scale.learn(found.y, stacked.R / self.marks_scale.scale, found.S - stacked.R, dt)
+            self.marks_scale.learn(found.y, stacked.R / scale, found.S - stacked.R, dt)
         self.health = now = after_frame(self.health, self.time_s, nis, len(found.y), self.settings, blow=blow, few=few)
         if now.status is Status.DIVERGED and not now.innovations:
             self._refuted(self.time_s, accepted, stacked)
@@ -283,8 +277,8 @@ class TissueFilter:
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         self.model_error.learn(accepted, self.mixture, found.nis)
-        own = float(np.trace(self.target.cov(self.mixture.P)))
-        return self._estimate(self.time_s, len(accepted), found.nis, information_shares(accepted, found, own))
+        shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
+        return self._estimate(self.time_s, len(accepted), found.nis, shares)
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -336,16 +330,11 @@ class TissueFilter:
         """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""
         return reported_place(self.mixture, point, self.model_error)
 
-    def _tissue_m2(self, cov: Floats) -> float:
-        """Trace of the target's covariance [m²], (dim, dim), without that of its offset's error."""
-        return float(np.trace(cov)) - self.target.error_m2(self.mixture.P)
-
     def _estimate(
         self, time_s: float, marks_used: int, nis: float | None, shares: Shares = None, place: Place = None
     ) -> TargetEstimate:
-        mean, cov = self.place_of(self.target) if place is None else place
-        tissue_m2 = self._tissue_m2(cov)
-        open_loop_m2 = float(np.trace(self.open_loop.target_cov))
+        mean, cov = place or self.place_of(self.target)
+        tissue_m2, open_loop_m2 = self.target.tissue_m2(cov, self.mixture.P), float(np.trace(self.open_loop.target_cov))
         unseen_s = np.inf if self.seen_s is None else time_s - self.seen_s
         return TargetEstimate(
             time_s=time_s,

@@ -120,7 +120,7 @@ def read_recording(
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
     source = source_in(folder)
     scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
-    scene = usable_scene(scene_path)
+    scene = usable_scene(scene_path, rests=False)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
     if source.name == MARKS:
@@ -219,7 +219,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 def _spread_columns(path: Path, dim: int) -> list[str]:
     """The columns of a table that state how well its marks are known: sd_mm, or those of a full covariance."""
-    named = next(read_rows(path, "columns"))
+    named = next(read_rows(path, f"columns {', '.join(['time_s', 'sd_mm', *AXES[:dim], 'node'])}"))
     return cov_columns(dim) if any(column.startswith("cov_") for column in named) else ["sd_mm"]
 
 

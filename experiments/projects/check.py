@@ -99,7 +99,7 @@ def checked(
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
-    scene = usable_scene(path) if recording is None else recording.scene
+    scene = usable_scene(path)
     network = scene.network
     check_followed(scene, path)
     rest = rest_shape(network)

@@ -24,11 +24,14 @@ UNITS = {
 }
 
 
-def likely_unit(stated: float, expected_s: float) -> str | None:
-    """The unit in which a stated time is nearest to what it should be [s]; None where seconds are."""
+def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
+    """The unit in which a stated time is nearest to what it should be [s].
+
+    None where seconds are, and where all units are off by more than this factor.
+    """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
-    return None if best == "seconds" else best
+    return None if best == "seconds" or off[best] > np.log(most) else best
 
 
 def check_seconds(table: Table, column: str) -> None:

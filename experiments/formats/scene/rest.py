@@ -44,8 +44,14 @@ UNITS = {
 """The unit that is suspected, by the key and by the power of ten of the stiffness that is lacking."""
 
 
+NO_REST = "braces, stiffer springs or anchors would hold it"
+
+
 def check_rest(network: MassSpringNetwork) -> None:
-    """Raise SceneError, `network…: …`, where a network does not rest near where it is drawn."""
+    """Raise SceneError, `network…: …`, where a network rests far from where it is drawn.
+
+    NetworkError where it has no rest there at all and no unit is suspected.
+    """
     lengths = spring_lengths(network.positions, network.springs)
     for s, ratio in enumerate(network.rest_lengths / lengths):
         if not 1.0 / UNIT < ratio < UNIT:
@@ -62,7 +68,7 @@ def check_rest(network: MassSpringNetwork) -> None:
     if (fault := _fault(network)) is not None:
         if heavy and _fault(replace(network, stiffness=1e3 * network.stiffness)) is None:
             raise SceneError(_suspect(network, 1e3))
-        raise SceneError(f"network: {fault}")
+        raise fault
 
 
 def _is_unit(factor: float) -> bool:
@@ -83,22 +89,22 @@ def _lacking(springs: Floats, weight: Floats) -> float:
     return float(factor * (heaviest / largest)) if balanced else 1.0
 
 
-def _fault(network: MassSpringNetwork) -> str | None:
+def _fault(network: MassSpringNetwork) -> ValueError | None:
     """Why a network does not rest near where it is drawn; None where it does, or turns there without stretching."""
     try:
         with np.errstate(all="ignore"):  # what overflows has no rest
             rest = rest_shape(network)
     except NetworkError as error:
-        return f"{error}; braces, stiffer springs or anchors would hold it"
+        return NetworkError(f"network: {error}; {NO_REST}")
     except (ValueError, ArithmeticError) as error:  # where numbers are so large that they overflow
-        return f"rest shape: expected numbers that can be computed with, found {shown(str(error))}"
+        return SceneError(f"network: rest shape: expected numbers that can be computed with, found {shown(str(error))}")
     off = np.linalg.norm(rest - network.positions, axis=1)
     size_m = np.linalg.norm(np.ptp(network.positions, axis=0))
     stretched = (spring_lengths(rest, network.springs) / network.rest_lengths).max() > LONGEST
     if not (stretched and off.max() > size_m):
         return None
-    return (
-        f"expected to rest no farther from where it is drawn than it is large, {1e3 * size_m:.4g} mm,"
+    return SceneError(
+        f"network: expected to rest no farther from where it is drawn than it is large, {1e3 * size_m:.4g} mm,"
         f" found {shown(network.names[int(off.argmax())])} {1e3 * off.max():.4g} mm away"
     )
 

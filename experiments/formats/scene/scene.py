@@ -143,13 +143,19 @@ def read_scene(path: FilePath) -> Scene:
     return scene_of_tables(read_toml(Path(path), SceneFile), Path(path))
 
 
-def usable_scene(path: FilePath) -> Scene:
-    """The scene of a file, to simulate or estimate with: its body rests near where it is drawn. Raises InputError."""
+def usable_scene(path: Path, *, rests: bool = True) -> Scene:
+    """The scene of a file, to simulate or estimate with: its body rests near where it is drawn. Raises InputError.
+
+    rests: False: a body without any rest there is taken, too, as it may only be looked at
+    """
     scene = read_scene(path)
     try:
         check_rest(scene.network)
     except SceneError as error:
         raise InputError(f"{path}: {error}") from None
+    except NetworkError as error:
+        if rests:
+            raise InputError(f"{path}: {error}") from None
     return scene
 
 

@@ -206,18 +206,8 @@ class Session:
         plan = None if self.advice is None else self.advice.plan
         settings = AdviceSettings() if plan is None else plan.settings
         fault = self._fault or health_fault(estimate, now_s, self.line.filter.seen_s, settings)
-        shown = Shown(
-            estimate=self._own(estimate),
-            at_s=estimate.time_s,
-            frame=frame,
-            step=step,
-            guidance=advised,
-            plan=plan,
-            fault=fault,
-            interval_s=self.interval_s,
-            counters=self.counters,
-            errors=self.integrity.largest_errors(estimate),
-        )
+        errors, own = self.integrity.largest_errors(estimate), self._own(estimate)
+        shown = Shown(own, estimate.time_s, frame, step, advised, plan, fault, self.interval_s, self.counters, errors)
         self.publisher.publish(shown, self.line)
 
     def _fits(self, frame: vision.Frame) -> bool:

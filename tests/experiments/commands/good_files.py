@@ -81,7 +81,8 @@ def write_good_files(folder: Path) -> None:
     times = (0.0, 0.1, 0.2)
     frames = "frame,exposure_s\n" + "".join(f"{k},{t}\n" for k, t in enumerate(times))
     places = {node: 1e3 * network.positions[network.index(node)] for node in ("M1", "M2", "M3", "M4")}
-    rows = [f"{t},{node},{x:.3f},{y:.3f}" for t in times for node, (x, y) in places.items()]
+    # no two frames alike: values that repeat are those of a tracker that froze
+    rows = [f"{t},{node},{x + 0.01 * t:.3f},{y:.3f}" for t in times for node, (x, y) in places.items()]
     for name in ("marks", "film"):
         (folder / name).mkdir()
         write_scene(scene, folder / name / "scene.toml")

@@ -35,7 +35,7 @@ def test_the_tutorial_has_the_steps_of_a_new_project(tmp_path):
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
 def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
-    """All commands of the page, 6 s in place of 20 recorded: the target is followed no worse than by the open loop.
+    """All commands of the page, 4 s in place of 20 recorded: the target is followed no worse than by the open loop.
 
     And advice on another recording of the project: frames four times a second, whose truth is known.
     """
@@ -45,7 +45,7 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "mine")
     for name in ("calibration.toml", "scenario.toml"):
         text = Path(name).read_text(encoding="utf-8")
-        Path(name).write_text(re.sub(r"duration_s = [\d.]+", "duration_s = 6.0", text), encoding="utf-8")
+        Path(name).write_text(re.sub(r"duration_s = [\d.]+", "duration_s = 4.0", text), encoding="utf-8")
     for step in steps:
         assert softaim(*step) == 0, step
     believed, found = (read_scene(Path(name)) for name in ("scene.toml", "tuned.toml"))
@@ -59,7 +59,7 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     assert figures["filter"]["coverage95"] > 0.8
     rows = pd.DataFrame(insertions({"phantom": "plane", "project": str(tmp_path / "mine"), "seed": 7}))
     np.testing.assert_allclose(np.diff(rows["time_s"]), 0.25, atol=0.035)  # in whole frames
-    assert 15 <= len(rows) <= 23
+    assert 7 <= len(rows) <= 15
     assert rows[["told", "true"]].to_numpy().min() >= 0.0
     assert rows[["told", "true"]].to_numpy().max() <= 1.0
 

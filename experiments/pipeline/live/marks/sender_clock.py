@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
+from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
+
+CLEAR = 2.0
+"""By this factor a frame's time may be off in another unit for that to be named [1]; chosen."""
 
 
 class Moment(NamedTuple):
@@ -61,5 +65,7 @@ class SenderClock:
         if risen_s <= 0.0:
             return f"time_s: expected more than {last.sent_s:.6f}, found {now.sent_s:.6f}"
         if risen_s > passed_s + self._settings.hung_s:
-            return f"time_s: expected seconds, {passed_s:.3f} s after {last.sent_s:.6f}, found {now.sent_s:.6f}"
+            unit = likely_unit(risen_s, passed_s, CLEAR) if passed_s > 0.0 else None
+            guess = "" if unit is None else f": it seems to be {unit}"
+            return f"time_s: expected seconds, {passed_s:.3f} s after {last.sent_s:.6f}, found {now.sent_s:.6f}{guess}"
         return None

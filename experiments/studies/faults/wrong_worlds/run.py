@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from estimators import Advice, Status
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.formats.scene.scene import Scene, read_scene, scene_text
+from experiments.formats.scene.scene import Scene, scene_text, usable_scene
 from experiments.formats.toml_file import toml_text, toml_value
 from experiments.log import LOG
 from experiments.pipeline.line import Line
@@ -118,10 +118,10 @@ def _plain(text: str) -> str:
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
     """All that a live run shows; folder: for its tables. Raises InputError where the scene is refused."""
-    motion = motion_of(scene, world.truth, seed, duration_s)
     path = folder / "scene.toml"
     write_whole(path, stated_text(world, scene))
-    stated = read_scene(path)
+    stated = usable_scene(path)
+    motion = motion_of(scene, world.truth, seed, duration_s)
     nodes = scene.measured_nodes + (_anchors(scene) if world.reference else ())
     seen = world.seen(seen_of(scene, nodes, motion, seed), np.random.default_rng([seed, 13]))
     judging = Judging(motion, scene.network.index(scene.target.node), world.onset_s)

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from dynamics import MassSpringNetwork
+from experiments.errors import InputError
 from experiments.formats.scenario import Breathing, Pokes, Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.simulate import breathing_force, poke_force
@@ -52,10 +53,16 @@ AS_STATED = Truth()
 
 
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
-    """The motion of a scene's body; kept of one that is as stated, for most worlds are of the same."""
-    if truth == AS_STATED:
-        return _as_stated(scene, seed, duration_s)
-    return _moved(scene, truth, seed, duration_s)
+    """The motion of a scene's body; kept of one that is as stated, for most worlds are of the same.
+
+    Raises RuntimeError where the body has no rest: no scene is refused for that.
+    """
+    try:
+        if truth == AS_STATED:
+            return _as_stated(scene, seed, duration_s)
+        return _moved(scene, truth, seed, duration_s)
+    except InputError as error:
+        raise RuntimeError(f"truth: {error}") from error
 
 
 @lru_cache(maxsize=8)

@@ -160,13 +160,11 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: now[0])
     control = Control(session, tmp_path, source="a test")
     control.record(True)
-    rng = np.random.default_rng(3)
+    rng, cov = np.random.default_rng(3), 1e-6 * np.array([[1.0, 0.4], [0.4, 2.0]])
     for k in range(15):  # and none in the seventh frame
         now[0] = 100.0 + k / 30.0 + 0.01
         marks = tuple(
-            MarkMeasurement(
-                node, scene.network.positions[scene.network.index(node)] + rng.normal(0, 1e-3, 2), 1e-6 * np.eye(2)
-            )
+            MarkMeasurement(node, scene.network.positions[scene.network.index(node)] + rng.normal(0, 1e-3, 2), cov)
             for node in scene.measured_nodes
         )
         session.take(MarksFrame(k, 100.0 + k / 30.0, marks if k != 7 else ()))
@@ -175,7 +173,10 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
     (tmp_path / "again").mkdir()
     assert not replay(folder, tmp_path / "again").different
     assert (tmp_path / "again" / "estimates.csv").read_bytes() == (tmp_path / "estimates.csv").read_bytes()
-    assert len(read_recording(folder).exposures_s) == 15
+    again = read_recording(folder)
+    assert len(again.exposures_s) == 15
+    covs = [row.cov for rows in again.marks or () for row in rows]
+    np.testing.assert_allclose(covs, [cov] * 42, rtol=1e-12)
 
 
 def test_a_recording_that_ended_takes_nothing_more(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dynamics import node_forces
+from dynamics import node_forces, rest_shape
 from experiments.errors import InputError
 from experiments.formats.scene.schema import SceneFile
 from experiments.studies.faults.judge import ONSET_S
@@ -19,7 +19,7 @@ from experiments.studies.faults.wrong_worlds.rows import WORLDS, world_of
 from experiments.studies.faults.wrong_worlds.run import Moment, counted, run, stated_text
 from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
 from experiments.studies.faults.wrong_worlds.table import markdown, rows_of
-from experiments.studies.faults.wrong_worlds.truth import AS_STATED, motion_of
+from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Truth, motion_of
 
 SEED = 7000
 
@@ -107,14 +107,23 @@ def test_times_are_late_fast_or_lack_and_marks_are_exchanged_or_astray():
 @pytest.mark.parametrize("body", BODIES)
 @pytest.mark.parametrize("world", [w for w in WORLDS if w.truth != AS_STATED], ids=lambda w: w.name)
 def test_every_true_body_begins_at_rest(world, body):
-    """At rest no node feels more than a thousandth of its weight."""
+    """At rest, which is stable, no node feels more than a thousandth of its weight."""
     network = world.truth.network(scene_of_body(body), np.random.default_rng(SEED))
     still = np.zeros_like(network.positions)
     forces = np.linalg.norm(node_forces(network, network.positions, still)[network.free], axis=1)
     assert (forces < 1e-3 * 9.81 * network.masses[network.free]).all()
+    np.testing.assert_allclose(rest_shape(network), network.positions, atol=1e-5)
 
 
-@pytest.mark.parametrize("body", BODIES)
+def test_a_truth_that_has_no_rest_is_no_scene_that_is_refused(monkeypatch):
+    def fails(*_args):
+        raise InputError("no rest")
+
+    monkeypatch.setattr("experiments.studies.faults.wrong_worlds.truth.moved", fails)
+    with pytest.raises(RuntimeError, match="truth: no rest"):
+        motion_of(scene_of_body("breast"), Truth(onset_s=0.5), SEED, 1.0)
+
+
 def test_every_scene_that_is_stated_has_the_form_of_a_scene_file(body):
     scene = scene_of_body(body)
     texts = [stated_text(world, scene) for world in WORLDS if world.is_supported]
@@ -223,11 +232,9 @@ def test_two_rows_are_run_and_written_and_a_row_counts_from_its_onset_on(tmp_pat
     assert "--only: expected one of nothing, " in capsys.readouterr().err
 
 
-def test_a_scene_that_is_refused_counts_as_refused(monkeypatch):
-    def refused(*_args):
-        raise InputError.at("scene.toml: network", "a rest of 12 mm", "another")
-
-    monkeypatch.setattr("experiments.studies.faults.wrong_worlds.run.moments_of", refused)
-    found = run({"world": "nothing", "body": "breast", "seed": SEED})
-    assert (found["refused"], found["go"]) == (True, 0)
-    assert found["shown"] == "scene.toml: network: expected a rest of … mm, found another"
+@pytest.mark.parametrize("body", BODIES)
+@pytest.mark.parametrize("name", ["masses stated in g", "stiffness stated in N/mm"])
+def test_a_scene_that_is_refused_counts_as_refused(name, body):
+    found = run({"world": name, "body": body, "seed": SEED})
+    assert (found["refused"], found["frames"], found["go"]) == (True, 0, 0)
+    assert found["shown"].startswith("scene.toml: network.")

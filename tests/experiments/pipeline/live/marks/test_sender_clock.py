@@ -37,7 +37,7 @@ def test_a_clock_that_drifts_is_followed() -> None:
     [
         (1.0, "time_s: expected more than 1.000000, found 1.000000"),
         (0.9, "time_s: expected more than 1.000000, found 0.900000"),
-        (34.0, "time_s: expected seconds, 0.033 s after 1.000000, found 34.000000"),
+        (34.0, "time_s: expected seconds, 0.033 s after 1.000000, found 34.000000: it seems to be milliseconds"),
         (1e300, "time_s: expected seconds, 0.033 s after 1.000000, found 1000"),
     ],
 )

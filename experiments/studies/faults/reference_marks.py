@@ -1,9 +1,9 @@
 """Error of the hidden target where the camera moves and reference marks correct it, by that of a camera that stands.
 
-`python -m experiments.studies.reference_marks --seeds 10` prints a row for each body and motion: the four-mass phantom
-with reference marks on its three anchors, and the breast, in space, with four of its anchors marked; pokes of 5 m/s²,
-marks and reference marks to 1 mm an axis at 30 frames/s, 10 s. Truth by DOP853; the camera drifts by 1 mm/s, or after
-3 s is moved by 10 mm at once, or turned by 2 degrees. `still` has no reference marks; `unseen` has none while the
+`python -m experiments.studies.faults.reference_marks --seeds 10` prints a row for each body and motion: the four-mass
+phantom with reference marks on its three anchors, and the breast, in space, with four of its anchors marked; pokes of 5
+m/s², marks and reference marks to 1 mm an axis at 30 frames/s, 10 s. Truth by DOP853; the camera drifts by 1 mm/s, or
+after 3 s is moved by 10 mm at once, or turned by 2 degrees. `still` has no reference marks; `unseen` has none while the
 camera drifts. Figures obtained, with ten seeds:
 
     body     row            mean error [mm]  by still  in the 95 % region
@@ -142,7 +142,7 @@ def run(body: str, row: str, seed: int, seconds: float = SECONDS) -> Run:
     estimates = []
     for time_s, positions in zip(truth.times_s, truth.positions, strict=True):
         motion = nothing.changed(MOTIONS[row](time_s - truth.times_s[0], dim))
-        places = {node: positions[names.index(node)] for node in scene.measured_nodes} | still
+        places = {**{node: positions[names.index(node)] for node in scene.measured_nodes}, **still}
         noise = rng.normal(0.0, MARK_SD_M, (len(places), dim))
         seen = motion.moved(np.array(list(places.values()))) + noise
         marks = [

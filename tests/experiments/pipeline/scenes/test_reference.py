@@ -16,7 +16,7 @@ from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.seen_marks import seen_marks
 from experiments.simulation.simulate import draw, scene_of
 from experiments.simulation.truth import Truth
-from experiments.studies.reference_marks import figures, run, scene_and_scenario
+from experiments.studies.faults.reference_marks import figures, run, scene_and_scenario
 
 LOOK = Mark("", 300.0, 0.03)
 DT = 1.0 / 30.0
