@@ -16,7 +16,7 @@ class IntegrityMonitor:
     """Watches the estimates of a scene's filter, frame by frame in order of time.
 
     budget: sources of the target's error; unstated: what the filter's covariance lacks [m²], (dim, dim)
-    State: the doubt, the balance of forces on the marks, and when that is tested [s], None before any marks.
+    State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
@@ -24,7 +24,7 @@ class IntegrityMonitor:
         self.unstated = unstated(self.budget)
         self.doubt = Doubt()
         self._balance = balance_of(scene, tissue)
-        self._tested_s: float | None = None
+        self.tested_s: float | None = None
 
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is.
@@ -33,9 +33,9 @@ class IntegrityMonitor:
         that is cut shows in no innovation.
         """
         self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
-        if marks and self._tested_s is None:
-            self._tested_s = estimate.time_s + self._balance.mean_s
-        is_tested = self._tested_s is not None and estimate.time_s >= self._tested_s
+        if marks and self.tested_s is None:
+            self.tested_s = estimate.time_s + self._balance.mean_s
+        is_tested = self.tested_s is not None and estimate.time_s >= self.tested_s
         return self.doubt.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
@@ -49,7 +49,7 @@ class IntegrityMonitor:
     def restart(self) -> None:
         """Forget the marks: the filter begins again."""
         self._balance.forget()
-        self._tested_s = None
+        self.tested_s = None
 
     def looked(self) -> None:
         """Somebody looked at tissue and marks: the doubt is over."""
