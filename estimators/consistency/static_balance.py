@@ -92,8 +92,13 @@ class StaticBalance:
         self._rest = rest_shape(self._network)
         self._stiffness = stiffness_matrix(self._network, self._rest)
 
+    @property
+    def mean_s(self) -> float:
+        """The time over which forces are averaged [s]; 0 of a body that has no balance."""
+        return 0.0 if self._of is None else self._settings.mean_s
+
     def forget(self) -> None:
-        """Begin anew."""
+        """Forget the marks."""
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:

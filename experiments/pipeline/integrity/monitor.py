@@ -9,12 +9,14 @@ from estimators import Doubt, MarkMeasurement, TargetEstimate, TissueFilter
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 
+UNTESTED = "the forces on the marks were not seen long enough to test them"
+
 
 class IntegrityMonitor:
     """Watches the estimates of a scene's filter, frame by frame in order of time.
 
     budget: sources of the target's error; unstated: what the filter's covariance lacks [m²], (dim, dim)
-    State: the doubt, and the balance of forces on the marks.
+    State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
@@ -22,11 +24,19 @@ class IntegrityMonitor:
         self.unstated = unstated(self.budget)
         self.doubt = Doubt()
         self._balance = balance_of(scene, tissue)
+        self.tested_s: float | None = None
 
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
-        """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is."""
+        """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is.
+
+        From the first marks on a body is watched for as long as forces are averaged before anything guides: a spring
+        that is cut shows in no innovation.
+        """
         self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
-        return self.doubt.reason
+        if marks and self.tested_s is None:
+            self.tested_s = estimate.time_s + self._balance.mean_s
+        is_tested = self.tested_s is not None and estimate.time_s >= self.tested_s
+        return self.doubt.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
         """The estimate with what the scene leaves unstated in its covariance."""
@@ -39,6 +49,7 @@ class IntegrityMonitor:
     def restart(self) -> None:
         """Forget the marks: the filter begins again."""
         self._balance.forget()
+        self.tested_s = None
 
     def looked(self) -> None:
         """Somebody looked at tissue and marks: the doubt is over."""
