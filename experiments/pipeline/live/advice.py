@@ -97,7 +97,7 @@ class LiveAdvice:
     def _said(
         self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
     ) -> Guidance:
-        fault = fault or (UNSEEN if self._unseen else None)
+        fault = UNSEEN if self._unseen else fault
         none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
         found = none or self._guided(tissue, estimate, now_s)
         guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)

@@ -74,6 +74,7 @@ def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> N
     session = Session(
         recording.scene, tmp_path / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: hand.now
     )
+    session.integrity.tested_s = -np.inf
     follow(session, source, np.inf, clock=lambda: hand.now)
     session.close()
     rows = pd.read_csv(tmp_path / "estimates.csv")
