@@ -44,7 +44,7 @@ def _minutes_of_the_processor():
 @pytest.fixture(autouse=True)
 def _coarse_pictures(request, monkeypatch):
     """Pictures have a ninth of the pixels, where their size is not what is tested: a page of 300 dpi takes a second."""
-    if request.path.name not in {"test_style.py", "test_plan.py"}:
+    if request.path.name not in {"test_style.py", "test_plan.py", "test_calibrate.py"}:
         monkeypatch.setattr("experiments.plots.style.DPI", 100)
 
 

@@ -159,7 +159,7 @@ def test_a_group_that_the_recording_does_not_determine_keeps_its_value(recorded)
     np.testing.assert_array_equal(found.network.drag, told.drag)
     assert (found.sd[3:] > 0.08).all()
     assert np.abs(found.change[:3]).max() > 0.1
-    assert (np.abs(found.change[:3] + change[:3]) < 3.0 * found.sd[:3]).all()
+    assert np.abs(found.change[:3] + change[:3]).max() < 0.05
 
 
 def test_the_directions_kept_carry_the_targets_variance(recorded, found):

@@ -107,7 +107,7 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     plan_file.write_text(PLAN.replace("version = 1", "version = 1\narrival_s = 0.2"))
     phantom = four_mass_phantom()
     times = np.arange(20) / 30.0
-    moved = [0.006 * min(1.0, k / 10) for k in range(20)]
+    moved = [0.006 * min(1.0, k / 10) + 1e-7 * k for k in range(20)]
     rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + [by, 0.0], 1e-3) for n in OUTER] for by in moved]
     write_marks_csv(folder / "marks.csv", times, rows, dim=2)
     assert softaim("plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0

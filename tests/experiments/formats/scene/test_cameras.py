@@ -159,5 +159,5 @@ def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> No
         assert np.abs(mark.position - at).max() < 1e-3
         mean, _ = line.filter.expected(mark.node)
         _, cov = line.filter.expected(mark.node, camera.calibration_error(mean[None])[0])
-        found = line._looked_for(mark.node, line.filter.expected).cov_px2
+        found = line._looked_for(camera, mark.node, line.filter.expected).cov_px2
         np.testing.assert_allclose(found, camera.cov_to_px(mean[None], cov[None])[0], rtol=1e-9)

@@ -60,6 +60,7 @@ def test_the_start_is_the_time_of_the_first_frame(tmp_path: Path) -> None:
     write_filmed(tmp_path)
     frames = tmp_path / "filmed" / "frames.csv"
     frames.write_text("frame,exposure_s\n0,33763.609654306\n1,33763.642987639\n2,33763.676320972\n")
+    (tmp_path / "filmed" / "fixes.csv").write_text("time_s,x_mm,y_mm,sd_mm\n33763.65,0,188,1\n")
     found = messages(tmp_path, "filmed", None, START)["/camera/image/compressed"]
     assert [time_ns - START_NS for time_ns, _ in found] == [0, 33_333_333, 66_666_666]
     found = messages(tmp_path, "filmed", None)["/camera/image/compressed"]
@@ -104,7 +105,7 @@ def test_marks_of_another_tracker_are_points(tmp_path: Path) -> None:
     for node in ("M1", "M3", "M4"):
         for _, content in found[f"/marks/{node}"]:
             place = (content.point.x, content.point.y)
-            assert place == pytest.approx(network.positions[network.index(node)], abs=1e-6)
+            assert place == pytest.approx(tuple(network.positions[network.index(node)]), abs=5e-6)
             assert content.header.frame_id == "reference"
 
 
