@@ -188,7 +188,7 @@ def test_a_scene_without_a_rest_is_told_with_its_file(scenario: Path, tmp_path: 
     scene = tmp_path / "hanging.toml"
     scene.write_text(HANGING.replace("-9.81", "0.0"))
     scenario.write_text(SCENARIO.split("[release]", maxsplit=1)[0])
-    with pytest.raises(InputError, match=r"hanging\.toml: rest shape: expected a stable equilibrium"):
+    with pytest.raises(InputError, match=r"hanging\.toml: network: rest shape: expected a stable equilibrium"):
         simulate(read_scenario(str(scenario)), tmp_path / "rec")
 
 
