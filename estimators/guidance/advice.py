@@ -214,7 +214,7 @@ def guide(
 
     The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
     times [s], (n,), or more of them; None: a `TissueFilter`'s by tables, which the first call makes and later ones use
-    again, as `softaim advise` has it; another source's `predict_path`
+    again, as `softaim advise` has it; another source's `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings

@@ -23,7 +23,7 @@ from estimators.identification.filter_pass import Frames, Pass, frame_interval, 
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
 from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
-from estimators.identification.residuals import ResidualTest, residual_covariance
+from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
 from estimators.identification.search import Optimum, begun, climbed, from_starts, most_probable, starts
 from estimators.identification.stretch import liveliest
 from estimators.identification.withheld import (
@@ -71,8 +71,7 @@ class IdentificationResult:
 
     network: with the constants found
     groups, change: which, and the log of each group's factor, (n,); 0 of those that the recording does not determine
-    cov: covariance of these logs, (n, n), inflated by what the model leaves unexplained and the search leaves open: see
-        `within_prior`, `left_open`
+    cov: covariance of these logs, (n, n), inflated by what the model leaves unexplained and the search leaves open
     prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
@@ -268,11 +267,15 @@ def _identified(
     if refined is not None and refined.information is not None and refined.mean_cov is not None:
         reach = np.linalg.inv(refined.information + np.eye(n))
         by_prior = by_prior + reach @ refined.mean_cov @ reach
-    theta, by_prior, n_limited = keeping_undetermined(best.theta, by_prior + found.left_open)
-    log_likelihood = best.found.log_likelihood
+    left, log_likelihood = by_prior + found.left_open, best.found.log_likelihood
+    theta, by_prior, n_limited = keeping_undetermined(best.theta, left)
     if (theta != best.theta).any():
         with suppress(OutOfTimeError):
-            log_likelihood = (found.at(problem, theta) if theta.any() else found.before).log_likelihood
+            as_kept = (found.at(problem, theta) if theta.any() else found.before).log_likelihood
+            if as_kept < found.before.log_likelihood:  # beside values as given, the others fit worse than as given
+                theta, (by_prior, n_limited) = best.theta, within_prior(left, best.theta)
+            else:
+                log_likelihood = as_kept
     model = problem.model(theta)
     cov = by_prior * np.outer(problem.sd, problem.sd)
     wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))

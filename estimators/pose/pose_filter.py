@@ -49,8 +49,9 @@ class CameraMove:
 class PoseEstimate:
     """The pose error at one time.
 
-    motion: the rigid motion from where points are to where they are seen; cov: of its change, (n, n)
-    columns: what one standard deviation of each error of the calibration changes it by, (n, n_calibration)
+    motion: the rigid motion from where points are to where they are seen
+    cov: of its change, turns [rad] and translations [m], (n, n)
+    columns: by what one standard deviation of each error of the calibration changes it [rad, m], (n, n_calibration)
     """
 
     motion: RigidMotion

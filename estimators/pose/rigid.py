@@ -35,7 +35,7 @@ class RigidMotion:
 
     @classmethod
     def none(cls, centre: Floats) -> RigidMotion:
-        """The motion that moves nothing."""
+        """The motion that moves nothing; centre: of later turns [m], (dim,)."""
         return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
 
     def moved(self, points_m: Floats) -> Floats:

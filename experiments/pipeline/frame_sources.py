@@ -67,7 +67,7 @@ def without_fps(spec: str, fps: float | None, what: str) -> None:
 
 def filmed_scene(path: Path) -> Scene:
     """The scene of a file; InputError where it has no camera."""
-    scene = usable_scene(path)
+    scene = usable_scene(path, rests=False)
     if not scene.cameras:
         raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else "none")
     return scene

@@ -52,7 +52,7 @@ OWN = {
     "repairs",
     "swaps_undone",
 }
-OWN |= {"rest_offset_mm", "frames_by_status", "verdict"}
+OWN |= {"rest_offset_mm", "frames_by_status", "verdict", "variance_shares", "frames_frozen"}
 
 
 @pytest.fixture(scope="module")

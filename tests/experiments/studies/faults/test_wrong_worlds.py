@@ -124,6 +124,7 @@ def test_a_truth_that_has_no_rest_is_no_scene_that_is_refused(monkeypatch):
         motion_of(scene_of_body("breast"), Truth(onset_s=0.5), SEED, 1.0)
 
 
+@pytest.mark.parametrize("body", BODIES)
 def test_every_scene_that_is_stated_has_the_form_of_a_scene_file(body):
     scene = scene_of_body(body)
     texts = [stated_text(world, scene) for world in WORLDS if world.is_supported]
@@ -225,7 +226,7 @@ def test_two_rows_are_run_and_written_and_a_row_counts_from_its_onset_on(tmp_pat
     assert rows.loc["nothing", "frames"] == pytest.approx(135, abs=1)
     assert rows.loc[moved, "frames"] == pytest.approx(15, abs=1)
     assert rows.loc["nothing", "tracking"] > 120
-    assert rows.loc["nothing", "go"] > 120
+    assert rows.loc["nothing", "go"] > 90  # none in the first second
     assert (rows.loc["nothing", "tracking_wrong"], rows.loc["nothing", "go_wrong"]) == (0, 0)
     assert (tmp_path / "out" / "wrong_worlds.md").read_text(encoding="utf-8") == capsys.readouterr().out
     assert main([*options, "--only", "nought"]) == 2
