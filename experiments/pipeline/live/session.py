@@ -132,8 +132,8 @@ class Session:
         estimate = step.estimates[FILTER]
         self._write(estimate)
         used = [mark for mark in step.marks if mark.node not in step.refused]
-        fault = self.integrity.take(estimate, self.line.measured(used))
-        fault = self._fault or fault
+        untested = self.integrity.take(estimate, self.line.measured(used))
+        fault = self._fault or untested
         advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, fault)
         ended = time.perf_counter()
         stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
