@@ -9,6 +9,9 @@ from estimators import Doubt, MarkMeasurement, TargetEstimate, TissueFilter
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 
+MEANS = 2.0
+"""Times over which forces are averaged that are seen before anything guides [1]."""
+
 UNTESTED = "the forces on the marks were not seen long enough to test them"
 
 
@@ -29,12 +32,12 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is.
 
-        From the first marks on a body is watched for as long as forces are averaged before anything guides: a spring
-        that is cut shows in no innovation.
+        From the first marks on a body is watched for `MEANS` mean forces before anything guides: a spring that is cut
+        shows in no innovation, and a poke may hide it from one mean.
         """
         self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
-            self.tested_s = estimate.time_s + self._balance.mean_s
+            self.tested_s = estimate.time_s + MEANS * self._balance.mean_s
         is_tested = self.tested_s is not None and estimate.time_s >= self.tested_s
         return self.doubt.reason or (None if is_tested else UNTESTED)
 

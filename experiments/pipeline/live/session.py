@@ -68,6 +68,7 @@ class Session:
 
     needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
     watch: is shown each frame, what it gave and the advice; publisher: also each moment without one
+    rehearse: no frame waits for a compiler; where time is a script's, none needs that
     State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
     who is told all that is done, so that it can be done again; whether the filter could use the last frame; whether the
     marks contradicted the model; how late frames may be.
@@ -84,8 +85,10 @@ class Session:
         publisher: Publisher | None = None,
         clock: Callable[[], float] = time.monotonic,
         settings: LiveSettings = LIVE_DEFAULTS,
+        rehearse: bool = True,
     ) -> None:
-        warm_up(scene)
+        if rehearse:
+            warm_up(scene)
         self.settings = settings
         self._explain = watch is not None or publisher is not None
         self.line = Line(scene, baseline=False, explain=self._explain)

@@ -129,7 +129,13 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
     clock = partial(getattr, frames, "now_s")
     try:
         session = Session(
-            stated, folder / ESTIMATES, lambda _text: None, needle=plan_of(scene), publisher=judging, clock=clock
+            stated,
+            folder / ESTIMATES,
+            lambda _text: None,
+            needle=plan_of(scene),
+            publisher=judging,
+            clock=clock,
+            rehearse=False,
         )
         follow(session, frames, duration_s, clock)
         session.close()
