@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 from dynamics import OUTER, Stepper, plain_step, state_matrix
 from estimators import CovarianceError, UnscentedKalmanFilter, mean_bounds, normalised_error_squared, positive_points
 
+
 def started(f, x, P, Q):
     f.x, f.P, f.Q = x.copy(), P.copy(), Q.copy()
     return f

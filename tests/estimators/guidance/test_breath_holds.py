@@ -88,7 +88,7 @@ def test_a_breath_is_left_by_chance_later_on():
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_regular_breath_holds(seed):
-    """Half a minute of errors of 1 mm that change with each frame: never below 95 %; lasting 0.2 s: 95 of 100 above 70 %."""
+    """Half a minute of errors of 1 mm that change each frame: never below 95 %; lasting 0.2 s: 95 of 100 above 70 %."""
     rng = np.random.default_rng(seed)
     for n_alike, share, least in ((1, 0.0, 0.95), (6, 0.05, 0.7)):
         breathing, holds, error = Breathing(2), [], np.zeros(2)

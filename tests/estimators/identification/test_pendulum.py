@@ -31,7 +31,9 @@ def call(function, item):
 
 @pytest.fixture(scope="module")
 def found(swing, links):
-    return identify_constants(links(FACTORS), swing, ("end",), "joint", search=IdentificationSettings(n_starts=2), workers=by_post)
+    return identify_constants(
+        links(FACTORS), swing, ("end",), "joint", search=IdentificationSettings(n_starts=2), workers=by_post
+    )
 
 
 def test_the_lengths_of_rigid_links_are_found(found):

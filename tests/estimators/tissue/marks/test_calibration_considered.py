@@ -176,7 +176,7 @@ def test_columns_are_what_shifted_marks_make_of_the_mean(phantom, truth, marks_o
 
 @pytest.mark.parametrize("n", [4, 0])
 def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, truth, marks_of, n):
-    """Four runs of 2 s, the calibrations' sum of squares that of as many draws, truth by DOP853: 95 % regions hold 92 % and more.
+    """Four runs of 2 s, calibrations of mean square 1 each way, truth by DOP853: 95 % regions hold 92 % and more.
 
     Squared errors are below what is predicted, and past 1.3 times that where the calibration is taken as drawn anew in
     each frame. `docs/calibration.md` has the figures of many runs.
