@@ -11,7 +11,6 @@ from experiments.engine import spare
 from experiments.pipeline import identify
 from experiments.pipeline.live import session
 
-
 ONE_START = IdentificationSettings(n_starts=1)
 
 
