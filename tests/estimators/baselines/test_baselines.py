@@ -104,7 +104,7 @@ def test_an_ensemble_nears_the_kalman_filter_with_its_size(taut):
 
     def off(n_members):
         distances = []
-        for seed in range(12):
+        for seed in range(6):
             rng = np.random.default_rng(seed)
             method = EnsembleKalmanFilter(taut, "mass", ("mass",), ONE, rng=rng, n_members=n_members)
             distances.append(np.abs(([e.mean for e in followed(method, shown)] - means) / sigma).mean())
@@ -179,7 +179,7 @@ def test_histories_of_two_modes_are_all_counted(taut):
 
 
 def test_fewer_weights_are_unbiased_distinct_and_no_more_than_asked_for():
-    """4 s, 4.14 mm, truth by DOP853, three seeds: ours within 1.2 of the particles; one mode errs 1.3 times as far."""
+    """Mean weight of each of eight kept four at a time is its own, to four standard errors of 4,000 draws, 0.012."""
     weights = np.array([0.5, 0.2, 0.1, 0.06, 0.05, 0.04, 0.03, 0.02])
     total, rng = np.zeros(8), np.random.default_rng(0)
     for _ in range(4000):
@@ -194,13 +194,12 @@ def test_fewer_weights_are_unbiased_distinct_and_no_more_than_asked_for():
     np.testing.assert_allclose(new, [0.3, 0.7])
 
 
-@pytest.mark.slow
 def test_on_the_poked_phantom_modes_are_worth_their_room(phantom, rest_state, driven, poke_forces, marks_of, hidden):
-    """4 s, 4.14 mm, truth by DOP853, three seeds: ours within 1.2 of the particles, one mode 1.3 times ours."""
+    """3 s, 4.14 mm, truth by DOP853, two seeds: ours within 1.2 of the particles, one mode 1.3 times ours."""
     squared = dict.fromkeys(("filter", "particles", "ekf", "stock"), 0.0)
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
-        states = driven(phantom, rest_state, poke_forces(phantom, 4.0, rng))[::4]
+        states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
         shown = [(k / 30.0, marks_of(phantom, s, 0.00414, rng)) for k, s in enumerate(states)]
         methods = {
             "filter": TissueFilter(phantom, HIDDEN, OUTER),

@@ -11,8 +11,8 @@ SD = 0.001
 
 @pytest.fixture(scope="module")
 def motion(phantom, rest_state, driven, poke_forces):
-    """States of the poked phantom at 30 frames/s for 6 s."""
-    return driven(phantom, rest_state, poke_forces(phantom, 6.0, np.random.default_rng(1)))[::4]
+    """States of the poked phantom at 30 frames/s for 4 s."""
+    return driven(phantom, rest_state, poke_forces(phantom, 4.0, np.random.default_rng(1)))[::4]
 
 
 def followed(network, told, states, marks_of):
@@ -62,13 +62,13 @@ def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, res
 def test_checks_hold_where_the_model_is_right(right):
     """Mean NEES of withheld marks, 2 is right.
 
-    180 frames, some 3 of them independent a second, three marks: 99.9 % chi-square bounds of the mean of 54.
+    120 frames, some 3 of them independent a second, three marks: 99.9 % chi-square bounds of the mean of 36.
     """
     _, checks, _, _ = right
     nees = [check.nees for frame in checks[30:] for check in frame.values()]
-    low, high = chi_square_bounds(2 * 54, 0.999)
-    assert len(nees) > 400
-    assert low / 54 < np.mean(nees) < high / 54
+    low, high = chi_square_bounds(2 * 36, 0.999)
+    assert len(nees) > 240
+    assert low / 36 < np.mean(nees) < high / 36
 
 
 def test_the_covariance_is_left_alone_where_the_model_is_right(right):
@@ -85,11 +85,11 @@ def test_a_wrong_model_is_noticed_and_the_covariance_grows(wrong):
     """
     both, checks, estimates, truth = wrong
     nees = [check.nees for frame in checks[30:] for check in frame.values()]
-    assert np.mean(nees) > chi_square_bounds(2 * 54, 0.999)[1] / 54
+    assert np.mean(nees) > chi_square_bounds(2 * 36, 0.999)[1] / 36
     assert both.scale > 2.0
-    errors = np.array([e.mean for e in estimates[90:]]) - truth[90:]
-    scaled_nees = np.mean([e @ np.linalg.solve(x.cov, e) for e, x in zip(errors, estimates[90:], strict=True)])
-    own = np.mean([both.scale * e @ np.linalg.solve(x.cov, e) for e, x in zip(errors, estimates[90:], strict=True)])
+    errors = np.array([e.mean for e in estimates[60:]]) - truth[60:]
+    scaled_nees = np.mean([e @ np.linalg.solve(x.cov, e) for e, x in zip(errors, estimates[60:], strict=True)])
+    own = np.mean([both.scale * e @ np.linalg.solve(x.cov, e) for e, x in zip(errors, estimates[60:], strict=True)])
     assert own > 4.0
     assert scaled_nees < 0.6 * own
 

@@ -83,9 +83,9 @@ def test_it_is_schmidts_filter():
 
 
 def runs(columns):
-    """NEES of all four states after 60 steps in 100 runs, each with forces drawn anew."""
+    """NEES of all four states after 60 steps in 25 runs, each with forces drawn anew."""
     nees = []
-    for seed in range(100):
+    for seed in range(25):
         rng = np.random.default_rng(seed)
         force = rng.normal(size=2)
         x = np.linalg.cholesky(START[1]) @ rng.normal(size=4)
@@ -100,8 +100,8 @@ def runs(columns):
 
 
 def test_the_covariance_knows_of_the_constants():
-    """Mean NEES of 100 runs inside its 99.9 % bounds about 4; without the columns it is past three times that."""
-    low, high = mean_bounds(4, 100, 0.999)
+    """Mean NEES of 25 runs inside its 99.9 % bounds about 4; without the columns it is past three times that."""
+    low, high = mean_bounds(4, 25, 0.999)
     assert low < runs(columns=True).mean() < high
     assert runs(columns=False).mean() > 3.0 * high
 

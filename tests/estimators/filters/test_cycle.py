@@ -288,18 +288,18 @@ def test_a_start_is_moved_for_its_considered_errors_too(considered):
 
 
 def test_the_level_of_its_noise_is_learnt():
-    """All noise is white, and of a fifth or five times the stated density: mean logarithm of ten runs within 0.3.
+    """All noise is white, and of a fifth or five times the stated density: mean logarithm of six runs within 0.3.
 
     Updates linearise a cycle anew, and every fourth cycle has none: the level hears of each prediction once.
     """
     for true in (0.2, 5.0):
         logs = []
-        for seed in range(10):
+        for seed in range(6):
             rng, x = np.random.default_rng(seed), np.array([1.0, 2.0])
             mixture = mixture_of(straight, passes=3)
             mixture.level = NoiseLevel((1e-3, 1e3), 2)
             mixture.move = Move(mixture.move.points, linear=lambda _k, _dt, level: (partial(louder, level), 3))
-            for k in range(1200):
+            for k in range(200):
                 x = F @ x + np.sqrt(true) * np.linalg.cholesky(Q) @ rng.normal(size=2)
                 mixture.predict(DT)
                 if k % 4:

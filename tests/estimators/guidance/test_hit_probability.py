@@ -69,7 +69,7 @@ def test_off_the_middle_it_is_the_noncentral_chi_square(dim):
 def test_any_covariance_against_imhofs_integral(dim):
     """Axis ratios to 10."""
     rng = np.random.default_rng(1)
-    for _ in range(8):
+    for _ in range(4):
         sds = np.exp(rng.uniform(np.log(0.5), np.log(5.0), size=dim))
         cov, offset = turned_cov(sds, rng), rng.normal(size=dim) * 2.0
         assert of_tip(offset, cov, Lesion.ball(4e-3, dim)) == pytest.approx(imhof(offset, cov, 4.0), abs=1e-5)
@@ -146,8 +146,8 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_against_counting_ten_million(name):
-    """Samples counted by the lesion's own geometry: 1e-3, six standard deviations of the count."""
+def test_against_counting_two_million(name):
+    """Samples counted by the lesion's own geometry: 2e-3, six standard deviations of the count."""
     kind, axes = CASES[name]
     rng, dim = np.random.default_rng(5), len(axes)
     needle = Needle(hit=kind, notch_offset_m=5e-3, notch_length_m=8e-3, core_m=3e-3)
@@ -158,15 +158,15 @@ def test_against_counting_ten_million(name):
     lesion = Lesion(1e-3 * axes)
     got = hit_probability(target, tip, axis, lesion, needle=needle)
     L = np.linalg.cholesky(target.covs[0] + tip.covs[0])
-    n, hits = 10_000_000, 0
-    for _ in range(20):
-        offsets = middle + rng.standard_normal((n // 20, dim)) @ L.T
+    n, hits = 2_000_000, 0
+    for _ in range(4):
+        offsets = middle + rng.standard_normal((n // 4, dim)) @ L.T
         if kind is Hit.CORE:
             hits += int((lesion.core_lengths(offsets, axis, 8e-3) >= 3e-3).sum())
         else:
             hits += int(lesion.contains(offsets).sum())
     assert 0.1 < got < 0.95
-    assert abs(got - hits / n) < 1e-3
+    assert abs(got - hits / n) < 2e-3
 
 
 def test_a_single_gaussian_is_aimed_at_in_its_middle():

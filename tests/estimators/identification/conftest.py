@@ -9,8 +9,8 @@ from tests.estimators.identification.pendulum import SD, hanging_links, swung
 
 @pytest.fixture(scope="session")
 def swing():
-    """1.6 s at 100 frames/s from the first frame on in motion, both masses seen to SD."""
-    times, places = swung(160)
+    """0.8 s at 100 frames/s from the first frame on in motion, both masses seen to SD."""
+    times, places = swung(80)
     noisy = places + np.random.default_rng(4).normal(0.0, SD, places.shape)
     cov = SD**2 * np.eye(2)
     return [

@@ -8,15 +8,19 @@ import pytest
 from dynamics import MassSpringNetwork, pack
 from estimators import FilterSettings, ForceMode, MarkMeasurement, TissueFilter, tune_noise
 from estimators.identification import noise_levels
+from estimators.identification.budget import Budget
 from estimators.identification.noise_levels import (
     PART,
     PRIOR_LOG_SD,
+    STRAINS,
     _Cost,
+    _Passes,
     _search,
     log_likelihood,
     with_noise_levels,
     with_scaled_noise,
 )
+from tests.estimators.identification.test_pendulum import by_post
 
 SD = 0.0005
 WHITE = 0.12
@@ -46,10 +50,10 @@ def pair():
 
 @pytest.fixture(scope="module")
 def frames(pair, driven):
-    """12 s at 15 frames/s of white force of WHITE on both masses, by DOP853, the near mass seen to SD, said better."""
+    """7 s at 15 frames/s of white force of WHITE on both masses, by DOP853, the near mass seen to SD, said better."""
     rng = np.random.default_rng(5)
     start = pack(pair.positions[1:3], np.zeros((2, 2)))
-    forces = 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(12 * 120, 2, 2))
+    forces = 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(7 * 120, 2, 2))
     states = driven(pair, start, forces)[::8]
     cov = (SD / TOLD) ** 2 * np.eye(2)
     return [
@@ -59,20 +63,20 @@ def frames(pair, driven):
 
 @pytest.fixture(scope="module")
 def tuned(pair, frames):
-    return tune_noise(pair, frames, ("near",), "far")
+    return tune_noise(pair, frames, ("near",), "far", workers=by_post)
 
 
-@pytest.mark.slow
 def test_the_level_that_made_the_marks_is_found(tuned):
-    """White noise, told to be a third of what it is, within 20 %; marks, told to be 2.5 times as precise, within 40 %.
+    """White noise, told to be a third of what it is, within 30 %; marks, told to be 2.5 times as precise, within 40 %.
 
-    Of the force some is taken for pokes, and what is left of it for noise of the marks.
+    Of the force some is taken for pokes, and what is left of it for noise of the marks. Of 12 s it was within 20 %:
+    standard errors go by the root of the time.
     """
     white, _, marks = tuned.values
-    assert abs(np.log(white / WHITE)) < 0.2
-    assert tuned.log_sd[0] < 0.1
+    assert abs(np.log(white / WHITE)) < 0.26
+    assert tuned.log_sd[0] < 0.13
     assert abs(np.log(marks / TOLD)) < np.log(1.4)
-    assert tuned.log_sd[2] < 0.1
+    assert tuned.log_sd[2] < 0.14
 
 
 def test_the_levels_found_are_more_probable_than_those_before_and_than_their_neighbours(pair, frames, tuned):
@@ -183,6 +187,7 @@ def test_levels_are_searched_without_a_strain_too(pair, monkeypatch, higher):
     found = tune_noise(stiff, [(k / 15.0, marks) for k in range(10)], ("near", "far"), "far")
     place, height = WAYS[not higher]
     assert found.settings.strain_sd == (0.0 if higher else 0.01)
+    assert found.settings.least_white == (0.0, 0.0)
     # the parabola's posterior: its place by the prior's precision beside its own, 40
     start = np.array([FilterSettings().quiet.white, FilterSettings().poked.poke, 1.0])
     expected = place * 40.0 / (40.0 + PRIOR_LOG_SD**-2.0)
@@ -190,28 +195,24 @@ def test_levels_are_searched_without_a_strain_too(pair, monkeypatch, higher):
     assert found.log_likelihood == pytest.approx(height, abs=1.0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("off", "least", "most"), [(0.0, 0.0, 0.001), (0.03, 0.003, 0.01)])
 def test_how_far_springs_of_a_stiff_body_may_be_off_is_found(pair, driven, off, least, most):
-    """3 s of white force, both masses seen to SD; the model's first spring is right, or 3 % too long, 2 mm of sag.
+    """2 s of white force, both masses seen to SD; the model's first spring is right, or 3 % too long, 2 mm of sag.
 
-    A strain of 1 % where there is none would be 1 mm at once, twice what the marks scatter.
+    By the levels that act. A strain of 1 % where there is none would be 1 mm at once, twice what the marks scatter.
     """
     stiff, rng = replace(pair, damping=np.full(3, 14.0)), np.random.default_rng(7)
     start = pack(pair.positions[1:3], np.zeros((2, 2)))
-    states = driven(stiff, start, 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(3 * 120, 2, 2)))[::8]
+    states = driven(stiff, start, 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(2 * 120, 2, 2)))[::8]
     frames = []
     for k, state in enumerate(states):
         places = state[:4].reshape(2, 2) + rng.normal(0.0, SD, (2, 2))
         seen = zip(("near", "far"), places, strict=True)
         frames.append((k / 15.0, [MarkMeasurement(node, place, SD**2 * np.eye(2)) for node, place in seen]))
-    lengths = stiff.rest_lengths * [1.0 + off, 1.0, 1.0]
-    believed = replace(stiff, rest_lengths=lengths)
-    found = tune_noise(believed, frames, ("near", "far"), "far")
-    assert found.n_frames == len(frames)
-    assert least <= found.settings.strain_sd <= most
-    assert found.settings.least_white == (0.0, 0.0)
-    stated = replace(found.settings, white_bounds=(1.0, 1.0))
-    tissue = TissueFilter(believed, "far", ("near", "far"), stated)
-    told = log_likelihood(tissue, with_scaled_noise(frames, found.marks))
-    assert found.log_likelihood == pytest.approx(told, rel=1e-9)
+    believed = replace(stiff, rest_lengths=stiff.rest_lengths * [1.0 + off, 1.0, 1.0])
+    settings = FilterSettings(white_bounds=(1.0, 1.0))
+    levels, none = np.array([WHITE, settings.poked.poke, 1.0]), np.zeros(3)
+    run = _Passes(believed, (("near", "far"), "far"), None, settings, levels, frames, Budget())
+    by_strain = run.of_strains(none, run(none), map)
+    assert set(by_strain) == set(STRAINS)
+    assert least <= max(by_strain, key=by_strain.__getitem__) <= most

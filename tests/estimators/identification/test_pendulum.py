@@ -31,7 +31,9 @@ def call(function, item):
 
 @pytest.fixture(scope="module")
 def found(swing, links):
-    return identify_constants(links(FACTORS), swing, ("end",), "joint", workers=by_post)
+    return identify_constants(
+        links(FACTORS), swing, ("end",), "joint", search=IdentificationSettings(n_starts=2), workers=by_post
+    )
 
 
 def test_the_lengths_of_rigid_links_are_found(found):
@@ -43,16 +45,17 @@ def test_the_lengths_of_rigid_links_are_found(found):
     sd = found.sd[[group.kind == "rest_length" for group in found.groups]]
     assert np.abs(errors).max() < 0.005
     assert (np.abs(errors) < 1.96 * sd).all()
-    assert (sd > 0.5 * 5e-4 * np.sqrt(1.0 / 160.0) / LENGTHS).all()
+    assert (sd > 0.5 * 5e-4 * np.sqrt(1.0 / 80.0) / LENGTHS).all()
 
 
 def test_all_starts_agree_and_residuals_are_explained(found):
     assert found.converged
-    assert found.n_starts == 4
-    assert found.n_agreeing >= 3
+    assert found.n_starts == 2
+    assert found.n_agreeing == 2
     assert found.residuals.explained
     assert found.residuals.size == pytest.approx(1.0, abs=0.15)
-    assert found.log_likelihood > found.log_likelihood_before + 1000.0
+    assert found.residuals.inflation == 1.0
+    assert found.log_likelihood > found.log_likelihood_before + 500.0
 
 
 def test_the_hidden_joint_is_predicted_with_what_was_found(found):
@@ -61,19 +64,6 @@ def test_the_hidden_joint_is_predicted_with_what_was_found(found):
     assert found.target_error_before_m > 2.0 * found.target_error_m
 
 
-@pytest.mark.slow
-def test_a_model_of_less_weight_is_not_explained_and_less_sure(found, swing, links):
-    """The same links with 0.6 of gravity: residuals are larger than the filter expects, standard errors with them."""
-    wrong = identify_constants(
-        links(FACTORS, gravity=0.6 * 9.81), swing, ("end",), "joint", search=IdentificationSettings(n_starts=1)
-    )
-    assert not wrong.residuals.explained
-    assert wrong.residuals.inflation > 1.1
-    assert wrong.residuals.n_effective < wrong.residuals.n
-    assert found.residuals.inflation == 1.0
-
-
-@pytest.mark.slow
 def test_a_joint_that_is_never_seen_starts_somewhere(swing, links):
     """Only the end is seen, the joint's first place and speed are unknown: both lengths to 3 %."""
     frames = [(time_s, [mark for mark in marks if mark.node == "end"]) for time_s, marks in swing]
@@ -94,10 +84,10 @@ class Clock:
 
 
 def test_out_of_time_the_best_until_then_is_returned(swing, links):
-    """A clock that a pass of 160 frames moves by 160 s, and 2,000 s: fewer frames, starts or passes, and said so."""
-    found = identify_constants(links(FACTORS), swing, ("end",), "joint", budget=Budget(2000.0, Clock(1.0)))
+    """A clock that a pass of 80 frames moves by 80 s, and 1,000 s: fewer frames, starts or passes, and said so."""
+    found = identify_constants(links(FACTORS), swing, ("end",), "joint", budget=Budget(1000.0, Clock(1.0)))
     assert not found.in_time
-    assert found.n_frames < 160
+    assert found.n_frames < 80
     assert found.log_likelihood > found.log_likelihood_before
     assert np.abs(np.log(found.network.rest_lengths / LENGTHS)).max() < 0.02
 
@@ -109,28 +99,19 @@ def test_too_little_time_is_said(swing, links):
         tune_noise(links(), swing, ("end",), "joint", budget=Budget(20.0, Clock(1.0)))
 
 
-@pytest.mark.slow
-def test_the_noise_of_marks_is_found(swing, links):
-    """Marks said to be twice as precise as they are: 2 within a quarter, and no pokes where there are none."""
-    frames = [(time_s, [replace(mark, cov=0.25 * mark.cov) for mark in marks]) for time_s, marks in swing]
-    found = tune_noise(links(), frames, ("end",), "joint", workers=by_post)
-    assert found.in_time
-    assert found.n_frames == len(swing)
-    assert found.marks == pytest.approx(2.0, rel=0.25)
-    assert found.log_likelihood > found.log_likelihood_before + 50.0
-
-
 def test_noise_levels_within_a_time(swing, links):
-    """A clock that 160 frames move by 160 s: fewer frames and passes, levels no worse than before."""
+    """A clock that 80 frames move by 80 s: fewer frames and passes, levels no worse than before."""
     found = tune_noise(links(), swing, ("end",), "joint", budget=Budget(1000.0, Clock(1.0)))
     assert not found.in_time
-    assert found.n_frames < 160
+    assert found.n_frames < 80
     assert found.log_likelihood >= found.log_likelihood_before
     assert (found.values > 0.0).all()
 
 
 def test_no_standard_error_exceeds_that_without_data(swing, links):
     """0.3 of gravity, marks that claim a tenth of their noise: stiffness and length had 2.5 and 3 times the bound.
+
+    Such residuals are larger than the filter expects and repeat each other: they are not explained, and count for less.
 
     That without data: the prior's, and how far from the constants given those found are.
     """
@@ -139,5 +120,7 @@ def test_no_standard_error_exceeds_that_without_data(swing, links):
     one_start = IdentificationSettings(n_starts=1)
     wrong = identify_constants(links(gravity=0.3 * 9.81), frames, ("joint",), "end", prior_sd=prior, search=one_start)
     assert wrong.residuals.inflation > 5.0
+    assert not wrong.residuals.explained
+    assert wrong.residuals.n_effective < wrong.residuals.n
     assert wrong.n_limited >= 1
     assert (wrong.sd <= np.hypot(wrong.prior_sd, wrong.change) * (1.0 + 1e-9)).all()

@@ -28,7 +28,7 @@ SD = 2e-3
 def frames(phantom, rest_state, driven, poke_forces, marks_of):
     """One second of the poked phantom at 30 frames/s: (time [s], marks)."""
     rng = np.random.default_rng(3)
-    states = driven(phantom, rest_state, poke_forces(phantom, 1.0, rng))[::4]
+    states = driven(phantom, rest_state, poke_forces(phantom, 0.6, rng))[::4]
     return [(k / 30.0, marks_of(phantom, state, SD, rng)) for k, state in enumerate(states)]
 
 

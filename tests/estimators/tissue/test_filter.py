@@ -39,10 +39,10 @@ class Followed:
 
 
 def follow(phantom, make, seed, poked, seen=1.0):
-    """Ten seconds at 30 frames/s from rest; each mark is seen with probability `seen`."""
+    """Four seconds at 30 frames/s from rest, poked ten; each mark is seen with probability `seen`."""
     driven, poke_forces, marks_of, rest_state = make
     rng, hidden = np.random.default_rng(seed), phantom.coordinates(HIDDEN)
-    forces = poke_forces(phantom, 10.0, rng, poked=poked)
+    forces = poke_forces(phantom, 10.0 if poked else 4.0, rng, poked=poked)
     states = driven(phantom, rest_state, forces)[::EVERY]
     ours, loop = TissueFilter(phantom, HIDDEN, OUTER), OpenLoop(phantom, HIDDEN)
     estimates, others = [], []
@@ -70,8 +70,8 @@ def make(driven, poke_forces, marks_of, rest_state):
 
 @pytest.fixture(scope="module")
 def runs(phantom, make):
-    """Two quiet and three poked runs."""
-    seeds = {"quiet": (0, 1), "poked": (0, 1, 2)}
+    """Two quiet and two poked runs."""
+    seeds = {"quiet": (0, 1), "poked": (0, 1)}
     return {kind: [follow(phantom, make, seed, kind == "poked") for seed in some] for kind, some in seeds.items()}
 
 
@@ -79,7 +79,6 @@ def size(errors):
     return np.linalg.norm(errors, axis=1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "share"), [("quiet", 0.15), ("poked", 0.3)])
 def test_hidden_mass_is_found_far_better_than_by_the_open_loop(runs, kind, share):
     """Mean error over that of [paper]'s method on the same frames; the aim is 0.5 of it.
@@ -109,9 +108,9 @@ def test_its_covariance_can_be_believed(runs):
 
 
 def test_nothing_diverges(runs):
-    """No error beyond 15 mm, which five deviations of the widest belief are, in any of 1505 frames."""
+    """No error beyond 15 mm, which five deviations of the widest belief are, in any of 844 frames."""
     errors = np.concatenate([size(run.errors) for some in runs.values() for run in some])
-    assert len(errors) == 1505
+    assert len(errors) == 844
     assert errors.max() < 0.015
 
 

@@ -24,8 +24,7 @@ def swinging(phantom, rest_state, marks_of, settings):
     return tissue
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("gap_s", [6.0, 10.0, 30.0])
+@pytest.mark.parametrize("gap_s", [6.0, 12.0])
 def test_a_gap_that_is_skipped_leaves_what_an_integrated_one_does(phantom, rest_state, marks_of, gap_s):
     """Mean of the target to 0.05 mm, its sigmas to 1 %, the odds of the modes to 1e-9, the bias to a tenth of its sd.
 
@@ -50,7 +49,7 @@ def test_a_gap_that_is_skipped_leaves_what_an_integrated_one_does(phantom, rest_
     )
 
 
-@pytest.mark.parametrize("gap_s", [5.5, 86_400.0, 1e9, 1e300])
+@pytest.mark.parametrize("gap_s", [5.5, 1e300])
 def test_a_gap_costs_no_more_than_forget_s(phantom, rest_state, marks_of, gap_s):
     """The tissue is integrated over forget_s = 5 s at most, however long the gap; then the target is LOST."""
     tissue = TissueFilter(phantom, HIDDEN, OUTER)

@@ -24,7 +24,7 @@ WAYS = {
     "pickled": lambda one: pickle.loads(pickle.dumps(one)),
     "copied": copy.deepcopy,
 }
-N_FRAMES, CUT = 24, 11
+N_FRAMES, CUT = 15, 8
 """Frames, and after how many of them the filter is pickled or copied."""
 
 way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)

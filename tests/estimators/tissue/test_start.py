@@ -45,12 +45,12 @@ def test_it_starts_from_the_shape_in_which_the_first_marks_hold_the_tissue(phant
 
 
 def test_the_first_estimates_can_be_believed_as_the_later_ones(phantom, rest_state, marks_of, hidden):
-    """Mean NEES of the target over 100 independent starts at rest, frame by frame: below the 99.9 % bound, 2.72.
+    """Mean NEES of the target over 40 independent starts at rest, frame by frame: below the 99.9 % bound, 3.2.
 
     Found 3.1, 2.4, 2.5, 4.2, 4.2 in the first frames; from a prior that has not seen the marks it is 1.1 to 1.3.
     """
     rng, squared = np.random.default_rng(0), []
-    for _ in range(100):
+    for _ in range(40):
         ours, some = TissueFilter(phantom, HIDDEN, OUTER), []
         for k in range(5):
             ours.predict(k / 30.0)
@@ -58,7 +58,7 @@ def test_the_first_estimates_can_be_believed_as_the_later_ones(phantom, rest_sta
             error = estimate.mean - rest_state[hidden]
             some.append(error @ np.linalg.solve(estimate.cov, error))
         squared.append(some)
-    assert np.mean(squared, axis=0).max() < mean_bounds(2, 100, 0.999)[1]
+    assert np.mean(squared, axis=0).max() < mean_bounds(2, 40, 0.999)[1]
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +79,8 @@ def two_links() -> MassSpringNetwork:
     )
 
 
-@pytest.mark.parametrize("up_mm", [-5.0, 0.0, 0.16, 0.5, 5.0, 40.0])
-@pytest.mark.parametrize("sd_mm", [0.05, 0.5, 4.0])
+@pytest.mark.parametrize("up_mm", [-5.0, 0.16, 5.0, 40.0])
+@pytest.mark.parametrize("sd_mm", [0.05, 4.0])
 def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
     """The end seen above its rest compresses the links: a linear motion would leave that shape exponentially.
 
@@ -96,17 +96,16 @@ def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
     assert variances[1] <= 0.0917**2 / 2.0
 
 
-@pytest.mark.parametrize("strain_sd", [0.0, 0.01])
-def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_sd):
+def test_two_links_seen_compressed_are_followed_to_their_rest(two_links):
     """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 4 mm of the joint.
 
-    Root mean square of twelve runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by little more
+    Root mean square of four runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by little more
     than a mark is off, and the covariance says so; where it may by more than 0.1 rad, it is not TRACKING.
     """
     rest, squares, shares = rest_shape(two_links), [], []
-    for seed in range(12):
+    for seed in range(4):
         rng = np.random.default_rng(seed)
-        tissue = TissueFilter(two_links, "joint", ["end"], FilterSettings(strain_sd=strain_sd))
+        tissue = TissueFilter(two_links, "joint", ["end"], FilterSettings(strain_sd=0.0))
         for k in range(60):
             tissue.predict(k / 100.0)
             noise = np.array([0.0, 0.5e-3]) if k == 0 else rng.normal(0.0, 0.5e-3, 2)
@@ -117,7 +116,7 @@ def test_two_links_seen_compressed_are_followed_to_their_rest(two_links, strain_
         shares.append(off @ np.linalg.solve(estimate.cov, off))
         assert estimate.status in {Status.TRACKING, Status.INITIALISING}
     assert np.sqrt(np.mean(squares)) < 4e-3
-    assert np.mean(shares) < mean_bounds(2, 12, 0.999)[1]
+    assert np.mean(shares) < mean_bounds(2, 4, 0.999)[1]
 
 
 def test_a_mark_far_off_at_the_start_moves_the_target_no_further(phantom, rest_state, marks_of, hidden):

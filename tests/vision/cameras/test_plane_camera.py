@@ -153,10 +153,9 @@ def test_a_ball_is_a_circle_however_its_plane_is_turned(turn_deg: float) -> None
     np.testing.assert_allclose(disc, shape @ np.diag([np.cos(turn), -1.0]), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_a_discs_middle_is_seen_off_the_middle_of_its_picture() -> None:
     bent, straight, radius = posed_camera("a", (640, 480), LENS, POSE), PlaneCamera("b", (640, 480), TILTED), 0.02
-    at = np.linspace(-1.0, 1.0, 801)
+    at = np.linspace(-1.0, 1.0, 501)
     inside = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
     disc = radius * inside[np.hypot(*inside.T) < 1.0]
     for point in on_plane(3):

@@ -88,28 +88,27 @@ def test_a_folder_with_gaps_or_other_counts_is_told(folder: Path) -> None:
         FolderFrames(folder / "none", [])
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "line"),
-    [
-        ("none.avi", None, "none.avi: expected a video file, found no such file"),
-        ("text.avi", b"no film at all " * 50, "text.avi: expected a video that OpenCV can decode, found none"),
-        ("text.mp4", b"\0\0\0\x18ftypmp42" * 20, "text.mp4: expected a video that OpenCV can decode, found none"),
-    ],
-)
-def test_a_bad_film_gives_one_line_and_no_noise(tmp_path: Path, name: str, content: bytes | None, line: str) -> None:
-    if content is not None:
+def test_a_bad_film_gives_one_line_and_no_noise(tmp_path: Path) -> None:
+    """What OpenCV's own code writes on standard error shows in another process only: one for all films."""
+    contents = {"text.avi": b"no film at all " * 50, "text.mp4": b"\0\0\0\x18ftypmp42" * 20}
+    for name, content in contents.items():
         (tmp_path / name).write_bytes(content)
     program = (
         "import sys, vision\n"
-        "try:\n    vision.VideoFileFrames(sys.argv[1])\n"
-        "except vision.SourceError as error:\n    print(error)\n"
+        "for name in sys.argv[1:]:\n"
+        "    try:\n        vision.VideoFileFrames(name)\n"
+        "    except vision.SourceError as error:\n        print(error)\n"
     )
-    command = [sys.executable, "-c", program, name]
+    command = [sys.executable, "-c", program, "none.avi", *contents]
     root = Path(__file__).parents[3]
     done = subprocess.run(
         command, cwd=tmp_path, env={"PYTHONPATH": str(root)}, capture_output=True, text=True, check=True
     )
-    assert done.stdout == line + "\n"
+    assert done.stdout.splitlines() == [
+        "none.avi: expected a video file, found no such file",
+        "text.avi: expected a video that OpenCV can decode, found none",
+        "text.mp4: expected a video that OpenCV can decode, found none",
+    ]
     assert done.stderr == ""
 
 

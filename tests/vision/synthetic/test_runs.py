@@ -29,7 +29,7 @@ def test_seeds_reproduce_and_differ(level: str) -> None:
 @pytest.mark.parametrize("level", ["good light", "whole range"])
 def test_marks_move_smoothly_by_up_to_20_px_and_stay_in_view(level: str) -> None:
     fastest = []
-    for seed in range(4):
+    for seed in range(2):
         centers = np.array([f.frame.centers_px for f in run(seed, 8, level)])
         steps = np.diff(centers, axis=0)
         fastest.append(np.hypot(steps[..., 0], steps[..., 1]).max())
@@ -54,9 +54,8 @@ def test_marks_in_good_light_are_where_the_truth_says() -> None:
     assert max(errors) < 0.2
 
 
-@pytest.mark.slow
 def test_the_whole_range_covers_marks_now_and_then() -> None:
-    visible = np.array([f.frame.visible for seed in range(8) for f in run(seed, 15, "whole range", size_px=SMALL)][::5])
+    visible = np.array([f.frame.visible for seed in range(24) for f in run(seed, 1, "whole range", size_px=SMALL)])
     assert 0.01 < (visible < 0.9).mean() < 0.4
     assert (visible == 1.0).mean() > 0.5
 

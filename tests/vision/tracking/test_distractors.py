@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from vision import AdaptiveHue, Expected, MarkFinder, MarkHue, Outline
 from vision.arrays import Image
@@ -20,6 +22,12 @@ RADIUS = 10
 SETTLED = FINDER.distractors.settled_frames
 
 
+@lru_cache
+def noise(k: int) -> NDArray[np.int16]:
+    """One of several images of noise of 3 grey levels."""
+    return np.random.default_rng(k).normal(0.0, 3.0, (*SIZE, 3)).round().astype(np.int16)
+
+
 def picture(
     rng: np.random.Generator, *discs: tuple[tuple[float, float], int, tuple[int, int, int]], without=()
 ) -> Image:
@@ -28,7 +36,7 @@ def picture(
     marks = [(at, RADIUS, RED if HUES[name] == 0.0 else BLUE) for name, at in MARKS.items() if name not in without]
     for (u, v), radius, colour in (*discs, *marks):
         cv2.circle(image, (round(u), round(v)), radius, colour, -1, cv2.LINE_AA)
-    return np.clip(image + rng.normal(0.0, 3.0, image.shape), 0, 255).astype(np.uint8)
+    return np.clip(image + noise(int(rng.integers(8))), 0, 255).astype(np.uint8)
 
 
 def expected() -> list[Expected]:

@@ -76,23 +76,23 @@ def predicted(settings: FilterSettings, offset_s: float) -> tuple[np.ndarray, np
 
 def test_after_a_strike_it_is_followed_as_it_flies():
     """In flight, from the second strike on: 10 mm in the mean and 95 % covered; by pokes alone over 15 mm."""
-    found = [predicted(FilterSettings(), offset_s) for offset_s in (0.0, 0.25, 0.5, 0.75)]
+    found = [predicted(FilterSettings(), offset_s) for offset_s in (0.0, 0.5)]
     errors, nees = (np.concatenate(each) for each in zip(*found, strict=True))
-    assert len(errors) > 60
+    assert len(errors) > 30
     assert errors.mean() < 0.010
     assert coverage(nees, 2) >= 0.95
-    by_pokes = [predicted(FilterSettings(jolt=0.0), offset_s)[0] for offset_s in (0.0, 0.25, 0.5, 0.75)]
+    by_pokes = [predicted(FilterSettings(jolt=0.0), offset_s)[0] for offset_s in (0.0, 0.5)]
     assert np.concatenate(by_pokes).mean() > 0.015
 
 
 def test_blows_are_learned_and_forgotten(phantom, rest_state, marks_of):
-    """A phantom whose marks are all thrown aside by a blow of 1 m/s expects more; a minute later it does not.
+    """A phantom whose marks are all thrown aside by a blow of 1 m/s expects more; half a minute later it does not.
 
     Truth: each free mass moves by 33 mm for a frame and comes back, as the springs would have it after a jolt.
     """
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     among = []
-    for k in range(30 * 70):
+    for k in range(30 * 35):
         marks = marks_of(phantom, rest_state, 1e-3, np.random.default_rng(k))
         if k in (90, 91):
             marks = [replace(mark, position=mark.position + JOLT) for mark in marks]

