@@ -80,7 +80,6 @@ class FilterSettings:
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)
-    leaning: ForceMode = ForceMode(white=0.043, poke=2.0, lasting_s=1.5)
     jolt: float = 12.0
     led: ForceMode | None = None
     led_nodes: tuple[str, ...] = ()
@@ -137,7 +136,7 @@ class FilterSettings:
         Of a body that is led: quiet, poked, led.
         """
         one = tuple(replace(self.poked, only=k, others=self.quiet) for k in range(self.one_of))
-        usual = (self.leaning, *(one or (self.poked,)))
+        usual = (self.quiet, *(one or (self.poked,)))
         if self.strikes:
             return (self.quiet, *usual, *usual, replace(self.poked, jolt=self.jolt))
         if self.led is None:
@@ -176,7 +175,6 @@ class FilterSettings:
         n_poked, n = self.n_poked, len(self.of_state)
         rates, last = np.zeros((n, n)), n - 1
         calm, between, poked = 0, 1, slice(2, 2 + n_poked)
-        rates[calm, between] = rates[between, calm] = 1.0 / self.between_s
         rates[calm, poked] = 1.0 / self.calm_s / n_poked
         rates[between, poked] = 1.0 / self.between_s / n_poked
         rates[poked, calm] = self.calm_share / self.poked_s
@@ -207,7 +205,6 @@ class FilterSettings:
         return replace(
             self,
             quiet=replace(self.quiet, white=max(self.quiet.white, quiet)),
-            leaning=replace(self.leaning, white=max(self.leaning.white, quiet)),
             poked=replace(self.poked, white=max(self.poked.white, poked)),
             led=replace(self.leading, white=harder * self.leading.white, poke=harder * self.leading.poke),
             white_bounds=(max(self.white_bounds[0], STIFF_LEVEL), self.white_bounds[1]),
