@@ -23,6 +23,7 @@ from estimators.guidance.planning import (
     needle_displacement,
     plan,
 )
+from estimators.guidance.push import NeedlePush
 from estimators.guidance.settings import AdviceSettings, health_fault
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Lesion",
     "Needle",
     "NeedleNoise",
+    "NeedlePush",
     "NeedleTracker",
     "Obstacle",
     "Outlook",

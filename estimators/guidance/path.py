@@ -83,9 +83,13 @@ class TargetPath:
 
     def widened(self, cov: Floats) -> TargetPath:
         """The same path off by an unknown constant of this covariance [m²], (dim, dim)."""
+        return self.moved(np.zeros(len(cov)), cov)
+
+    def moved(self, by: Floats, cov: Floats) -> TargetPath:
+        """The same path moved by a constant [m], (dim,), which is known to this covariance [m²], (dim, dim)."""
         parts = self.mixture
-        mixture = None if parts is None else replace(parts, covs=parts.covs + cov)
-        return replace(self, covs=self.covs + cov, mixture=mixture)
+        mixture = None if parts is None else replace(parts, means=parts.means + by, covs=parts.covs + cov)
+        return replace(self, means=self.means + by, covs=self.covs + cov, mixture=mixture)
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:

@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle
+from dynamics import MassSpringNetwork
+from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, PlannedNeedle
 from experiments.errors import InputError, shown
 from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, read_toml
 
@@ -31,6 +32,15 @@ class NeedleForces:
     friction_N_m: float = 5.0  # noqa: N815
     error: float = 0.3
 
+    def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
+        """What is predicted of this needle's push on a network; the error is uniform."""
+        return PlannedNeedle(
+            cutting_N=self.cutting_N,
+            friction_N_m=self.friction_N_m,
+            reach_m=force_reach_m(network),
+            force_sd=self.error / 3.0**0.5,
+        )
+
     def constants(self) -> dict[str, float]:
         """The nominal constants by name."""
         return {
@@ -42,6 +52,11 @@ class NeedleForces:
 
 
 FORCES = NeedleForces()
+
+
+def force_reach_m(network: MassSpringNetwork) -> float:
+    """Width of the kernel by which nodes share a needle's force [m]: of the study, and not observable from outside."""
+    return 0.3 * float(np.median(network.rest_lengths))
 
 
 class LesionTable(Strict):

@@ -15,6 +15,7 @@ from estimators import (
     Advice,
     GaussianMixture,
     Guidance,
+    NeedlePush,
     TargetPath,
     TissueFilter,
     fast_prediction_tables,
@@ -28,6 +29,7 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.monitor import IntegrityMonitor
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
@@ -37,6 +39,11 @@ if TYPE_CHECKING:
 
 SURE_M = 1e-9
 """Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
+
+
+def push_of(scene: Scene, plan: NeedlePlan) -> NeedlePush:
+    """The push of a plan's needle on the target of a scene."""
+    return NeedlePush(scene.network, scene.target.point, plan.forces.planned(scene.network))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,9 +79,11 @@ def advise(
     times, guidance, due_s, watched = [], [], -np.inf, AbortWatch()
     tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
     integrity = IntegrityMonitor(recording.scene, line.filter)
+    push = push_of(recording.scene, plan)
 
     def path_at(times_s: Floats) -> TargetPath:
-        return path_near_rest(tables, line.filter, times_s).widened(integrity.unstated)
+        path = path_near_rest(tables, line.filter, times_s).widened(integrity.unstated)
+        return push.pushed(path, plan.insertion)
 
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     for k, (frame, step) in enumerate(each_frame(line, recording)):
@@ -97,7 +106,8 @@ def came_true(done: Advised) -> Floats:
     """Probability of a hit, inserted as the frame's advice has it, had the target's place then been known, (n_frames,).
 
     That is the share of needles that hit: what is random yet is the tip alone. NaN where no needle arrives, or where
-    the truth does not reach to its arrival. The needle goes as deep as was told, at the time that was told.
+    the truth does not reach to its arrival. The needle goes as deep as was told, at the time that was told. It is
+    not in the truth: what it pushes is added as stated.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -108,6 +118,7 @@ def came_true(done: Advised) -> Floats:
     arrivals = np.array([done.guidance[k].arrival_s for k in known], dtype=float)
     _, places = truth.at(arrivals, node)
     places = places + target_map(scene.network, scene.target.point).constant
+    places = places + push_of(scene, plan).shift(plan.insertion)
     exactly = SURE_M**2 * np.eye(scene.network.dim)
     for k, place in zip(known, places, strict=True):
         if not np.isfinite(place).all():

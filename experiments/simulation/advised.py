@@ -14,7 +14,17 @@ from functools import partial
 import numpy as np
 
 from dynamics import NeedleMotion
-from estimators import Advice, Guidance, ReliabilityBin, clopper_pearson, guide, path_near_rest, reliability_bins
+from estimators import (
+    Advice,
+    Guidance,
+    NeedlePush,
+    ReliabilityBin,
+    TargetPath,
+    clopper_pearson,
+    guide,
+    path_near_rest,
+    reliability_bins,
+)
 from experiments.arrays import Floats
 from experiments.simulation.closed_loop import hits, tip_error
 from experiments.simulation.policies import Warm
@@ -44,7 +54,12 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
     plan = case.plan
     tissue.restore(warm.then)
     rng = np.random.default_rng([case.seed, 9])
-    path_at = partial(path_near_rest, warm.of_advice, tissue)
+    given = case.given
+    push = NeedlePush(given.network, given.target.point, plan.forces.planned(given.network))
+
+    def path_at(times_s: Floats) -> TargetPath:
+        return push.pushed(path_near_rest(warm.of_advice, tissue, times_s), case.straight)
+
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     first, every = round(case.warm_s * case.frames_per_s), max(1, round(EVERY_S * case.frames_per_s))
     until_s = world.knots.interval_s * (len(world.knots.forces) - 1)

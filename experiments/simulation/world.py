@@ -23,16 +23,13 @@ from dynamics import (
 from estimators import MarkMeasurement
 from estimators.process.target import TargetMap, target_map
 from experiments.arrays import Floats
+from experiments.formats.needle_file import force_reach_m
 from experiments.simulation.cases import Case, at_rest
 from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import start_and_forces, true_network
 
 KNOT_S = 1.0 / 480.0
 """Outside forces are straight over this time [s]: four knots for each of the tremor's."""
-
-REACH = 0.3
-"""Width of the kernel by which nodes share a needle's force, by the median spring at rest: 60 mm in the phantom; of the
-study, and not observable from outside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,4 +139,4 @@ def needle_with(network: MassSpringNetwork, entry: Floats, constants: dict[str, 
     """A needle of these constants in a network, its path given elsewhere; where no skin resists, one that breaks."""
     still = NeedlePose(entry, np.zeros(network.dim), 0.0, 0.0)
     most = {**constants, "puncture_N": constants["puncture_N"] or np.finfo(float).tiny}
-    return NeedleMechanics(lambda _t: still, entry, reach_m=REACH * float(np.median(network.rest_lengths)), **most)
+    return NeedleMechanics(lambda _t: still, entry, reach_m=force_reach_m(network), **most)

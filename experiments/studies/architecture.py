@@ -15,6 +15,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,7 @@ class Room:
     imports: frozenset[str]
 
 
+@cache
 def rooms_of(package: str) -> list[Room]:
     """The rooms of a package, by name; rooms within a room count as part of it."""
     found = []

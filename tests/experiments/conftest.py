@@ -5,9 +5,13 @@ from functools import partial
 
 import pytest
 
+from estimators import IdentificationSettings
 from estimators.identification.budget import Budget
+from experiments.engine import spare
 from experiments.pipeline import identify
 from experiments.pipeline.live import session
+
+ONE_START = IdentificationSettings(n_starts=1)
 
 
 @pytest.fixture
@@ -39,6 +43,21 @@ def _minutes_of_the_processor():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(identify, "Budget", partial(Budget, clock=time.process_time))
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _in_this_process():
+    """Identification and tuning work in this process alone, where a test does not ask for others: each loads numba."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(spare, "spare_cores", partial(spare.spare_cores, 1))
+        yield
+
+
+@pytest.fixture
+def one_start(monkeypatch):
+    """The search for constants has one start, and that for noise levels few passes: for tests of what uses them."""
+    monkeypatch.setattr("estimators.identification.constants.IdentificationSettings", lambda: ONE_START)
+    monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 12)
 
 
 @pytest.fixture(autouse=True)

@@ -14,6 +14,7 @@ from estimators import (
     Breathing,
     FastPredictionTables,
     Guidance,
+    NeedlePush,
     Status,
     TargetEstimate,
     TargetPath,
@@ -49,6 +50,8 @@ class LiveAdvice:
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
         self.plan, self._stated, self._unstated = plan, plan.insertion, unstated
         self._watch, self._unseen = AbortWatch(), False
+        network = tissue.model.network
+        self._push = NeedlePush(network, tissue.target.point, plan.forces.planned(network))
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
         self._tables = fast_prediction_tables(tissue, reach_s(plan, tissue))
@@ -114,6 +117,7 @@ class LiveAdvice:
             return Guidance(Advice.NO_GUIDANCE, fault)
         path = self._path(tissue, self._tables)
         path = path if self._unstated is None else path.widened(self._unstated)
+        path = self._push.pushed(path, plan.insertion)
         now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 

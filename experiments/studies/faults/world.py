@@ -24,10 +24,10 @@ from dynamics import (
 )
 from estimators import Insertion
 from experiments.arrays import Floats
+from experiments.formats.needle_file import force_reach_m
 from experiments.formats.scenario import Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.simulate import Force, draw, scene_of, start_and_forces
-from experiments.simulation.world import REACH
 from vision.arrays import Image
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import DeviceTimes, RisingTimes
@@ -122,7 +122,7 @@ def undisturbed(seed: int, duration_s: float) -> Motion:
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
     """What a needle does to the free nodes that presses on the skin, with push_N while it is inside, by time [s]."""
-    shares = node_weights(network, plan.entry, REACH * float(np.median(network.rest_lengths)))[network.free]
+    shares = node_weights(network, plan.entry, force_reach_m(network))[network.free]
     push = push_N * shares[:, None] * plan.axis
     return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
 

@@ -23,9 +23,9 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
-def three():
-    """Three workers, as a cluster of somebody else's."""
-    with workers.local_cluster(3, small_runs.__name__) as cluster:
+def two():
+    """Two workers, as a cluster of somebody else's."""
+    with workers.local_cluster(2, small_runs.__name__) as cluster:
         yield Workers(scheduler=cluster.scheduler_address)
 
 
@@ -40,33 +40,33 @@ def same(one: pd.DataFrame, other: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(one[columns], other[columns], check_exact=True)
 
 
-def test_the_same_table_from_one_process_and_from_three_workers(tmp_path, three):
+def test_the_same_table_from_one_process_and_from_two_workers(tmp_path, two):
     one = run_study(small_runs.drawn, cases(30), tmp_path / "one", OWN_PROCESS)
-    other = run_study(small_runs.drawn, cases(30), tmp_path / "three", three)
+    other = run_study(small_runs.drawn, cases(30), tmp_path / "two", two)
     same(one.table, other.table)
     assert list(other.table["seed"]) == list(range(30))
     assert len(set(other.table["pid"])) > 1
     assert os.getpid() not in set(other.table["pid"])
-    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "three" / "runs.parquet"), other.table)
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "two" / "runs.parquet"), other.table)
 
 
-def test_a_worker_that_is_killed_is_replaced_and_its_runs_are_done_again(tmp_path, three):
+def test_a_worker_that_is_killed_is_replaced_and_its_runs_are_done_again(tmp_path, two):
     victims = []
 
     def advance(share):
         if share > 0.2 and not victims:
-            with Client(three.scheduler) as client:
+            with Client(two.scheduler) as client:
                 victims.append(next(iter(client.run(os.getpid).values())))
             os.kill(victims[0], signal.SIGKILL)
 
-    done = run_study(small_runs.slow, cases(60, tmp_path), tmp_path / "study", three, advance)
+    done = run_study(small_runs.slow, cases(60, tmp_path), tmp_path / "study", two, advance)
     assert victims
     assert done.failures == ()
     assert list(done.table["twice"]) == [2 * seed for seed in range(60)]
 
 
-def test_a_run_that_kills_its_workers_fails_and_the_others_do_not(tmp_path, three):
-    done = run_study(small_runs.deadly, cases(12, tmp_path), tmp_path / "study", three)
+def test_a_run_that_kills_its_workers_fails_and_the_others_do_not(tmp_path, two):
+    done = run_study(small_runs.deadly, cases(12, tmp_path), tmp_path / "study", two)
     failed = done.table[done.table["failure"].notna()]
     assert list(failed["seed"]) == [7]
     assert failed["failure"].iloc[0].startswith("KilledWorker")
@@ -133,9 +133,9 @@ def test_failures_are_kept_with_the_command_that_repeats_them(tmp_path):
     assert list((tmp_path / "study" / "failures").iterdir()) == []
 
 
-def test_a_result_that_is_none_is_a_failure(tmp_path, three):
+def test_a_result_that_is_none_is_a_failure(tmp_path, two):
     hows = [{"seed": 1, "how": how} for how in ("sent", "row", "name")]
-    failures = run_study(small_runs.wrong, hows, tmp_path / "study", three).table["failure"]
+    failures = run_study(small_runs.wrong, hows, tmp_path / "study", two).table["failure"]
     assert "pickle" in failures[0]
     assert failures[1] == "ValueError: result: expected one or more rows, found none"
     assert failures[2] == "ValueError: result: expected columns that the case does not have, found seed"

@@ -113,15 +113,15 @@ def run_body(name: str) -> set[str]:
     line, before, dim = Line(scene, baseline=False), called(), body.network.dim
     cov, rng = body.mark_sd_m**2 * np.eye(dim), np.random.default_rng(0)
     places = {node: body.network.index(node) for node in body.marked}
-    for k in range(90):
+    for k in range(46):
         at = body.positions[min(k, len(body.positions) - 1)]
-        far = 0.1 * body.size_m if 60 <= k < 80 else 0.0
+        far = 0.1 * body.size_m if 26 <= k < 40 else 0.0
         seen = [MarkMeasurement(node, at[i] + far + 1e-4 * rng.normal(size=dim), cov) for node, i in places.items()]
-        if 20 <= k < 26:
+        if 8 <= k < 13:
             seen = [replace(one, node=other.node) for one, other in zip(seen, seen[::-1], strict=True)]
         try:
-            line.take(k * INTERVAL, [] if 30 <= k < 36 else seen[(k // 10) % 2 :])
-            if k % 30 == 10:
+            line.take(k * INTERVAL, [] if 16 <= k < 21 else seen[(k // 4) % 2 :])
+            if k % 15 == 5:
                 line.identity.fix(line.filter.predict_at(k * INTERVAL).mean, 1e-6 * np.eye(dim))
         except CovarianceError:
             pass

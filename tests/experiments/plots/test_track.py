@@ -12,7 +12,6 @@ from matplotlib.patches import Ellipse
 from estimators import Status
 from experiments.pipeline.scores.withheld import Withheld
 from experiments.plots.consistency import consistency_figure, sigma_figure
-from experiments.plots.limits import N_DRAWN
 from experiments.plots.path import FAINT, N_ELLIPSES, path_figure
 from experiments.plots.track import error_figure, motion_figure, write_track_plots
 from tests.experiments.plots.printed import check_printed
@@ -120,15 +119,17 @@ def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
     assert before.get_ylim()[1] < 100.0
 
 
-def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists():
-    """48 nodes in space, 10,000 frames: no more is drawn than a picture can show."""
-    n = 10_000
+def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(monkeypatch):
+    """48 nodes in space, five times as many frames as points of a line: no more is drawn than a picture can show."""
+    n_drawn, n = 400, 2000
+    for module in ("limits", "path"):
+        monkeypatch.setattr(f"experiments.plots.{module}.N_DRAWN", n_drawn)
     track = made_track(block(), small_errors(n, 3), np.full(n, 1e-3))
     path, error = path_figure(track), error_figure(track)
     for figure in (path, error):
         for ax in figure.axes:
             assert len(ax.get_children()) < 80
-            assert max(points_of(ax)) <= 2 * N_DRAWN + 3  # an area has two sides, and is closed
+            assert max(points_of(ax)) <= 2 * n_drawn + 3  # an area has two sides, and is closed
     springs = path.axes[0].collections[0]
     assert len(springs.get_segments()) == len(track.recording.scene.network.springs) > 200
 

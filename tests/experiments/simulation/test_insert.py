@@ -28,15 +28,15 @@ def case(name):
 
 @pytest.fixture(scope="module")
 def poked():
-    return insert(case("poked"), 12)
+    return insert(case("poked"), 5)
 
 
 @pytest.mark.slow
 def test_looking_ahead_and_waiting_hits_more_than_the_paper_s_loop(poked):
-    """Twelve worlds, the same for all: at least eleven hits, and three tenths more than the open loop's."""
+    """Five worlds, the same for all: five hits, and two more at least than the open loop's; when written, three."""
     ours, paper = (sum(one.hit for one in poked.of(policy)) for policy in ("wait-for-go", "open-loop"))
-    assert ours >= 11
-    assert ours - paper >= 0.3 * 12
+    assert ours == 5
+    assert ours - paper >= 2
 
 
 def test_a_miss_is_judged_by_the_truth(poked):
@@ -69,9 +69,9 @@ def test_figures_of_those_that_hit_missed_and_never_came():
 
 
 def test_a_breathing_target_is_foretold_half_a_second_ahead():
-    """Two runs of unknown period, marks of 4.14 mm: at most 1.5 times the filter's own error now, from 12 s on."""
+    """A run of unknown period, marks of 4.14 mm: at most 1.5 times the filter's own error now, from 12 s on."""
     now, ahead = [], []
-    for seed in (1, 2):
+    for seed in (1,):
         world = world_of(replace(case("breathing"), seed=seed, warm_s=18.0, patience_s=0.5))
         tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
         away, state = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
@@ -115,7 +115,7 @@ def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath()
 
 
 def test_the_command_writes_summary_runs_and_pictures(tmp_path):
-    done = CliRunner().invoke(app, ["insert", "quiet", "--out", str(tmp_path / "out"), "--runs", "2"])
+    done = CliRunner().invoke(app, ["insert", "quiet", "--out", str(tmp_path / "out"), "--runs", "1"])
     assert done.exit_code == 0, done.output
     written = json.loads((tmp_path / "out" / "summary.json").read_text())
     for policy in ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go"):
@@ -123,7 +123,7 @@ def test_the_command_writes_summary_runs_and_pictures(tmp_path):
         assert row["hit_rate_low"] <= row["hit_rate"] <= row["hit_rate_high"]
         assert {"miss_mm", "seconds_to_hit", "insertions"} <= set(row)
     assert [row["low"] for row in written["calibration"]] == [k / 10 for k in range(10)]
-    assert sum(row["n"] for row in written["calibration"]) == 2
+    assert sum(row["n"] for row in written["calibration"]) == 1
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names - {"provenance.json", "softaim.log"} == {
         *("summary.json", "runs.csv", "advised.csv", "hits.png", "misses.png", "reliability.png", "advised.png")

@@ -1,6 +1,7 @@
 """Figures of stiff and large bodies follow their constants."""
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -9,12 +10,14 @@ from experiments.studies.settings.body_figures import BodyConstants, body_figure
 LINKS = {"chain2": 1.0}
 
 
-@pytest.fixture(scope="module")
-def default() -> dict[str, float]:
-    return body_figures(BodyConstants(), (5,), LINKS)
+@cache
+def usual(name: str, seconds: float) -> dict[str, float]:
+    """Figures of a body by the constants as they are."""
+    return body_figures(BodyConstants(), (5,), {name: seconds})
 
 
-def test_links_taken_as_exact_are_covered_less(default):
+def test_links_taken_as_exact_are_covered_less():
+    default = usual("chain2", 1.0)
     exact = body_figures(BodyConstants(strain_sd=1e-9, quiet_white=0.03, undirected=0.0), (5,), LINKS)
     assert set(exact) == set(default) == {"chain2_mm", "chain2_coverage"}
     assert exact["chain2_coverage"] < default["chain2_coverage"] - 0.1
@@ -33,18 +36,17 @@ def test_links_taken_as_exact_are_covered_less(default):
         "undirected",
     ],
 )
-def test_constants_reach_the_filter(name, default):
+def test_constants_reach_the_filter(name):
     """Ten times of each gives other figures; two links have one mark, no crowd, and two directions of strain."""
     ten_times = replace(BodyConstants(), **{name: 10.0 * getattr(BodyConstants(), name)})
-    assert body_figures(ten_times, (5,), LINKS) != default
+    assert body_figures(ten_times, (5,), {"chain2": 0.4}) != usual("chain2", 0.4)
 
 
 @pytest.mark.parametrize("changed", [{"turned": 1e-3}, {"hidden_share": 3.0}])
 def test_constants_of_large_bodies_reach_the_filter(changed):
     """A sheet of 25 free nodes: more passes, and pokes on nodes within, give other figures."""
     sheet = {"sheet": 0.2}
-    usual = body_figures(BodyConstants(), (5,), sheet)
-    assert body_figures(replace(BodyConstants(), **changed), (5,), sheet) != usual
+    assert body_figures(replace(BodyConstants(), **changed), (5,), sheet) != usual("sheet", 0.2)
 
 
 @pytest.mark.parametrize("name", ["led_poke", "led_lasting_s"])
@@ -52,4 +54,4 @@ def test_forces_of_a_hand_reach_nodes_that_it_leads(name):
     """The end of a cable is led, so that no mode of a hand is left."""
     cable = {"cable-fast": 0.2}
     ten_times = replace(BodyConstants(), **{name: 10.0 * getattr(BodyConstants(), name)})
-    assert body_figures(ten_times, (5,), cable) != body_figures(BodyConstants(), (5,), cable)
+    assert body_figures(ten_times, (5,), cable) != usual("cable-fast", 0.2)

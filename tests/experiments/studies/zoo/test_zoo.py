@@ -90,7 +90,7 @@ def test_cases_cover_every_body_and_travel_as_json():
 
 def test_the_filter_beats_the_spline_on_the_phantom():
     """Half a millimetre of noise: better than that of a single mark where it hangs in its springs."""
-    found = run(Case("phantom", 1, length_s=2.0))
+    found = run(Case("phantom", 1, length_s=1.0))
     assert found["ended"] == ""
     assert found["error_m"] < 0.5e-3 < found["spline_m"]
     assert found["covered"] > 0.9
@@ -120,7 +120,7 @@ def test_wrong_options_are_one_line(tmp_path, capsys, options, complaint):
 
 def test_a_cloth_of_a_tenth_is_followed_as_well_as_by_the_open_loop():
     """Stretched by far more than its marks scatter, it refutes the filter frame by frame; it was 1.3 times worse."""
-    runs = [run(Case("sheet", seed, size=0.1, length_s=2.0)) for seed in (0, 1)]
+    runs = [run(Case("sheet", seed, size=0.1, length_s=1.0)) for seed in (0, 1)]
     own = sum(one["error_m"] for one in runs)
     assert own < 1.1 * sum(one["open_loop_m"] for one in runs)
     assert own < 0.7 * sum(one["spline_m"] for one in runs)

@@ -1,0 +1,46 @@
+"""By how much an insertion pushes the target aside before the needle is there: advice aims at where it is then."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from estimators.arrays import Floats
+from estimators.guidance.needle import Insertion
+from estimators.guidance.path import TargetPath
+from estimators.guidance.planning import PlannedNeedle, compliance, needle_displacement
+from estimators.process.target import TargetPoint, target_map
+
+
+class NeedlePush:
+    """The push of a needle on the target of a network, to first order about its rest [dimaio2003].
+
+    Where the needle is inside already, the marks show what it has pushed until now. A body that nothing holds gives way
+    as a whole, which no static answer describes: there no push is predicted.
+    """
+
+    def __init__(self, network: MassSpringNetwork, target: str | TargetPoint, needle: PlannedNeedle) -> None:
+        self._network, self._needle = network, needle
+        self._rest = target_map(network, target).position(network.positions[network.free].ravel())
+        self._gives: Floats | None = None
+        if network.fixed.any() and (needle.cutting_N or needle.friction_N_m):
+            try:
+                self._gives = compliance(network, target)
+            except np.linalg.LinAlgError:  # nothing resists some motion
+                self._gives = None
+
+    def shift(self, insertion: Insertion) -> Floats:
+        """What an insertion to the target at rest adds to the push of now [m], (dim,)."""
+        length = float((self._rest - insertion.entry) @ insertion.axis)
+        if self._gives is None or length <= insertion.depth_m:
+            return np.zeros(self._network.dim)
+        depths = np.array([length, insertion.depth_m] if insertion.depth_m > 0.0 else [length])
+        entries = np.tile(insertion.entry, (len(depths), 1))
+        tips = entries + depths[:, None] * insertion.axis
+        moved = needle_displacement(self._network, self._gives, self._needle, tips, entries)
+        return np.asarray(moved[0] - moved[1:].sum(axis=0))
+
+    def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
+        """Where the target is once the needle is there: the path, moved, with what is not known of the forces."""
+        shift = self.shift(insertion)
+        return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

@@ -1,0 +1,83 @@
+"""One run of the study: a body whose constants are stated as they are, and marks with this noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from estimators import MarkMeasurement, Status, normalised_error_squared
+from experiments.arrays import Floats
+from experiments.pipeline.line import FILTER, Line
+from experiments.studies.faults.judge import is_wrong
+from experiments.studies.faults.world import INTERVAL_S, Motion
+from experiments.studies.faults.wrong_worlds.bodies import scene_of_body
+from experiments.studies.faults.wrong_worlds.run import REGION
+from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of
+
+PUSHES = {
+    "nothing": Pushes(0.0, 0.0),
+    "breath 1": Pushes(0.0, 1.0),
+    "breath 2": Pushes(0.0, 2.0),
+    "breath 4": Pushes(0.0, 4.0),
+    "pokes": Pushes(5.0, 0.0),
+    "both": Pushes(5.0, 2.0),
+}
+"""What moves the body, by name: pokes and a breath of 3 to 6 s [m/s²]."""
+
+AFTER_S = 1.0
+"""From when on frames count: the start has its own tests [s]."""
+
+
+@lru_cache(maxsize=16)
+def _motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
+    return motion_of(scene_of_body(body), Truth(pushes=PUSHES[pushes]), seed, duration_s)
+
+
+def run(case: Mapping[str, Any]) -> dict[str, Any]:
+    """A body and what moves it, by a seed; noise of the marks true and as stated (`sd_m`, `stated`), as a row.
+
+    frames, lost: counted, and those without a status that may guide; covered, wrong: of the others, those in the region
+    of 95 %, and those on a wrong estimate; nees: mean of normalised squared errors by the dimension
+    error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
+    """
+    duration_s, dt = float(case["duration_s"]), INTERVAL_S
+    motion = _motion(case["body"], case["pushes"], case["seed"], duration_s)
+    scene = scene_of_body(case["body"])
+    scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
+    network, dim = scene.network, scene.network.dim
+    line, rng = Line(scene, baseline=False), np.random.default_rng([case["seed"], 7])
+    at, cov = network.index(scene.target.node), (case["sd_m"] * case["stated"]) ** 2 * np.eye(dim)
+    errors, covs, wrong, n, lost = [], [], 0, 0, 0
+    for time_s in np.arange(0.0, duration_s, dt):
+        places = motion.at(float(time_s))
+        seen = places[[network.index(node) for node in scene.measured_nodes]]
+        seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
+        marks = [MarkMeasurement(node, z, cov) for node, z in zip(scene.measured_nodes, seen, strict=True)]
+        estimate = line.take(float(time_s), marks).estimates[FILTER]
+        if time_s < AFTER_S:
+            continue
+        n += 1
+        if estimate.status not in (Status.TRACKING, Status.COASTING):
+            lost += 1
+            continue
+        errors.append(places[at] - estimate.mean)
+        covs.append(estimate.cov)
+        wrong += is_wrong(estimate.mean, estimate.cov, places[at])
+    return {"frames": n, "lost": lost, "wrong": wrong, **_figures(np.array(errors), np.array(covs))}
+
+
+def _figures(errors: Floats, covs: Floats) -> dict[str, float]:
+    if not len(errors):
+        return {"covered": 0.0, "nees": np.nan, "error_mm": np.nan, "sd_mm": np.nan}
+    dim = errors.shape[1]
+    nees = normalised_error_squared(errors, covs)
+    return {
+        "covered": float(np.sum(nees <= REGION[dim])),
+        "nees": float(np.mean(nees) / dim),
+        "error_mm": 1e3 * float(np.sqrt(np.mean(errors**2))),
+        "sd_mm": 1e3 * float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean() / dim)),
+    }
