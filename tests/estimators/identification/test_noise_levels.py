@@ -197,13 +197,13 @@ def test_levels_are_searched_without_a_strain_too(pair, monkeypatch, higher):
 
 @pytest.mark.parametrize(("off", "least", "most"), [(0.0, 0.0, 0.001), (0.03, 0.003, 0.01)])
 def test_how_far_springs_of_a_stiff_body_may_be_off_is_found(pair, driven, off, least, most):
-    """2 s of white force, both masses seen to SD; the model's first spring is right, or 3 % too long, 2 mm of sag.
+    """3 s of white force, both masses seen to SD; the model's first spring is right, or 3 % too long, 2 mm of sag.
 
     By the levels that act. A strain of 1 % where there is none would be 1 mm at once, twice what the marks scatter.
     """
     stiff, rng = replace(pair, damping=np.full(3, 14.0)), np.random.default_rng(7)
     start = pack(pair.positions[1:3], np.zeros((2, 2)))
-    states = driven(stiff, start, 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(2 * 120, 2, 2)))[::8]
+    states = driven(stiff, start, 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(3 * 120, 2, 2)))[::8]
     frames = []
     for k, state in enumerate(states):
         places = state[:4].reshape(2, 2) + rng.normal(0.0, SD, (2, 2))

@@ -99,11 +99,11 @@ def test_no_first_covariance_exceeds_the_reach(two_links, up_mm, sd_mm):
 def test_two_links_seen_compressed_are_followed_to_their_rest(two_links):
     """The end is seen once half a millimetre above its rest, then at it for 0.6 s, to 0.5 mm: 4 mm of the joint.
 
-    Root mean square of four runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by little more
+    Root mean square of eight runs; 1,400 mm with the growth. A joint that swings by 5 mm moves the end by little more
     than a mark is off, and the covariance says so; where it may by more than 0.1 rad, it is not TRACKING.
     """
     rest, squares, shares = rest_shape(two_links), [], []
-    for seed in range(4):
+    for seed in range(8):
         rng = np.random.default_rng(seed)
         tissue = TissueFilter(two_links, "joint", ["end"], FilterSettings(strain_sd=0.0))
         for k in range(60):
@@ -116,7 +116,7 @@ def test_two_links_seen_compressed_are_followed_to_their_rest(two_links):
         shares.append(off @ np.linalg.solve(estimate.cov, off))
         assert estimate.status in {Status.TRACKING, Status.INITIALISING}
     assert np.sqrt(np.mean(squares)) < 4e-3
-    assert np.mean(shares) < mean_bounds(2, 4, 0.999)[1]
+    assert np.mean(shares) < mean_bounds(2, 8, 0.999)[1]
 
 
 def test_a_mark_far_off_at_the_start_moves_the_target_no_further(phantom, rest_state, marks_of, hidden):

@@ -280,11 +280,11 @@ def test_withheld_marks_are_judged_with_it(phantom, truth, marks_of):
 
 
 def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state, driven, poke_forces, marks_of, monkeypatch):
-    """2 s unpoked, marks to 4 mm, the camera off in scale by 3 % and in place by 3 mm an axis.
+    """4 s unpoked, marks to 4 mm, the camera off in scale by 3 % and in place by 3 mm an axis.
 
     Where each frame could have an error of its own a poke is five times as probable, the target half as far off again.
     """
-    states = driven(phantom, rest_state, poke_forces(phantom, 2.0, np.random.default_rng(3), poked=False))
+    states = driven(phantom, rest_state, poke_forces(phantom, 4.0, np.random.default_rng(3), poked=False))
     place, about = phantom.coordinates(HIDDEN), phantom.positions.mean(axis=0)
 
     def followed() -> tuple[float, float]:
