@@ -181,15 +181,15 @@ def test_needles_hit_as_often_as_their_tips_are_near(scenario: Path, tmp_path: P
     assert inserted(world, there, (1.0, 1.4), world.start, np.zeros(3)).hit is None
 
 
-def test_a_needle_that_pushes_misses_what_advice_expects(scenario: Path, tmp_path: Path):
-    """0.5 N on a hanging mass of 50 g push it centimetres aside, of which `advise` knows nothing."""
+def test_advice_predicts_the_push_of_the_needle(scenario: Path, tmp_path: Path):
+    """0.2 N push a hanging mass of 50 g by 10 mm on 20 N/m: needles that know it end within half of that."""
     path = tmp_path / "needle.toml"
-    path.write_text(NEEDLE.replace("cutting_N = 0.0", "cutting_N = 0.5"))
+    path.write_text(NEEDLE.replace("cutting_N = 0.0", "cutting_N = 0.2"))
     world = world_of(case(scenario, needle_path=path))
     state, _, warm = warmed(world)
     pushed = advised(world, warm, state)
-    assert min(one.probability for one in pushed) > 0.5
-    assert min(one.miss_m for one in pushed) > 0.01
+    assert max(one.miss_m for one in pushed) < 5e-3
+    assert max(one.probability for one in pushed) < 0.85  # 0.9 without a push: 17 % of it are not known
 
 
 def test_reliability_by_hand():

@@ -9,8 +9,8 @@ import pytest
 
 import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
-from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate, TissueFilter, guide
-from experiments.formats.needle_file import NeedlePlan, read_needle
+from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, Status, TargetEstimate, TissueFilter, guide
+from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
@@ -25,6 +25,7 @@ from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, fram
 from vision import Frame
 
 NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
+NEEDLE += "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n"
 NEEDLE += "[lesion]\nradius_mm = 2.5\n[advice]\ngo = 0.8\nhorizon_s = 0.3\n"
 
 
@@ -49,11 +50,11 @@ def image() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Recording:
-    """2.5 s of the poked phantom before a webcam."""
+    """3.5 s of the poked phantom before a webcam."""
     folder = tmp_path_factory.mktemp("film") / "rec"
     webcam = read_scenario("webcam")
     pokes = webcam.pokes.model_copy(update={"pause_s": 0.2})
-    simulate(webcam.model_copy(update={"duration_s": 2.5, "pokes": pokes}), folder)
+    simulate(webcam.model_copy(update={"duration_s": 3.5, "pokes": pokes}), folder)
     opened = read_recording(folder)
     return replace(opened, scene=known(opened.scene))
 
@@ -87,15 +88,15 @@ def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
     """Frames told at their exposure: rows as `softaim advise` writes them, but for what tables make of the path.
 
     Pokes come every 0.2 s here and turn springs: aims are some tenths of a millimetre apart, 95 of 100 within 1.5 mm,
-    and of 75 frames 8 at most fall on the other side of a threshold.
+    and of 105 frames 8 at most fall on the other side of a threshold.
     """
     with recording.open_frames() as frames:
-        source = Clocked([(frame.exposure_s, frame) for frame in frames], [], 2.5)
+        source = Clocked([(frame.exposure_s, frame) for frame in frames], [], 3.5)
     source.now = 0.0
     _, rows, _ = run(source, tmp_path, plan, tested_s=None)
     told = table(advise(recording, plan))
     assert [*rows.columns, "came_true"] == list(told.columns)  # the truth is not known while frames come
-    assert len(rows) == len(told) == 75
+    assert len(rows) == len(told) == 105
     np.testing.assert_allclose(rows["time_s"], told["time_s"], atol=1e-9)
     assert {"GO", "WAIT", "NO_GUIDANCE"} <= set(told["advice"])
     assert (rows["advice"] != told["advice"]).sum() <= 8
@@ -106,7 +107,7 @@ def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
         assert off.median() < usual
         assert off.quantile(0.95) < most
     started = told["reason"] == UNTESTED
-    assert started.sum() >= 29
+    assert started.sum() >= 59
     assert (rows["reason"] == told["reason"])[started].all()
 
 
@@ -179,6 +180,25 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
     advice.table.close()
     assert np.max(off[-60:]) < 1e-3
     assert np.max(off[:60]) > 5e-3
+
+
+def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
+    """Of a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
+    network = four_mass_phantom()
+    tissue = TissueFilter(network, HIDDEN, OUTER)
+    marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
+    for k in range(6):
+        tissue.predict(k / 30.0)
+        estimate = tissue.update(marks)
+    aims = []
+    pushing = replace(plan, forces=NeedleForces())
+    for k, one in enumerate((plan, pushing)):
+        advice = LiveAdvice(one, tissue, tmp_path / f"advice{k}.csv")
+        aims.append(advice.seen(tissue, estimate, estimate.time_s).aim)
+        advice.table.close()
+    shift = NeedlePush(network, HIDDEN, pushing.forces.planned(network)).shift(plan.insertion)
+    assert shift[1] < -1e-3
+    np.testing.assert_allclose(aims[1] - aims[0], shift, atol=1e-4)
 
 
 def test_a_filter_with_unknown_constants_has_tables_too(tmp_path, plan):
