@@ -25,7 +25,7 @@ SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """What pushes the body: pokes and a breath [m/s²] of the marked nodes.
+    """What pushes the body: pokes and a breath [m/s²] of the marked nodes; none at 0.
 
     Either of: hidden, the target is poked as well; second, a second breath, of another period and direction
     """
@@ -88,8 +88,8 @@ def _scenario(scene: Scene, pushes: Pushes, seed: int, duration_s: float) -> Sce
         "seed": seed,
         "duration_s": duration_s,
         "tremor": None,
-        "pokes": _pokes(pushes, list(scene.measured_nodes)),
-        "breathing": _breath(scene, pushes.breath_m_s2),
+        "pokes": _pokes(pushes, list(scene.measured_nodes)) if pushes.pokes_m_s2 else None,
+        "breathing": _breath(scene, pushes.breath_m_s2) if pushes.breath_m_s2 else None,
     }
     return read_scenario("poked").model_copy(update=changes)
 
