@@ -12,6 +12,7 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, NeedleMotion, SampledForces
 from estimators import Advice, TissueFilter, normalised_error_squared
+from experiments.formats.needle_file import NeedleForces
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import case_of
@@ -101,6 +102,7 @@ class Run:
             plan,
             insertion=replace(plan.insertion, speed_m_s=0.1),
             settings=replace(plan.settings, horizon_s=0.0),
+            forces=NeedleForces(cutting_N=0.0, friction_N_m=0.0),  # no needle is in the truth
         )
         self.advice = LiveAdvice(self.plan, self.tissue, folder / f"{seed}.csv")
         self.advice.table.close()

@@ -86,7 +86,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
     """Through a gap without frames, a sighting of the target, a new colour of a mark, a pause and a fresh start."""
-    source = Swinging(100, gap=range(20, 28))
+    source = Swinging(130, gap=range(20, 28))
     mark = source.scene.marks[0]
     at_px = source.scene.cameras[0].project(source.scene.network.positions[[source.scene.network.index(mark.node)]])[0]
     asked = {

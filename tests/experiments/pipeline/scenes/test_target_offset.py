@@ -31,6 +31,7 @@ OFFSET_M = (0.012, -0.007)
 RADIUS_M = 0.005
 PLAN = "version = 1\n[entry]\nfrom_mm = [-130.0, 268.0]\nto_mm = [130.0, 268.0]\nnormal = [0.0, 1.0]\nn = 20\n"
 NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
+NEEDLE += "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n"
 
 
 def recording(folder: Path, offset_m: tuple[float, ...], n: int = 15) -> Path:
@@ -105,7 +106,7 @@ DOORS: dict[str, tuple[Callable[[Path], np.ndarray], float]] = {
 def test_every_output_reports_the_point(tmp_path: Path, door: str) -> None:
     """With the offset less without it is the offset, for as many estimates."""
     report, within = DOORS[door]
-    n = 40 if door == "advise" else 15  # which nothing advises on in the first second
+    n = 70 if door == "advise" else 15  # which nothing advises on in the first two seconds
     node, point = report(recording(tmp_path / "node", (), n)), report(recording(tmp_path / "point", OFFSET_M, n))
     assert len(node) == len(point) > 0
     np.testing.assert_allclose(point - node, np.tile(OFFSET_M, (len(node), 1)), rtol=0, atol=within)
