@@ -27,6 +27,9 @@ MARK_SIZE = 1.0 / 6.0
 RADIUS_MM = 5.0
 """Of the target."""
 
+LEAST_REACH_MM = 20.0
+"""From the needle's entry to the target, at the least: a target may lie on the outline of the nodes."""
+
 SIZE_PX, ROOM = (640, 480), 1.6
 """Of the picture, and how much more of the plane it shows than the body fills."""
 
@@ -81,8 +84,8 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
         raise InputError(f"--seed {seed}: simulated tissue: {error}") from None
     start = network.positions[network.index(phantom.target)]
     out = way / np.linalg.norm(way)
-    entry = start + to_outside(network.positions, start, out) * out
-    return Template(title, believed, replace(believed, network=actual), entry, -out)
+    reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
+    return Template(title, believed, replace(believed, network=actual), start + reach * out, -out)
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from dynamics import KINDS, NetworkError, parameter_value, parameters, rest_shape
 from experiments.errors import InputError
@@ -17,7 +18,7 @@ from tests.experiments.command import softaim
 
 PAGES = ("scene.toml", "scenario.toml", "calibration.toml", "still.toml", "needle.toml", "STEPS.md")
 TRUE = ("truth/scene.toml", "truth/all_marks.toml")
-KINDS_OF_PROJECTS = [(Kind.PLANE, 5), (Kind.PLANE, 12), (Kind.BREAST, 10)]
+KINDS_OF_PROJECTS = [(Kind.PLANE, 4), (Kind.PLANE, 5), (Kind.PLANE, 12), (Kind.BREAST, 10)]
 
 
 def written(folder: Path, *args, **options) -> Path:
@@ -81,6 +82,19 @@ def test_the_needle_points_at_the_target_from_outside(made: Path) -> None:
     x = scene.network.positions
     beyond = (x - plan.insertion.entry) @ u
     assert (beyond > 0.0).any()
+
+
+@pytest.mark.parametrize(("kind", "fewest", "most"), [(Kind.PLANE, 4, 60), (Kind.BREAST, 6, 60)])
+def test_the_needle_enters_outside_of_bodies_of_every_size(kind, fewest, most, monkeypatch) -> None:
+    """0.1 mm before the entry no simplex of nodes is; the target, which may lie on the outline, 20 mm ahead or more."""
+    monkeypatch.setattr("experiments.projects.template.rest_shape", lambda network: network.positions)
+    for masses in range(fewest, most + 1):
+        of = project(kind, masses=masses)
+        x = of.believed.network.positions
+        way = x[of.believed.network.index(of.believed.target.node)] - of.entry_m
+        assert Delaunay(x).find_simplex(of.entry_m - 1e-4 * of.direction) == -1, masses
+        assert 0.02 - 1e-9 < way @ of.direction < 0.35, masses
+        np.testing.assert_allclose(way, (way @ of.direction) * of.direction, atol=1e-9)
 
 
 def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None:
