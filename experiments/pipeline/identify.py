@@ -25,6 +25,7 @@ from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import marks_to_use
+from experiments.plain import counted
 from experiments.threads import ahead
 
 Advance = Callable[[float], None]
@@ -273,7 +274,7 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
-        lines += [f"The best within {minutes:g} minutes, by {found.n_frames} frames: --minutes for more"]
+        lines += [f"The best within {minutes:g} minutes, by {counted(found.n_frames, 'frame')}: --minutes for more"]
     return lines
 
 

@@ -93,7 +93,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
         f"# {what}",
         "version = 1",
         f"title = {toml_text(f'{of.title}: {what[0].lower()}{what[1:]}')}",
-        _with(f"scene = {toml_text(scene)}", "the simulated tissue, which differs from what scene.toml believes of it"),
+        _with(f"scene = {toml_text(scene)}", "the simulated tissue, which differs from what scene.toml states"),
         _with(f"seed = {seed}", "softaim simulate --seed takes another"),
         f"duration_s = {seconds:.1f}",
         _with(f"frame_interval_s = {1.0 / FRAMES_PER_S:.6f}", f"{FRAMES_PER_S} frames/s"),
@@ -197,7 +197,7 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 
 | file | what it is |
 | --- | --- |
-| `scene.toml` | what you believe: the network, its marks, its target <target>. Change it to what you have |
+| `scene.toml` | what you assume: the network, its marks, its target <target>. Change it to what you have |
 | `needle.toml` | the needle that is advised |
 | `truth/scene.toml` | the simulated tissue. Nothing but `simulate` reads it: it is there to be found out |
 | `truth/all_marks.toml` | the same, all marks measured: for calibration |

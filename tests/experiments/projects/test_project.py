@@ -111,6 +111,11 @@ def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None
         assert "#" in first, key
 
 
+def test_comments_say_what_is_assumed_not_believed(made: Path) -> None:
+    for page in made.rglob("*.toml"):
+        assert "believe" not in page.read_text(encoding="utf-8"), page
+
+
 def test_steps_name_files_that_are_there_or_made_before(made: Path) -> None:
     there = {str(path.relative_to(made)) for path in made.rglob("*")}
     assert {*PAGES, *TRUE} <= there
