@@ -41,6 +41,7 @@ KEYS = {
     "drift_sd_mm": "0 for the simulated camera; of a real one, how far it may have moved unnoticed",
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
+    "scale_sd": "0 for the simulated camera; of a real one, how well its scale is known",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
 """Comment behind a key of scene.toml where it stands first."""

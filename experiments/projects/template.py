@@ -115,9 +115,10 @@ def _camera(positions: Floats) -> PlaneCamera:
     low, high = positions.min(axis=0), positions.max(axis=0)
     scale = max(float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2)), FINEST_MM)
     middle = np.round(0.5 * (low + high), 3)
-    return fronto_parallel_camera(
+    camera = fronto_parallel_camera(
         "front", SIZE_PX, (scale, scale), (float(middle[0]), float(middle[1])), calibration_sd_px=CALIBRATION_SD_PX
     )
+    return replace(camera, scale_sd=0.0)
 
 
 def _off(phantom: Phantom, rng: np.random.Generator) -> dict[str, Floats]:

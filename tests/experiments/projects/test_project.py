@@ -44,6 +44,16 @@ def test_the_scene_rests_where_it_is_drawn_and_hides_its_target(made: Path) -> N
     assert all(scene.spring_groups)
 
 
+def test_what_the_simulation_has_exactly_is_stated_so(made: Path) -> None:
+    """Else the usual uncertainty of a real camera would have most of the target's variance."""
+    text = (made / "scene.toml").read_text(encoding="utf-8")
+    scene = read_scene(made / "scene.toml")
+    assert scene.target.position_sd_m == scene.reference.drift_sd_m == 0.0
+    assert all(camera.scale_sd == 0.0 for camera in scene.cameras)
+    exact = [line for line in text.splitlines() if "# 0 for the simulated" in line]
+    assert len(exact) == 2 + len(scene.cameras)
+
+
 def test_the_simulated_tissue_is_off_as_the_page_says_and_rests_where_it_is_drawn(made: Path) -> None:
     """By some 10 % in stiffness, some 20 % in the rest; 3.5 standard deviations at most of what is drawn."""
     believed, truth = read_scene(made / "scene.toml").network, read_scene(made / "truth" / "scene.toml").network
