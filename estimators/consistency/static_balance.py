@@ -100,7 +100,7 @@ class StaticBalance:
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()
         self._seen: dict[tuple[str, ...], _Condensed] = {}
-        self._rest = rest_shape(self._network)
+        self._carried, self._rest = carried(self._network), rest_shape(self._network)
         self._stiffness = stiffness_matrix(self._network, self._rest)
 
     @property
@@ -155,7 +155,7 @@ class StaticBalance:
             x[seen.h] -= seen.to_hidden.T @ away
             places = self._rest.copy()
             places[network.free] = x.reshape(-1, network.dim)
-            F = node_forces(carried(network), places, np.zeros_like(places))[network.free].ravel()
+            F = node_forces(self._carried, places, np.zeros_like(places))[network.free].ravel()
             frame.forces[nodes] = seen.to_hidden @ F[seen.h] - F[seen.m]
         return frame.forces[nodes]
 
