@@ -1,4 +1,4 @@
-"""What a message or a report holds, as JSON can hold it."""
+"""What a message or a report holds: values as JSON can hold them, numbers of things in words."""
 
 from __future__ import annotations
 
@@ -18,3 +18,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not -float("inf") < value < float("inf"):
         return None
     return value
+
+
+def counted(n: int, one: str, many: str = "") -> str:
+    """A number of things in words; many: their plural, where it is not one's with an s."""
+    return f"{n} {one if n == 1 else many or one + 's'}"

@@ -3,26 +3,37 @@
 A filter explains whatever it sees by forces that come and go. Where a spring is cut or a mark was stuck on elsewhere,
 it follows the marks by a force that does not go, its innovations are as they should be, and the hidden target is
 elsewhere. In the mean of a second a body moves slowly: then the outside force f on the marked nodes is what the springs
-do not bear,
+do not bear, in the mean of the frames,
 
-    f = Kc (z - rest),   Kc = Kmm - Kmh Khh^-1 Khm
+    f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
-with z the mean places of the marks and K the stiffness at rest, of marked (m) and hidden (h) nodes: static
-condensation. f is tested by chi-square against what it may be without a contradiction: pokes, which
-average away; one force on all nodes alike, by their mass, as of a breath or a tilt; errors of marks, of the camera's
-calibration and of the constants as far as they are stated or usual.
+with F the forces of springs and weight at the marks z and at rest_h - Khh^-1 Khm (z - rest_m), where the hidden nodes
+follow them, and K the stiffness at rest, of marked (m) and hidden (h) nodes: static condensation. Near rest f is
+Kc (z - rest). Of a body that sways far Kc would take the turn of a spring for a change of its length. f is tested by
+chi-square against what it may be without a contradiction: pokes, which average away; one force on all nodes alike, by
+their mass, as of a breath or a tilt; errors of marks, of the camera's calibration and of the constants as far as they
+are stated or usual.
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, parameter_forces, rest_shape, stiffness_matrix
+from dynamics import (
+    MassSpringNetwork,
+    ParameterUncertainty,
+    carried,
+    node_forces,
+    parameter_forces,
+    rest_shape,
+    stiffness_matrix,
+)
 from estimators.arrays import Floats
 from estimators.process.process_model import LOOSE, ForceMode
 from estimators.tissue.estimate import MarkMeasurement
@@ -87,9 +98,9 @@ class StaticBalance:
         self._of = None if tissue.settings.led is not None else tissue.settings.poked
         self._often = tissue.settings.poked_s / (tissue.settings.poked_s + tissue.settings.between_s)
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
-        self._frames: deque[tuple[float, dict[str, MarkMeasurement]]] = deque()
+        self._frames: deque[_Frame] = deque()
         self._seen: dict[tuple[str, ...], _Condensed] = {}
-        self._rest = rest_shape(self._network)
+        self._carried, self._rest = carried(self._network), rest_shape(self._network)
         self._stiffness = stiffness_matrix(self._network, self._rest)
 
     @property
@@ -106,36 +117,47 @@ class StaticBalance:
         if self._of is None:
             return None
         s = self._settings
-        self._frames.append((time_s, {mark.node: mark for mark in marks}))
-        while self._frames[0][0] <= time_s - s.mean_s:
+        self._frames.append(_Frame(time_s, {mark.node: mark for mark in marks}))
+        while self._frames[0].time_s <= time_s - s.mean_s:
             self._frames.popleft()
-        if time_s - self._frames[0][0] < s.least_share * s.mean_s:
+        if time_s - self._frames[0].time_s < s.least_share * s.mean_s:
             return None
-        counts = Counter(node for _, by_node in self._frames for node in by_node)
+        counts = Counter(node for frame in self._frames for node in frame.marks)
         enough = s.least_share * len(self._frames)
         nodes = tuple(sorted(node for node, n in counts.items() if n >= enough))
-        together = [(at_s, by_node) for at_s, by_node in self._frames if by_node.keys() >= set(nodes)]
+        together = [frame for frame in self._frames if frame.marks.keys() >= set(nodes)]
         return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
 
-    def _balance(
-        self, of: ForceMode, nodes: tuple[str, ...], frames: list[tuple[float, dict[str, MarkMeasurement]]]
-    ) -> Balance:
-        """frames: times [s] and marks of those that have all of the nodes."""
+    def _balance(self, of: ForceMode, nodes: tuple[str, ...], frames: list[_Frame]) -> Balance:
+        """frames: those that have all of the nodes."""
         network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
         at = [network.index(node) for node in nodes]
-        away = np.mean([[marks[node].position for node in nodes] for _, marks in frames], axis=0) - self._rest[at]
         poke = np.repeat(of.poke * network.masses[at], dim)
         alike = np.zeros((len(poke), dim))
         alike[np.arange(len(poke)), np.arange(len(poke)) % dim] = poke
-        span_s = max(frames[-1][0] - frames[0][0], of.lasting_s)
+        span_s = max(frames[-1].time_s - frames[0].time_s, of.lasting_s)
         averaged = self._often * max(min(2.0 * of.lasting_s / span_s, 1.0), 1.0 / len(frames))
         cov = np.diag(averaged * poke**2 + np.repeat(network.friction[at], dim) ** 2)
         for k, node in enumerate(nodes):  # what errs in all frames alike does not average away
             own = seen.stiffness[:, k * dim : (k + 1) * dim]
-            cov += own @ frames[-1][1][node].cov @ own.T
+            cov += own @ frames[-1].marks[node].cov @ own.T
         directions = np.concatenate([alike, seen.forces, seen.stiffness @ seen.marks], axis=1)
-        force = (seen.stiffness @ away.ravel()).reshape(len(nodes), dim)
+        force = np.mean([self._force(nodes, frame) for frame in frames], axis=0).reshape(len(nodes), dim)
         return Balance(nodes, force, cov + directions @ directions.T)
+
+    def _force(self, nodes: tuple[str, ...], frame: _Frame) -> Floats:
+        """What the springs do not bear where a frame shows the nodes, hidden ones where they follow [N], (m,)."""
+        if nodes not in frame.forces:
+            network, seen = self._network, self._condensed(nodes)
+            x = self._rest[network.free].ravel()
+            away = np.concatenate([frame.marks[node].position for node in nodes]) - x[seen.m]
+            x[seen.m] += away
+            x[seen.h] -= seen.to_hidden.T @ away
+            places = self._rest.copy()
+            places[network.free] = x.reshape(-1, network.dim)
+            F = node_forces(self._carried, places, np.zeros_like(places))[network.free].ravel()
+            frame.forces[nodes] = seen.to_hidden @ F[seen.h] - F[seen.m]
+        return frame.forces[nodes]
 
     def _condensed(self, nodes: tuple[str, ...]) -> _Condensed:
         if nodes not in self._seen:
@@ -153,18 +175,31 @@ class StaticBalance:
             # where nothing resists a turn about the marks, wrong constants make none
             to_hidden = np.linalg.lstsq(K[np.ix_(h, h)], K[np.ix_(h, m)], rcond=LOOSE)[0].T
             stiffness = K[np.ix_(m, m)] - to_hidden @ K[np.ix_(h, m)]
-            self._seen[nodes] = _Condensed(stiffness, forces[m] - to_hidden @ forces[h], marks)
+            self._seen[nodes] = _Condensed(m, h, to_hidden, stiffness, forces[m] - to_hidden @ forces[h], marks)
         return self._seen[nodes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Frame:
+    """The marks of a frame by node; the forces that they ask for, worked out once for nodes that are seen together."""
+
+    time_s: float
+    marks: dict[str, MarkMeasurement]
+    forces: dict[tuple[str, ...], Floats] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
     """A body condensed to the m coordinates of nodes that are seen.
 
+    m, h: which coordinates these are, and those of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
     stiffness: Kc [N/m], (m, m); forces: on them by one sd of each uncertain constant [N], (m, n)
     marks: their shift by one sd of each direction of the calibration [m], (m, k)
     """
 
+    m: NDArray[np.int64]
+    h: NDArray[np.int64]
+    to_hidden: Floats
     stiffness: Floats
     forces: Floats
     marks: Floats

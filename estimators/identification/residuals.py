@@ -35,6 +35,15 @@ class ResidualTest:
     n_effective: float
     explained: bool
 
+    @property
+    def noise_ratio(self) -> float:
+        """Stated standard deviation of the noise by that of the residuals, where sampling does not explain it; else 1.
+
+        Larger than 1: the stated noise is too large.
+        """
+        small = self.size < chi2.ppf(LEVEL, self.n_effective) / self.n_effective
+        return self.size**-0.5 if small else 1.0
+
 
 def times_counted(found: Pass) -> float:
     """How many times over a composite log likelihood counts what frames tell, at least 1; 1 of any other.

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
+from experiments.plain import counted
+
 if TYPE_CHECKING:
     from experiments.studies.demo import Figures
     from vision import Calibration
@@ -95,7 +97,7 @@ def marks_table(ours: Row) -> Table:
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
     """One row a kind of mark: share of the picture that its keys take in, by the marks' own size; frames amiss."""
-    table = Table(title=f"What the keys take in, of {n_frames} frames")
+    table = Table(title=f"What the keys take in, of {counted(n_frames, 'frame')}")
     for head in ("marks", "keys", "of the picture", "least", "most", "by the marks' size", "too few", "flooded"):
         table.add_column(head, justify="left" if head in ("marks", "keys") else "right")
     for row in kinds:
@@ -108,7 +110,7 @@ def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
 def advice_line(counts: Mapping[str, int]) -> str:
     """How many frames had which advice."""
     frames = sum(counts.values())
-    return f"{frames} frames: " + ", ".join(f"{name} {n}" for name, n in counts.items())
+    return f"{counted(frames, 'frame')}: " + ", ".join(f"{name} {n}" for name, n in counts.items())
 
 
 def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
@@ -174,8 +176,8 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
         off, sd = 100.0 * of[f"{key}difference"], of[f"{key}difference_sd"]
         spread = "" if sd is None else f" ± {196.0 * sd:.1f}"
         lines.append(
-            f"Advice {words}: {of[f'{key}insertions']} insertions, told {told:.1%}, true {true:.1%} "
-            f"({of[f'{key}came_true_low']:.1%} to {of[f'{key}came_true_high']:.1%}), {off:+.1f}{spread} points"
+            f"Advice {words}: {counted(of[f'{key}insertions'], 'insertion')}, told {told:.1%}, true {true:.1%} "
+            f"({of[f'{key}came_true_low']:.1%} to {of[f'{key}came_true_high']:.1%}), {off:+z.1f}{spread} points"
         )
     return lines
 
@@ -242,12 +244,12 @@ def constants_table(report: Mapping[str, Any]) -> Table:
     for head in ("constant", "value [SI]", "standard error", "change"):
         table.add_column(head, justify="left" if head == "constant" else "right")
     for row in report["constants"]:
-        change = "kept" if row["kept"] else f"{row['change']:+.1%}"
+        change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
-    n = len(report["not_told"])
+    n, n_all = len(report["not_told"]), len(report["constants"])
     table.caption = (
-        f"{report['passes']} passes. Of {len(report['constants'])} independent combinations the recording determines"
-        f" {len(report['constants']) - n}; {n} stay as well known as before (--json names them)."
+        f"{counted(report['passes'], 'pass', 'passes')}. Of {n_all} independent combinations the recording determines"
+        f" {n_all - n}; {n} stay as well known as before (--json names them)."
     )
     return table
 

@@ -25,6 +25,7 @@ from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import marks_to_use
+from experiments.plain import counted
 from experiments.threads import ahead
 
 Advance = Callable[[float], None]
@@ -268,12 +269,14 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
         larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
         lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
+    if residuals.noise_ratio > 1.0:
+        lines += [f"The stated noise is {residuals.noise_ratio:.2f} times as large as the residuals show: softaim tune"]
     lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
-        lines += [f"The best within {minutes:g} minutes, by {found.n_frames} frames: --minutes for more"]
+        lines += [f"The best within {minutes:g} minutes, by {counted(found.n_frames, 'frame')}: --minutes for more"]
     return lines
 
 

@@ -25,6 +25,7 @@ from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.pipeline.events import report_source_events
 from experiments.pipeline.frame_sources import check_size, open_source
+from experiments.plain import counted
 
 PIECE_S = 1.0
 """Length of a piece [s], the most that a kill may cost: promised in the README as the last second."""
@@ -306,6 +307,6 @@ def record_source(
         except InputError as error:
             fault = error if fault is None else fault
     if fault is not None:
-        kept = f"; {n_frames} frames until then are in {out}" if n_frames else ""
+        kept = f"; {counted(n_frames, 'frame')} until then in {out}" if n_frames else ""
         raise InputError(f"{vision.shown_source(source)}: {fault}{kept}")
     return Recorded(n_frames, frames.frames_dropped, scene is not None)

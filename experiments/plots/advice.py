@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from estimators import Advice
 from experiments.pipeline.advise import Advised, table
+from experiments.plain import counted
 from experiments.plots.bands import draw_bands, spans_of
 from experiments.plots.limits import highest, mark_beyond, thinned
 from experiments.plots.style import (
@@ -93,7 +94,7 @@ def _misses(done: Advised, ax: Axes) -> None:
     beyond = mark_beyond(ax, times, lateral, BLACK)
     ax.set_ylabel("lateral miss [mm]")
     if beyond:
-        ax.set_title(f"beyond the picture in {beyond} of {len(times)} frames", loc="right")
+        ax.set_title(f"beyond the picture in {beyond} of {counted(len(times), 'frame')}", loc="right")
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
@@ -102,7 +103,7 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)
         name = str(advice).replace("_", " ")
-        told = f"{name}: {words} ({sum(held)} frames)"
+        told = f"{name}: {words} ({counted(sum(held), 'frame')})"
         across = ax.get_yaxis_transform()
         paper = {"fc": "white", "ec": "none", "pad": 0.2}
         ax.text(0.004, lane + 0.45, told, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, bbox=paper)

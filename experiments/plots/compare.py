@@ -16,6 +16,7 @@ from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.compare import methods_of
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, table
+from experiments.plain import counted
 from experiments.plots.limits import body_size, highest, mark_beyond, thinned
 from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_below, span, styled, write_picture
 
@@ -75,6 +76,6 @@ def _method(done: Track, ax: Axes, method: str, off: Floats, predicted: Floats) 
         if np.isfinite(off).any():
             told += f": mean {what} {off[np.isfinite(off)].mean():.2f} mm"
         beyond = mark_beyond(ax, times, off, BLACK)
-        told += f"; beyond the picture in {beyond} frames" if beyond else ""
+        told += f"; beyond the picture in {counted(beyond, 'frame')}" if beyond else ""
     ax.set_title(told)
     ax.set_ylabel("[mm]")

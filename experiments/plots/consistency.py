@@ -18,6 +18,7 @@ from experiments.pipeline.line import FILTER
 from experiments.pipeline.scores.fit import fit_of
 from experiments.pipeline.scores.withheld import Withheld
 from experiments.pipeline.track import Track, table
+from experiments.plain import counted
 from experiments.plots.bands import STATUS_COLOURS, draw_bands
 from experiments.plots.limits import N_DRAWN, mark_beyond
 from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, grid_figure, legend_below, span, styled
@@ -133,7 +134,7 @@ def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.
         title = f"NIS: mean {_average(fit.mean_nis)}, 95 % band of the mean {fit.low:.2f} to {fit.high:.2f}"
     ax.set_title(
         f"{title}; {100 * inside:.1f} % of frames in the 95 % region"
-        + (f"; {beyond} frames beyond the picture" if beyond else "")
+        + (f"; {counted(beyond, 'frame')} beyond the picture" if beyond else "")
     )
 
 

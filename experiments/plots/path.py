@@ -16,6 +16,7 @@ from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.scores.fit import MISSED
 from experiments.pipeline.track import Track
+from experiments.plain import counted
 from experiments.plots.limits import FAR, N_DRAWN, body_box, outside, widened, within
 from experiments.plots.style import HALO, OURS, PAGE_MM, PAPERS, SMALL_PT, TIME_MAP, TRUE, grid_figure, styled
 
@@ -48,7 +49,7 @@ def path_figure(done: Track) -> Figure:
         whole.set_title(f"target {done.recording.scene.target.node} in the scene{seen}")
         n_drawn, n_larger = _close(done, close, side)
         larger = f"; {n_larger} more are larger" if n_larger else ""
-        close.set_title(f"close up{seen}\n2-sigma ellipses of {n_drawn} frames{larger}")
+        close.set_title(f"close up{seen}\n2-sigma ellipses of {counted(n_drawn, 'frame')}{larger}")
         for ax in (whole, close):
             ax.set(xlabel=f"{AXES[side[0]]} [mm]", ylabel=f"{AXES[side[1]]} [mm]")
         figure.colorbar(close.collections[0], cax=close.inset_axes((1.03, 0.0, 0.035, 1.0)), label="time [s]")

@@ -41,6 +41,7 @@ KEYS = {
     "drift_sd_mm": "0 for the simulated camera; of a real one, how far it may have moved unnoticed",
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
+    "scale_sd": "0 for the simulated camera; of a real one, how well its scale is known",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
 """Comment behind a key of scene.toml where it stands first."""
@@ -93,7 +94,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
         f"# {what}",
         "version = 1",
         f"title = {toml_text(f'{of.title}: {what[0].lower()}{what[1:]}')}",
-        _with(f"scene = {toml_text(scene)}", "the simulated tissue, which differs from what scene.toml believes of it"),
+        _with(f"scene = {toml_text(scene)}", "the simulated tissue, which differs from what scene.toml states"),
         _with(f"seed = {seed}", "softaim simulate --seed takes another"),
         f"duration_s = {seconds:.1f}",
         _with(f"frame_interval_s = {1.0 / FRAMES_PER_S:.6f}", f"{FRAMES_PER_S} frames/s"),
@@ -197,7 +198,7 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 
 | file | what it is |
 | --- | --- |
-| `scene.toml` | what you believe: the network, its marks, its target <target>. Change it to what you have |
+| `scene.toml` | what you assume: the network, its marks, its target <target>. Change it to what you have |
 | `needle.toml` | the needle that is advised |
 | `truth/scene.toml` | the simulated tissue. Nothing but `simulate` reads it: it is there to be found out |
 | `truth/all_marks.toml` | the same, all marks measured: for calibration |

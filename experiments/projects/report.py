@@ -11,6 +11,7 @@ from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
 from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
 from experiments.pipeline.integrity.budget import USUAL, shares_words
+from experiments.plain import counted
 from experiments.projects.check import SceneCheck
 
 N_NAMED = 6
@@ -91,8 +92,8 @@ def _scene(done: SceneCheck) -> str:
     network, target = done.scene.network, done.scene.target
     where = "in the plane" if network.dim == 2 else "in space"
     measured = done.scene.measured_nodes
-    masses, anchors = _count(len(network.free), "mass", "masses"), _count(int(network.fixed.sum()), "anchor")
-    springs, marks = _count(len(network.springs), "spring"), _count(len(measured), "measured mark")
+    masses, anchors = counted(len(network.free), "mass", "masses"), counted(int(network.fixed.sum()), "anchor")
+    springs, marks = counted(len(network.springs), "spring"), counted(len(measured), "measured mark")
     return (
         f"{masses}, {anchors} and {springs} {where}; target {target.node}, a ball of {1e3 * target.radius_m:g} mm;"
         f" {marks} on {_names(measured)}"
@@ -135,7 +136,7 @@ def _marks(done: SceneCheck) -> str:
     told = [f"{node} {share:.0%}" for node, share in shares[:N_NAMED]]
     others = sum(share for _, share in shares[N_NAMED:])
     if len(shares) > N_NAMED:
-        told.append(f"{_count(len(shares) - N_NAMED, 'other')} {others:.0%}")
+        told.append(f"{counted(len(shares) - N_NAMED, 'other')} {others:.0%}")
     return f"of what a frame tells about the target: {', '.join(told)}"
 
 
@@ -211,14 +212,14 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
     if done.unfound:
         yield Missing(
-            f"{_count(len(done.unfound), 'mark')} not found in its picture or rows: {_names(done.unfound)}",
+            f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names(done.unfound)}",
             "hue_deg, diameter_mm and size_px of the scene, or softaim hue on a film",
         )
     marked = {mark.node for mark in scene.marks}
     bare = [scene.network.names[i] for i in scene.network.free if scene.network.names[i] not in marked]
     if bare and scene.target.node in marked:
         yield Missing(
-            f"{_count(len(bare), 'free node')} without any mark, {_names(bare)}: rest lengths cannot be found there",
+            f"{counted(len(bare), 'free node')} without any mark, {_names(bare)}: rest lengths cannot be found there",
             "a [[mark]] with measured = false on each that the recording at rest shows",
         )
 
@@ -273,8 +274,4 @@ def _mark_sd_m(done: SceneCheck) -> float:
 
 def _names(names: tuple[str, ...] | list[str]) -> str:
     told = ", ".join(names[:N_NAMED])
-    return told if len(names) <= N_NAMED else f"{told} and {_count(len(names) - N_NAMED, 'other')}"
-
-
-def _count(n: int, one: str, many: str = "") -> str:
-    return f"{n} {one if n == 1 else many or one + 's'}"
+    return told if len(names) <= N_NAMED else f"{told} and {counted(len(names) - N_NAMED, 'other')}"

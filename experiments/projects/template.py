@@ -27,6 +27,9 @@ MARK_SIZE = 1.0 / 6.0
 RADIUS_MM = 5.0
 """Of the target."""
 
+LEAST_REACH_MM = 20.0
+"""From the needle's entry to the target, at the least: a target may lie on the outline of the nodes."""
+
 SIZE_PX, ROOM = (640, 480), 1.6
 """Of the picture, and how much more of the plane it shows than the body fills."""
 
@@ -81,8 +84,8 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
         raise InputError(f"--seed {seed}: simulated tissue: {error}") from None
     start = network.positions[network.index(phantom.target)]
     out = way / np.linalg.norm(way)
-    entry = start + to_outside(network.positions, start, out) * out
-    return Template(title, believed, replace(believed, network=actual), entry, -out)
+    reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
+    return Template(title, believed, replace(believed, network=actual), start + reach * out, -out)
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
@@ -112,9 +115,10 @@ def _camera(positions: Floats) -> PlaneCamera:
     low, high = positions.min(axis=0), positions.max(axis=0)
     scale = max(float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2)), FINEST_MM)
     middle = np.round(0.5 * (low + high), 3)
-    return fronto_parallel_camera(
+    camera = fronto_parallel_camera(
         "front", SIZE_PX, (scale, scale), (float(middle[0]), float(middle[1])), calibration_sd_px=CALIBRATION_SD_PX
     )
+    return replace(camera, scale_sd=0.0)
 
 
 def _off(phantom: Phantom, rng: np.random.Generator) -> dict[str, Floats]:

@@ -11,6 +11,7 @@ import typer
 from experiments.commands.options import Force, Out, Processes, Scheduler
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
+from experiments.plain import counted
 
 MOST_SHOWN = 5
 """Failures that are printed; runs.csv has all."""
@@ -46,7 +47,7 @@ def sweep(
 
     def show() -> None:
         print_table(sweep_table(cells(done.summary)))
-        print(f"{done.study.n_runs} runs, {done.study.n_done} of them now; tables in {out}")
+        print(f"{counted(done.study.n_runs, 'run')}, {done.study.n_done} of them now; tables in {out}")
 
     record = {
         "out": out,

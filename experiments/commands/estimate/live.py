@@ -13,6 +13,7 @@ import typer
 
 from experiments.commands.options import Force, Fps, SceneFile, WithFilm
 from experiments.commands.run import Answer, Run
+from experiments.plain import counted
 
 if TYPE_CHECKING:
     from experiments.formats.needle_file import NeedlePlan
@@ -108,12 +109,12 @@ def live(
 
     def show() -> None:
         refused = "".join(f", {n} {kind}" for kind, n in (done.refused or {}).items())
-        counted = ", ".join(f"{n} {status}" for status, n in done.statuses.items())
+        by_status = ", ".join(f"{n} {status}" for status, n in done.statuses.items())
         print(
-            f"{done.frames} frames and {done.without_frame} moments without one ({counted}), "
+            f"{counted(done.frames, 'frame')} and {counted(done.without_frame, 'moment')} without one ({by_status}), "
             f"{done.dropped} dropped, {done.not_used} not used{refused}; "
             f"latency median {done.p50_ms:.1f} ms, 99 of 100 {done.p99_ms:.1f} ms, "
-            f"worst {done.worst_ms:.1f} ms, {done.deadlines_missed} deadlines missed"
+            f"worst {done.worst_ms:.1f} ms, {counted(done.deadlines_missed, 'deadline')} missed"
         )
         print(f"Estimates in {path / 'estimates.csv'}")
         if done.advice is not None:
@@ -122,7 +123,7 @@ def live(
         for folder in done.recordings:
             print(f"Recording in {folder}; next: softaim replay {folder}")
         for one in films:
-            print(f"Film in {path / FILM}: {one.n_written} frames, {one.n_dropped} dropped")
+            print(f"Film in {path / FILM}: {counted(one.n_written, 'frame')}, {one.n_dropped} dropped")
 
     fault = done.fault or next((f"film: {one.fault}" for one in films if one.fault is not None), None)
     written = {"film": [{"frames": one.n_written, "dropped": one.n_dropped} for one in films]} if film else {}

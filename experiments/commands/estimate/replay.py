@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from experiments.commands.options import Force, Out, RecordingFolder
 from experiments.commands.run import Answer, Run
+from experiments.plain import counted
 
 
 def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False) -> Answer:
@@ -23,7 +24,7 @@ def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False)
         fault = InputError.at(recording / name, "the same rows again", f"another row {row}: was it another version?")
 
     def show() -> None:
-        print(f"{done.frames} frames replayed, {done.lacking} whose pictures are not on the disk")
+        print(f"{counted(done.frames, 'frame')} replayed, {done.lacking} whose pictures are not on the disk")
         for name, n in done.rows.items():
             same = "the same, bit for bit" if name not in done.different else f"row {done.different[name]} differs"
             print(f"{n} rows of {name}: {same}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from experiments.commands.options import Minutes, RecordingFolder, Replace, SceneFile, SceneOut
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
+from experiments.plain import counted
 
 
 def tune(
@@ -34,7 +35,7 @@ def tune(
     def show() -> None:
         print_table(levels_table(report))
         if not found.in_time:
-            print(f"The best within {minutes:g} minutes, by {found.n_frames} frames: --minutes for more")
+            print(f"The best within {minutes:g} minutes, by {counted(found.n_frames, 'frame')}: --minutes for more")
         print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
 
     return Answer({"out": out, **report}, show)

@@ -9,6 +9,7 @@ import typer
 
 from experiments.commands.options import RecordingFolder, Replace, SceneFile
 from experiments.commands.run import Answer, Run
+from experiments.plain import counted
 
 ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
 """By which other programs know what a file is: PLUS the first of its own, 3D Slicer the second."""
@@ -47,12 +48,12 @@ def export(
             from experiments.pipeline.exchange.ros import export_mcap
 
             found["topics"] = export_mcap(opened, file, run.stage("export"))
-            lines = [f"{topic}: {n} messages" for topic, n in found["topics"].items()]
+            lines = [f"{topic}: {counted(n, 'message')}" for topic, n in found["topics"].items()]
         else:
             from experiments.pipeline.exchange.plus import export_plus, picture_off_mm
 
             found["placed"] = export_plus(opened, file, run.stage("export"))
-            lines = [f"{found['frames']} frames; the target is in {found['placed']} of them"]
+            lines = [f"{counted(found['frames'], 'frame')}; the target is in {found['placed']} of them"]
             if opened.recording.source is not None:
                 off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
                 lines.append(f"The pictures lie on the plane to {off_mm:.2f} mm at the marks, as drawn")

@@ -10,6 +10,7 @@ import typer
 
 from experiments.commands.options import Force, Out
 from experiments.commands.run import Answer, Run
+from experiments.plain import counted
 
 
 def import_table(
@@ -62,7 +63,7 @@ def import_table(
 
     def show() -> None:
         seen = ", ".join(f"{node} {n}" for node, n in counts.items())
-        print(f"{len(done.exposures_s)} frames; seen in: {seen}")
+        print(f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}")
         print(f"Left out: {done.unlikely} of a likelihood below {least:g}, {done.outside} outside of the picture")
         if done.by_hand:
             print(f"Set by hand, without a likelihood, and kept: {done.by_hand}")

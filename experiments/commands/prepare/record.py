@@ -9,6 +9,7 @@ import typer
 
 from experiments.commands.options import Force, Fps
 from experiments.commands.run import Answer, Run
+from experiments.plain import counted
 
 
 def record(
@@ -34,7 +35,7 @@ def record(
     if recover is not None and source is None and out is None:
         n_frames = join(recover, run.stage("join"))
         run.finish(recover, recover)
-        return Answer({"out": recover, "frames": n_frames}, lambda: print(f"{n_frames} frames in {recover}"))
+        return Answer({"out": recover, "frames": n_frames}, lambda: print(f"{counted(n_frames, 'frame')} in {recover}"))
     if recover is not None or source is None or out is None:
         raise InputError("record: expected SOURCE and --out REC, or --recover REC, found neither or both")
     done = record_source(source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=run.stage, force=force)
@@ -43,5 +44,5 @@ def record(
     track = f"; next: softaim track {out} --out {out}-track" if done.has_scene else ""
     return Answer(
         {"out": out, "frames": done.n_frames, "dropped": done.n_dropped},
-        lambda: print(f"{done.n_frames} frames{dropped} in {out}{track}"),
+        lambda: print(f"{counted(done.n_frames, 'frame')}{dropped} in {out}{track}"),
     )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import Status, TargetEstimate, mean_bounds
+from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
 """Frames whose innovations are judged: at a start the prior is wide on purpose."""
@@ -117,15 +118,15 @@ def verdict(
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
     if missed:
         (n, word), *others = missed
-        counted = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
+        together = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
-        counted = f"none of {frames} frames coasting, lost or diverged"
+        together = f"none of {frames} frames coasting, lost or diverged"
     of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit)
     of_target = UNTESTED if truth is None and fit is not None else truth.words if truth is not None else None
     counts = [
-        counted,
-        f"{frozen} frames frozen: their values repeat those before" if frozen else None,
-        f"{refused} marks refused" if refused else None,
+        together,
+        f"{counted(frozen, 'frame')} frozen: their values repeat those before" if frozen else None,
+        f"{counted(refused, 'mark')} refused" if refused else None,
     ]
     return "; ".join(part for part in (of_marks, of_target, *counts) if part)
 

@@ -72,8 +72,13 @@ class MarkTally:
                 self._counts[mark.node, NO_ROW if why is None else why.reason] += 1
 
     def shares(self) -> dict[str, MarkShares]:
-        """By node; of no frames nothing is known, and nothing is there."""
-        return {mark.node: self._shares(mark) for mark in self.scene.marks} if self.n_frames else {}
+        """By node; of no frames nothing is known, and nothing is there.
+
+        Nor is a mark for scoring only that has no row at all: it is hidden, not lost.
+        """
+        n = self.n_frames
+        listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
+        return {mark.node: self._shares(mark) for mark in listed} if n else {}
 
     def _shares(self, mark: Mark) -> MarkShares:
         own = {reason: n / self.n_frames for (node, reason), n in self._counts.items() if node == mark.node}

@@ -149,6 +149,32 @@ def test_what_is_not_told_apart_is_said():
     assert "Not told apart, by their correlation: drag M1 and friction M1 (-0.90)" in lines
 
 
+@pytest.mark.parametrize(
+    ("size", "n", "told"),
+    [
+        (0.64, 100.0, "The stated noise is 1.25 times as large as the residuals show: softaim tune"),
+        (0.64, 20.0, None),  # so small or smaller in 11 % of samples of 20
+        (0.97, 100.0, None),
+        (1.3, 100.0, None),
+        (float("nan"), 100.0, None),
+    ],
+)
+def test_residuals_that_are_too_small_say_that_the_stated_noise_is_too_large(size, n, told) -> None:
+    test = ResidualTest(size, 1.0, int(n), n, explained=True)
+    found = SimpleNamespace(
+        residuals=test,
+        n_agreeing=1,
+        n_starts=1,
+        groups=[ConstantGroup("drag", (0,), "drag M1")],
+        cov=np.eye(1),
+        kept=[False],
+        in_time=True,
+    )
+    found.target_error_m = found.target_error_before_m = None
+    lines = [line for line in fit_lines(found, 5.0) if "noise" in line]
+    assert lines == ([] if told is None else [told])
+
+
 def test_whole_kinds_that_are_not_told_apart_are_said():
     """Two drags and two frictions, each known to little, their sums to nothing: only the means of kinds correlate.
 

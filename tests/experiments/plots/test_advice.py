@@ -59,8 +59,8 @@ def test_each_reason_has_a_lane_of_its_own_with_its_words_and_its_times():
     lanes = advice_figure(done).axes[-1]
     assert [text.get_text() for text in lanes.texts] == [
         "GO: a hit is 9 to 95 % probable (3 frames)",
-        "WAIT: no mark (1 frames)",
-        "WAIT: a hit comes in 0.5 s (1 frames)",
+        "WAIT: no mark (1 frame)",
+        "WAIT: a hit comes in 0.5 s (1 frame)",
     ]
     bars = [one for one in lanes.collections if len(one.get_facecolor())]
     assert [spans(one) for one in bars[:3]] == [[(0.5, 2.5), (3.5, 4.0)], [(0.0, 0.5)], [(2.5, 3.5)]]

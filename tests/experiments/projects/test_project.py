@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from dynamics import KINDS, NetworkError, parameter_value, parameters, rest_shape
 from experiments.errors import InputError
@@ -17,7 +18,7 @@ from tests.experiments.command import softaim
 
 PAGES = ("scene.toml", "scenario.toml", "calibration.toml", "still.toml", "needle.toml", "STEPS.md")
 TRUE = ("truth/scene.toml", "truth/all_marks.toml")
-KINDS_OF_PROJECTS = [(Kind.PLANE, 5), (Kind.PLANE, 12), (Kind.BREAST, 10)]
+KINDS_OF_PROJECTS = [(Kind.PLANE, 4), (Kind.PLANE, 5), (Kind.PLANE, 12), (Kind.BREAST, 10)]
 
 
 def written(folder: Path, *args, **options) -> Path:
@@ -41,6 +42,16 @@ def test_the_scene_rests_where_it_is_drawn_and_hides_its_target(made: Path) -> N
     assert {mark.node for mark in scene.marks} == {network.names[i] for i in network.free}
     assert bool(scene.cameras) == (network.dim == 2)
     assert all(scene.spring_groups)
+
+
+def test_what_the_simulation_has_exactly_is_stated_so(made: Path) -> None:
+    """Else the usual uncertainty of a real camera would have most of the target's variance."""
+    text = (made / "scene.toml").read_text(encoding="utf-8")
+    scene = read_scene(made / "scene.toml")
+    assert scene.target.position_sd_m == scene.reference.drift_sd_m == 0.0
+    assert all(camera.scale_sd == 0.0 for camera in scene.cameras)
+    exact = [line for line in text.splitlines() if "# 0 for the simulated" in line]
+    assert len(exact) == 2 + len(scene.cameras)
 
 
 def test_the_simulated_tissue_is_off_as_the_page_says_and_rests_where_it_is_drawn(made: Path) -> None:
@@ -83,6 +94,19 @@ def test_the_needle_points_at_the_target_from_outside(made: Path) -> None:
     assert (beyond > 0.0).any()
 
 
+@pytest.mark.parametrize(("kind", "fewest", "most"), [(Kind.PLANE, 4, 60), (Kind.BREAST, 6, 60)])
+def test_the_needle_enters_outside_of_bodies_of_every_size(kind, fewest, most, monkeypatch) -> None:
+    """0.1 mm before the entry no simplex of nodes is; the target, which may lie on the outline, 20 mm ahead or more."""
+    monkeypatch.setattr("experiments.projects.template.rest_shape", lambda network: network.positions)
+    for masses in range(fewest, most + 1):
+        of = project(kind, masses=masses)
+        x = of.believed.network.positions
+        way = x[of.believed.network.index(of.believed.target.node)] - of.entry_m
+        assert Delaunay(x).find_simplex(of.entry_m - 1e-4 * of.direction) == -1, masses
+        assert 0.02 - 1e-9 < way @ of.direction < 0.35, masses
+        np.testing.assert_allclose(way, (way @ of.direction) * of.direction, atol=1e-9)
+
+
 def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None:
     """Each key of the believed scene has a comment where it stands first, and files without comments mean the same."""
     text = (made / "scene.toml").read_text(encoding="utf-8")
@@ -95,6 +119,11 @@ def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None
     for key in seen - bare:
         first = next(line for line in text.splitlines() if line.startswith((f"{key} = ", f"# {key}: ")))
         assert "#" in first, key
+
+
+def test_comments_say_what_is_assumed_not_believed(made: Path) -> None:
+    for page in made.rglob("*.toml"):
+        assert "believe" not in page.read_text(encoding="utf-8"), page
 
 
 def test_steps_name_files_that_are_there_or_made_before(made: Path) -> None:

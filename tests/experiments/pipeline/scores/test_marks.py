@@ -76,3 +76,12 @@ def test_marks_of_another_tracker_have_no_row() -> None:
     tally.take(step("124"))
     assert tally.shares()["M3"].reason == "no row in marks.csv"
     assert reason_words(phantom(), "M3", "no row in marks.csv") == "no row in marks.csv"
+
+
+def test_a_hidden_mark_without_any_row_is_not_listed_as_lost() -> None:
+    """M2 is for scoring only, M3 is not; with a row in one frame of two M2 is listed."""
+    tally = MarkTally(phantom())
+    tally.take(step("14"))
+    assert set(tally.shares()) == {"M1", "M3", "M4"}
+    tally.take(step("124"))
+    assert tally.shares()["M2"].lost == 0.5
