@@ -131,12 +131,16 @@ def _with(line: str, comment: str) -> str:
 
 def needle_page(of: Template) -> str:
     """The needle's file with comments."""
+    target = of.believed.target.node
     entry, way = np.round(1e3 * of.entry_m, 1) + 0.0, np.round(of.direction, 4) + 0.0
     lines = [
         "# The needle for softaim advise; what is left out has its usual value, see docs/guidance.md.",
         "version = 1",
         _with(f"entry_mm = {toml_list(entry)}", "where it enters the tissue"),
-        _with(f"direction = {toml_list(way)}", f"from there to where the target {of.believed.target.node} rests"),
+        _with(
+            f"direction = {toml_list(way)}",
+            f"to where the target {target} is once the needle has pushed it",
+        ),
         _with(f"speed_mm_s = {SPEED_MM_S}", "it goes straight, at this speed"),
         _with("depth_mm = 0.0", "of the tip beyond the entry, now"),
         _with('hit = "NOTCH"', "the middle of the notch has to lie in the lesion; or TIP, CORE"),

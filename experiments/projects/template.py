@@ -9,9 +9,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import KINDS, OF_SPRINGS, NetworkError, Phantom, parameters, rest_shape, scale_parameters, to_outside
+from dynamics import (
+    KINDS,
+    OF_SPRINGS,
+    MassSpringNetwork,
+    NetworkError,
+    Phantom,
+    parameters,
+    rest_shape,
+    scale_parameters,
+    to_outside,
+)
+from estimators import Insertion, NeedlePush
 from experiments.arrays import Floats
 from experiments.errors import InputError
+from experiments.formats.needle_file import FORCES
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
@@ -39,6 +51,9 @@ FINEST_MM = 0.01
 CALIBRATION_SD_PX = 0.68
 """Of the light in which scenarios are filmed, `paper`: marks wander by so much."""
 
+AIMING = 6
+"""Fixed-point iterations of the aim under the needle's own push, numerics: the last moves it by less than 0.01 mm."""
+
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
 """Relative standard deviation by which the simulated tissue's constants are off together: all of a group of springs."""
 
@@ -53,7 +68,7 @@ class Template:
     believed: the scene that one writes down; it rests where it is drawn
     truth: the scene of the simulated tissue, drawn where that rests: its constants are off, its marks and target the
         same
-    entry_m, direction: where a needle enters the tissue, and its way to the target, each (dim,)
+    entry_m, direction: where a needle enters the tissue, and its way to where it pushes the target, each (dim,)
     """
 
     title: str
@@ -85,7 +100,19 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     start = network.positions[network.index(phantom.target)]
     out = way / np.linalg.norm(way)
     reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
-    return Template(title, believed, replace(believed, network=actual), start + reach * out, -out)
+    entry = start + reach * out
+    return Template(
+        title, believed, replace(believed, network=actual), entry, _aimed(network, phantom.target, entry, -out)
+    )
+
+
+def _aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
+    """The direction from an entry [m], (dim,), to where the target is once the needle has pushed it, (dim,)."""
+    start, push = network.positions[network.index(target)], NeedlePush(network, target, FORCES.planned(network))
+    for _ in range(AIMING):
+        way = start + push.shift(Insertion(entry, direction, 1.0)) - entry
+        direction = way / np.linalg.norm(way)
+    return direction
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
