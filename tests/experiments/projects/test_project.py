@@ -89,7 +89,7 @@ def test_scenarios_are_read_with_their_scene_and_differ_by_seed(made: Path) -> N
 
 
 def test_the_needle_points_at_the_target_from_outside(made: Path) -> None:
-    """Its line passes where it pushes the target within 0.1 mm, rounding of the file; the entry is on the hull: ahead is tissue."""
+    """Its line passes where it pushes the target, to 0.1 mm for rounding; the entry is on the hull: ahead is tissue."""
     scene = read_scene(made / "scene.toml")
     plan = read_needle(made / "needle.toml", scene.target.radius_m, scene.network.dim)
     u = plan.insertion.axis
