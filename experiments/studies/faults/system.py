@@ -39,8 +39,8 @@ N_WARNINGS, AT_ONCE = 1500, 20
 """Requests that are refused, a line of some seventy letters each: more than a terminal holds; so many at once."""
 USUAL_PORT = 8765
 """Where a run's page is if nobody says where."""
-IN_VAIN = json.dumps({"command": "needle", "tip_mm": [0, 0, 0], "direction": [0, 0, 1]})
-"""Refused by a run in a plane."""
+IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
+"""Refused, and nothing is another for it: after a needle's pose that is refused there is no advice."""
 
 Acts = Callable[[LiveRun], None]
 
