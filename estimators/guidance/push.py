@@ -17,6 +17,8 @@ class NeedlePush:
 
     Where the needle is inside already, the marks show what it has pushed until now. A body that nothing holds gives way
     as a whole, which no static answer describes: there no push is predicted.
+
+    target: a node's name or a point of the tissue; needle: its forces [N, N/m], their width [m] and relative error [1]
     """
 
     def __init__(self, network: MassSpringNetwork, target: str | TargetPoint, needle: PlannedNeedle) -> None:

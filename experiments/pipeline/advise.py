@@ -106,7 +106,7 @@ def came_true(done: Advised) -> Floats:
     """Probability of a hit, inserted as the frame's advice has it, had the target's place then been known, (n_frames,).
 
     That is the share of needles that hit: what is random yet is the tip alone. NaN where no needle arrives, or where
-    the truth does not reach to its arrival. The needle goes as deep as was told, at the time that was told. It is
+    the truth does not reach to its arrival. The needle goes as deep as was advised, at the time of arrival. It is
     not in the truth: what it pushes is added as stated.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan

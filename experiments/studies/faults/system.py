@@ -40,7 +40,7 @@ N_WARNINGS, AT_ONCE = 1500, 20
 USUAL_PORT = 8765
 """Where a run's page is if nobody says where."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""Refused, and nothing is another for it: after a needle's pose that is refused there is no advice."""
+"""Refused, without effect on the advice: the refusal of a needle's pose would end it."""
 
 Acts = Callable[[LiveRun], None]
 
