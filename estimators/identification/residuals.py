@@ -37,7 +37,7 @@ class ResidualTest:
 
     @property
     def noise_ratio(self) -> float:
-        """Stated standard deviation of the noise by that of the residuals, where sampling does not explain it; else 1 [1].
+        """Stated sd of the noise by that of the residuals [1], where sampling does not explain it; else 1.
 
         Larger than 1: the stated noise is too large.
         """

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from dynamics import MassSpringNetwork
-from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, PlannedNeedle
+from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, NeedlePush, PlannedNeedle
+from estimators.process.target import TargetPoint
 from experiments.errors import InputError, shown
 from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, read_toml
 
@@ -135,6 +136,10 @@ class NeedlePlan:
     lesion: Lesion
     settings: AdviceSettings
     forces: NeedleForces = FORCES
+
+    def push_on(self, network: MassSpringNetwork, target: TargetPoint) -> NeedlePush:
+        """The push of this needle on a point of a network."""
+        return NeedlePush(network, target, self.forces.planned(network))
 
 
 def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:

@@ -15,7 +15,6 @@ from estimators import (
     Advice,
     GaussianMixture,
     Guidance,
-    NeedlePush,
     TargetPath,
     TissueFilter,
     fast_prediction_tables,
@@ -29,7 +28,6 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
-from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.monitor import IntegrityMonitor
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
@@ -39,11 +37,6 @@ if TYPE_CHECKING:
 
 SURE_M = 1e-9
 """Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
-
-
-def push_of(scene: Scene, plan: NeedlePlan) -> NeedlePush:
-    """The push of a plan's needle on the target of a scene."""
-    return NeedlePush(scene.network, scene.target.point, plan.forces.planned(scene.network))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +72,7 @@ def advise(
     times, guidance, due_s, watched = [], [], -np.inf, AbortWatch()
     tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
     integrity = IntegrityMonitor(recording.scene, line.filter)
-    push = push_of(recording.scene, plan)
+    push = plan.push_on(recording.scene.network, recording.scene.target.point)
 
     def path_at(times_s: Floats) -> TargetPath:
         path = path_near_rest(tables, line.filter, times_s).widened(integrity.unstated)
@@ -118,7 +111,7 @@ def came_true(done: Advised) -> Floats:
     arrivals = np.array([done.guidance[k].arrival_s for k in known], dtype=float)
     _, places = truth.at(arrivals, node)
     places = places + target_map(scene.network, scene.target.point).constant
-    places = places + push_of(scene, plan).shift(plan.insertion)
+    places = places + plan.push_on(scene.network, scene.target.point).shift(plan.insertion)
     exactly = SURE_M**2 * np.eye(scene.network.dim)
     for k, place in zip(known, places, strict=True):
         if not np.isfinite(place).all():

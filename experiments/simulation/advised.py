@@ -17,7 +17,6 @@ from dynamics import NeedleMotion
 from estimators import (
     Advice,
     Guidance,
-    NeedlePush,
     ReliabilityBin,
     TargetPath,
     clopper_pearson,
@@ -54,8 +53,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
     plan = case.plan
     tissue.restore(warm.then)
     rng = np.random.default_rng([case.seed, 9])
-    given = case.given
-    push = NeedlePush(given.network, given.target.point, plan.forces.planned(given.network))
+    push = plan.push_on(case.given.network, case.given.target.point)
 
     def path_at(times_s: Floats) -> TargetPath:
         return push.pushed(path_near_rest(warm.of_advice, tissue, times_s), case.straight)

@@ -14,7 +14,6 @@ from estimators import (
     Breathing,
     FastPredictionTables,
     Guidance,
-    NeedlePush,
     Status,
     TargetEstimate,
     TargetPath,
@@ -50,8 +49,7 @@ class LiveAdvice:
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
         self.plan, self._stated, self._unstated = plan, plan.insertion, unstated
         self._watch, self._unseen = AbortWatch(), False
-        network = tissue.model.network
-        self._push = NeedlePush(network, tissue.target.point, plan.forces.planned(network))
+        self._push = plan.push_on(tissue.model.network, tissue.target.point)
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.model.network.dim
         self._tables = fast_prediction_tables(tissue, reach_s(plan, tissue))
