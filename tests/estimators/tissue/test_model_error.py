@@ -154,14 +154,15 @@ def chain(stiffness):
         (chain(2000.0), ("n2",), ["n1"]),  # n3 hangs from one node
         (chain(2000.0), ("n1", "n2", "n3"), []),
         (replace(chain(2000.0), fixed=np.array([True, False, False, True])), ("n1",), ["n2"]),
-        (chain(200.0), ("n3",), []),  # its weight stretches it
+        (chain(200.0), ("n3",), ["n1", "n2"]),
+        (chain(40.0), ("n3",), []),  # its weight stretches it
         (cable(), SEEN, []),
         (cable(), ("n10",), list(NAMES[1:10])),
         (four_mass_phantom(), ("M1", "M3", "M4"), []),
     ],
 )
-def test_rigid_links_between_as_many_seen_nodes_as_dimensions_are_undecided(network, marked, expected):
-    """0.59 N by 2,000 N/m is 0.3 % of a link, by 200 N/m 3 %."""
+def test_stiff_links_between_as_many_seen_nodes_as_dimensions_are_undecided(network, marked, expected):
+    """0.59 N by 2,000 N/m is 0.3 % of a link, by 200 N/m 3 %, by 40 N/m 15 %."""
     found = undecided(network, marked)
     assert [name for name, one in zip(network.names, found, strict=True) if one] == expected
 
