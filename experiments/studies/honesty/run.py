@@ -34,6 +34,7 @@ AFTER_S = 1.0
 
 @lru_cache(maxsize=16)
 def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
+    """How a body truly moves in the runs of a seed, whatever its marks are."""
     return motion_of(scene_of_body(body), Truth(pushes=PUSHES[pushes]), seed, duration_s)
 
 
