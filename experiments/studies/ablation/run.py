@@ -113,7 +113,7 @@ def _scores(errors: Floats, covs: Floats) -> Figures:
 @lru_cache(maxsize=4)
 def _positions(scenario: str, seed: int, seconds: float, *, blows: bool) -> tuple[Floats, Floats]:
     own = read_scenario(scenario).model_copy(update={"seed": seed, "duration_s": seconds})
-    if blows:
+    if blows and own.pokes is not None:
         own = own.model_copy(update={"pokes": own.pokes.model_copy(update=BLOWS)})
     truth = true_motion(scene_of(own).network, own, np.random.default_rng(seed))
     return truth.times_s, truth.positions

@@ -1,6 +1,7 @@
 """Mechanisms of the filter that can be turned off, each with the code that would go with it: `switches.csv`.
 
-places: names of what would go whole, with a number that of which so many lines would go; kinds: bodies on which it acts
+places: names of what would go whole, with a number that of which so many lines would go
+kinds: of bodies on which it acts, soft, stiff (those whose motion is linearised), checked (with the option check)
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ class Switch:
 def _lines(name: str, part: str) -> tuple[str, int, int, int]:
     place, _, attribute = _full(name).rpartition(".")
     value: Any = inspect.getattr_static(pkgutil.resolve_name(place), attribute)
-    value = inspect.unwrap(value.fget if isinstance(value, property) else getattr(value, "py_func", value))
+    inner: Any = value.fget if isinstance(value, property) else getattr(value, "py_func", value)
+    value = inspect.unwrap(inner)
     source, first = inspect.getsourcelines(value)
     first = max(first, 1)
     path = Path(inspect.getfile(value)).relative_to(ROOT)
