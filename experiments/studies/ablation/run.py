@@ -40,7 +40,7 @@ GAP_S, EACH_S = 1.5, 5.0
 """No marks come for so long at the end of each so many seconds, where there are gaps [s]."""
 
 BLOWS = {"acceleration_m_s2": 300.0, "shortest_s": 0.01, "longest_s": 0.03}
-"""Pokes that are blows: they change a node's velocity by 3 to 9 m/s within a frame."""
+"""Pokes that are impacts: they change a node's velocity by 3 to 9 m/s within a frame."""
 
 STIFFER = 1.5
 """Stiffness of the filter's springs by the true one, where they are wrong [1]."""
