@@ -78,7 +78,7 @@ class TissueProcess:
         slow = factor(
             _shared(self._may_be_pushed(nodes)) * matern(apart, self.disturbances.smooth * self.extent_m), RANK
         )
-        basis = np.kron(np.hstack([short, slow]), np.eye(dim))
+        basis = np.asarray(np.kron(np.hstack([short, slow]), np.eye(dim)), dtype=float)
         n, n_short, n_f = assembly.n, len(nodes) * dim, basis.shape[1]
         self._is_led = np.repeat([name in led for name in marked], dim)
         fading: Floats = np.full(n_f, self.disturbances.slow_s, dtype=float)
