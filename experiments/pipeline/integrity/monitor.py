@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from estimators import Doubt, MarkMeasurement, TargetEstimate, TissueFilter
-from estimators.guidance.doubt import DoubtSettings
+from estimators import Doubt, DoubtSettings, MarkMeasurement, TargetEstimate, TissueFilter
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 

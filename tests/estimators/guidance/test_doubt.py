@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimators import Balance, Doubt, Status, TargetEstimate
+from estimators import Balance, CommonShift, Doubt, Status, TargetEstimate
 from estimators.filters.kernels import nis_left
-from estimators.tissue.estimate import CommonShift
 
 ALL = ("M1", "M2", "M3")
 

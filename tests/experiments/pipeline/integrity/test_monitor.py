@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dynamics import node_forces, rest_shape
-from estimators import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.estimate import CommonShift
+from estimators import CommonShift, MarkMeasurement, Status, TargetEstimate
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.monitor import UNTESTED, IntegrityMonitor
