@@ -62,10 +62,13 @@ class Doubt:
     def _together(self, estimate: TargetEstimate) -> str | None:
         """Whether one shift of all marks explains innovations that are improbable, and no shift of a single mark does.
 
-        Tissue does not move so from one frame to the next: what sees it does.
+        Tissue does not move so from one frame to the next: what sees it does. Of a start it may: how fast it moves is
+        not known yet.
         """
         shift, settings = estimate.shift, self._settings
-        if shift is None or np.exp(0.5 * min(shift.nis - shift.nis_of_one, 0.0)) >= settings.together:
+        if shift is None or estimate.status is Status.INITIALISING:
+            return None
+        if np.exp(0.5 * min(shift.nis - shift.nis_of_one, 0.0)) >= settings.together:
             return None
         if chi2.sf(shift.nis, (shift.n_marks - 1) * len(estimate.mean)) < settings.improbable:
             return None

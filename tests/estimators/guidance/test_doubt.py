@@ -91,3 +91,9 @@ def test_a_shift_of_all_marks_is_kept_in_mind_and_no_other_innovation(moved_mm, 
         assert (reason is not None) == doubted
         if reason is not None:
             assert reason.startswith("all marks moved together")
+
+
+@pytest.mark.parametrize("status", Status)
+def test_marks_of_a_start_may_all_move_together(status):
+    reason = after(replace(seen(0.0, status=status), shift=CommonShift(3, 4.0, 100.0)))
+    assert (reason is None) == (status is Status.INITIALISING)
