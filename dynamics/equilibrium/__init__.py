@@ -4,7 +4,6 @@ What may enter: what does not depend on time.
 """
 
 from dynamics.equilibrium.build import build_network
-from dynamics.equilibrium.mirrored import elbow_parts, mirror_through, mirrored_shapes
 from dynamics.equilibrium.oscillations import Oscillations, oscillations
 from dynamics.equilibrium.rest import carried, equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape
 from dynamics.equilibrium.reversal import inverted_springs
@@ -13,12 +12,9 @@ __all__ = [
     "Oscillations",
     "build_network",
     "carried",
-    "elbow_parts",
     "equilibrium_with_fixed",
     "fit_rest_lengths",
     "inverted_springs",
-    "mirror_through",
-    "mirrored_shapes",
     "oscillations",
     "reaches",
     "rest_shape",

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from copy import copy
 from math import isfinite
 
 import filterpy.kalman as filterpy
@@ -59,10 +58,7 @@ class InteractingMixture(filterpy.IMMEstimator):
     level: None, or the level of the process noise, which is then learnt
     trace: None, or a list to which each prediction adds its `Transition`
     cycle: the last prediction of a linearised motion that no update has followed yet, else None
-    repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`;
-        and how many branches were `branched` off and `pruned`
-    n_branches: beliefs that are followed side by side, each by all modes; those of a branch stay in it, so that its
-        odds are those of its measurements alone. Filters, mu and columns have one branch after the other.
+    repairs: how often something was mended: `narrowed` sigma points, covariances made `definite`
 
     Differs from filterpy: the transition matrix is exp(rates dt), so that the odds do not depend on the frame rate;
     modes may be entered from states that differ; likelihoods are compared as logarithms, so that two hopeless modes are
@@ -94,82 +90,34 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.onset: Floats | None = None
         self.level: NoiseLevel | None = None
         self.white: Floats  # of each step, added to the covariance of the first filter
-        self.cycle: Cycle | None
-        self._scale = self.filters[0]._scale
-        self._make_room()
+        self.cycle: Cycle | None = None
+        first = self.filters[0]
+        self._scale, self._weights = first._scale, (np.tile(first.Wm, (self.N, 1)), np.tile(first.Wc, (self.N, 1)))
 
     def _one_by_one(self, points: Floats, dt: float) -> Floats:
         return np.array([f.fx(own, dt) for f, own in zip(self.filters, points, strict=True)])
 
     @property
     def mu(self) -> Floats:
-        """Probability of each mode, (n_branches n_modes,); where it is set, states of one mode keep their odds."""
+        """Probability of each mode, (n_modes,); where it is set, states of one mode keep their odds."""
         return self.chain.mode_odds
 
     @mu.setter
     def mu(self, odds: Floats) -> None:
         self.chain.set_mode_odds(odds)
 
-    @property
-    def n_branches(self) -> int:
-        """How many beliefs are followed side by side."""
-        return self.chain.n_branches
+    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
+        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
 
-    @property
-    def branch_odds(self) -> Floats:
-        """Probability of each branch, (n_branches,)."""
-        return self.chain.branch_odds
-
-    @property
-    def mode_odds(self) -> Floats:
-        """Probability of each mode in whatever branch, (n_modes,)."""
-        return np.asarray(self.mu.reshape(self.n_branches, -1).sum(axis=0))
-
-    def _make_room(self) -> None:
-        """A filter for each mode of each branch; beliefs and columns are then to be set."""
-        n = self.chain.n_branches * self.chain.n_modes
-        self.filters = [copy(self.filters[i % len(self.filters)]) for i in range(n)]
-        self.N, first = n, self.filters[0]
-        self.cycle = None
-        self._weights = (np.tile(first.Wm, (n, 1)), np.tile(first.Wc, (n, 1)))
-
-    def resume(self, odds: Floats) -> None:
-        """Set the odds of the chain's states to what they were, (n_branches n_states,); beliefs are then to be set."""
-        if self.chain.resume(odds):
-            self._make_room()
-
-    def branch(self, beliefs: Sequence[tuple[Floats, Floats, Floats]], odds: Floats) -> None:
-        """Follow these beliefs side by side: mean (n,), cov (n, n) and columns (n, r) of each; odds (n_branches,).
-
-        The odds of the modes are those of now, the same in every branch.
+        The odds of the modes stay. Without columns, those of the first mode.
         """
-        k = self.chain.n_modes
-        self.repairs["branched"] += len(beliefs) - 1
-        self.chain.branch(odds)
-        self._make_room()
-        for i, f in enumerate(self.filters):
-            f.x, f.P = beliefs[i // k][0].copy(), beliefs[i // k][1].copy()
-        self.columns = np.repeat([columns for _, _, columns in beliefs], k, axis=0)
-        self._begin_anew()
-
-    def _begin_anew(self) -> None:
+        for f in self.filters:
+            f.x, f.P = mean.copy(), cov.copy()
+        self.columns = np.tile(self.columns[0] if columns is None else columns, (len(self.filters), 1, 1))
         self.cycle = None
         if self.level is not None:
             self.level.forget()
         self._compute_state_estimate()
-
-    def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
-        """Give every mode the same belief, in one branch: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
-
-        The odds of the modes stay. Without columns, those of the first mode.
-        """
-        if self.n_branches > 1:
-            self.chain.branch(np.ones(1))
-            self._make_room()
-        for f in self.filters:
-            f.x, f.P = mean.copy(), cov.copy()
-        self.columns = np.tile(self.columns[0] if columns is None else columns, (len(self.filters), 1, 1))
-        self._begin_anew()
 
     def predict(self, dt: float, longest_s: float = np.inf) -> None:
         """Mix, then move every mode ahead by dt [s], in equal steps no longer than longest_s."""
@@ -183,7 +131,7 @@ class InteractingMixture(filterpy.IMMEstimator):
             Ps = Ps + self.chain.begun(self.omega, self.onset)[:, :, None] * np.eye(xs.shape[1])
         if self.move.linear is not None:
             self.chain.odds = self._odds_ahead
-            motion, passes = self.move.linear(len(xs), dt, self.noise_level)
+            motion, passes = self.move.linear(dt, self.noise_level)
             first = int(self.cbar.argmax())
             self._arrive(Cycle(xs, mixes[1], Ps, columns, motion, passes, xs, motion(xs), dt, first))
             return
@@ -305,8 +253,6 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.columns, self.innovation_columns, self.cycle = columns, innovation_columns, None
         whole, own_logs = np.array([f.log_likelihood for f in self.filters]), np.array(logs)
         self.log_likelihood = float(whole.max() + np.log(self.mu @ np.exp(whole - whole.max())))
-        if self.n_branches > 1:  # branches, which are shapes, by the whole; it is the forces of modes that errors mimic
-            own_logs += self.chain.of_branches(whole) - self.chain.of_branches(own_logs)
         self.likelihood = np.exp(own_logs - own_logs.max())
         self.chain.weigh(self.likelihood)
         if self.level is not None:

@@ -89,15 +89,15 @@ class Move:
     points(points (k, n_points, n), dt): where they are dt [s] later, of the same shape
     columns(means (k, n), columns (k, n, r), dt): what the columns make of the means' errors dt [s] later
     turned(points): which modes have points where the model must not be asked, (k,)
-    linear(k, dt, level): where sigma points are not to be used, the motion of k modes over the next dt [s] by the
-        states about which it is linearised, white noise having this factor on its variance, and in how many passes at
-        most an update may ask for it
+    linear(dt, level): where sigma points are not to be used, the motion of all modes over the next dt [s] by the states
+        about which it is linearised, white noise having this factor on its variance, and in how many passes at most an
+        update may ask for it
     """
 
     points: Callable[[Floats, float], Floats]
     columns: Callable[[Floats, Floats, float], Floats] | None = None
     turned: Callable[[Floats], NDArray[np.bool_]] | None = None
-    linear: Callable[[int, float, float], tuple[Callable[[Floats], LinearMotion], int]] | None = None
+    linear: Callable[[float, float], tuple[Callable[[Floats], LinearMotion], int]] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

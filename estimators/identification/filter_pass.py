@@ -12,7 +12,7 @@ from dynamics import MassSpringNetwork, ParameterUncertainty, stable_step
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
-from estimators.identification.linear_filter import LinearFilter, first_shapes
+from estimators.identification.linear_filter import LinearFilter, first_shape
 from estimators.tissue.estimate import MarkMeasurement, Status
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
@@ -25,10 +25,6 @@ LARGEST = 60
 SHORTEST_STEP = 1.0 / 120.0
 """Stable step [s] below which sigma points of a network scatter off its stiff springs; choice, its cost in
 docs/settings.md."""
-
-DECIDING = 50
-"""Frames that decide between the sides of an elbow at the first frame: half a second at 100 frames/s; choice, its cost
-in docs/settings.md."""
 
 LEAST_WEIGHT = 1e-6
 """Probability of a mode below which its innovations add nothing: rounding."""
@@ -112,7 +108,8 @@ def _linear_pass(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    linear = likeliest_start(network, uncertainty, frames, marked, settings, frame_s=frame_interval(frames))
+    linear = LinearFilter(network, marked, settings, uncertainty, frame_interval(frames))
+    linear.start(first_shape(network, frames[0][1]), frames[0][1])
     n = linear.columns.shape[1]
     information, log_likelihood = np.zeros((n, n)), 0.0
     scores, nis, dof = [], [], []
@@ -134,38 +131,6 @@ def steps(frames: Frames) -> Iterator[tuple[float, Sequence[MarkMeasurement]]]:
         yield time_s - before_s, marks
 
 
-def likeliest_start(
-    network: MassSpringNetwork,
-    uncertainty: ParameterUncertainty,
-    frames: Frames,
-    marked: Sequence[str],
-    settings: FilterSettings,
-    *,
-    frame_s: float,
-) -> LinearFilter:
-    """A linear filter at the first frame, in the shape from which the next ones are the most likely.
-
-    frame_s: see `LinearFilter`
-    Raises CovarianceError where the first frame has no marks.
-    """
-    first = frames[0][1]
-    if not first:
-        raise CovarianceError("start: expected marks in the first frame, found none")
-    shapes = first_shapes(network, first)
-    none = ParameterUncertainty(uncertainty.parameters, np.zeros((0, len(uncertainty.parameters))))
-
-    def likelihood(shape: Floats) -> float:
-        tried = LinearFilter(network, marked, settings, none, frame_s)
-        tried.start(shape, first)
-        found = (tried.advance(step, marks) for step, marks in steps(frames[:DECIDING]))
-        return sum(one.log_likelihood for one in found if one is not None)
-
-    shape = max(shapes, key=likelihood) if len(shapes) > 1 else shapes[0]
-    linear = LinearFilter(network, marked, settings, uncertainty, frame_s)
-    linear.start(shape, first)
-    return linear
-
-
 def _passed(tissue: TissueFilter, frames: Frames, budget: Budget) -> Pass:
     mixture = tissue.mixture
     mixture.considered = False
@@ -181,8 +146,7 @@ def _passed(tissue: TissueFilter, frames: Frames, budget: Budget) -> Pass:
         if starting:
             continue
         log_likelihood += tissue.log_likelihood
-        # branches that were made or given up in this frame have no innovations of it
-        if not used or len(mixture.filters) != len(mixture.innovation_columns):
+        if not used:
             continue
         score, squared = np.zeros(n), 0.0
         for weight, f, T in zip(mixture.mu, mixture.filters, mixture.innovation_columns, strict=True):

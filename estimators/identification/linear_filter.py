@@ -18,7 +18,6 @@ from dynamics import (
     Stepper,
     damping_matrix,
     equilibrium_with_fixed,
-    mirrored_shapes,
     reaches,
     rest_shape,
     scale_parameters,
@@ -299,11 +298,14 @@ def transition(A: Floats, densities: Sequence[Floats], dt: float) -> tuple[Float
     return (F, integral, *(0.5 * (cov + cov.T) for cov in covs))
 
 
-def first_shapes(network: MassSpringNetwork, marks: Sequence[MarkMeasurement]) -> list[Floats]:
-    """Shapes of all nodes in which these marks may hold the network [m], (n_nodes, dim) each: elbows on either side."""
-    places = {mark.node: mark.position for mark in marks}
+def first_shape(network: MassSpringNetwork, marks: Sequence[MarkMeasurement]) -> Floats:
+    """The shape of all nodes in which these marks hold the network [m], (n_nodes, dim); its rest shape if in none.
+
+    Raises CovarianceError without marks.
+    """
+    if not marks:
+        raise CovarianceError("start: expected marks in the first frame, found none")
     try:
-        shape = equilibrium_with_fixed(network, places)
+        return equilibrium_with_fixed(network, {mark.node: mark.position for mark in marks})
     except NetworkError:
-        return [rest_shape(network)]
-    return [shape, *(other for _, other in mirrored_shapes(network, places, shape))]
+        return rest_shape(network)

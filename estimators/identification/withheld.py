@@ -17,9 +17,9 @@ from estimators.identification.filter_pass import (
     failed_pass,
     frame_interval,
     is_linear,
-    likeliest_start,
     steps,
 )
+from estimators.identification.linear_filter import LinearFilter, first_shape
 from estimators.process.linear_motion import GRAVITY
 from estimators.process.target import target_map
 from estimators.tissue.filter import TissueFilter
@@ -68,7 +68,8 @@ def withheld_pass(
     information, log_likelihood = np.zeros((n, n)), 0.0
     scores, nis, dof = [], [], []
     try:
-        linear = likeliest_start(network, uncertainty, taken[first:], marked, settings, frame_s=ALL_RESOLVED)
+        linear = LinearFilter(network, marked, settings, uncertainty, ALL_RESOLVED)
+        linear.start(first_shape(network, taken[first][1]), taken[first][1])
         for (dt, seen), (_, marks) in zip(steps(taken[first:]), frames[first + 1 :], strict=True):
             budget.check()
             linear.advance(dt, seen)
@@ -93,7 +94,7 @@ class Withheld:
     """The target of frames in which its mark is not used.
 
     effect: sum of the squared shares of each direction of uncertainty in the target's error [m²], (n, n)
-    median_m: median error by its mark [m], None where it has none: an elbow may be on the wrong side for a while
+    median_m: median error by its mark [m], None where it has none
     """
 
     effect: Floats
@@ -153,7 +154,8 @@ def _by_linear_filter(
     """As `_by_tissue_filter`."""
     target = target_map(network, nodes[1])
     frame_s = ALL_RESOLVED if is_elastic(network, len(nodes[0])) else frame_interval(frames)
-    linear = likeliest_start(network, uncertainty, frames, nodes[0], settings, frame_s=frame_s)
+    linear = LinearFilter(network, nodes[0], settings, uncertainty, frame_s)
+    linear.start(first_shape(network, frames[0][1]), frames[0][1])
     yield target.position(linear.x), target.linear(linear.columns)
     for dt, marks in steps(frames):
         linear.advance(dt, marks)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import DRIVEN, SAME_STEP, ImplicitStepper, MassSpringNetwork
+from dynamics import DRIVEN, SAME_STEP, ImplicitStepper
 from estimators.arrays import Floats
 from estimators.filters.motion import LinearMotion
 from estimators.process.kernels import with_pokes
@@ -18,11 +18,7 @@ from estimators.process.known_force import KnownForce
 from estimators.process.process_model import LONGEST_STEP, ForceMode, TissueModel
 
 SUBSTEPS = 2
-"""Steps between two additions of noise that stability may ask for of a body that only stretches; choice, its gain in
-docs/decisions.md."""
-
-RIGID = 100.0
-"""Stiffness of a rigid link, by its length and the weight of the body, which stretches it by 1 % then [1]; choice."""
+"""Steps between two additions of noise that stability may ask for; choice, its gain in docs/decisions.md."""
 
 GRAVITY = 9.81
 """By which the weight of a body is judged, in whatever direction it hangs [m/s²]."""
@@ -48,25 +44,9 @@ five times 19."""
 
 
 def is_linearised(model: TissueModel) -> bool:
-    """Whether a network is moved so: it has rigid links or many states, or stability would much shorten the steps."""
-    network = model.network
-    longest_s = LONGEST_STEP / (1 if has_links(network) else SUBSTEPS)
-    stiff = model.stiff or has_rigid_links(network) or model.stepper.max_step_s < longest_s
-    return stiff or network.n_state > MANY_STATES
-
-
-def has_rigid_links(network: MassSpringNetwork) -> bool:
-    """Whether a spring is so stiff that the body's weight would hardly stretch it."""
-    weight = GRAVITY * float(network.masses[~network.fixed].sum())
-    return float((network.stiffness * network.rest_lengths).max(initial=0.0)) > RIGID * weight
-
-
-def has_links(network: MassSpringNetwork) -> bool:
-    """Whether a network turns about joints rather than stretches: it has rigid links, or is a mechanism.
-
-    That is by Maxwell's count one of fewer springs than free coordinates, as a chain is. Source: [maxwell1864].
-    """
-    return has_rigid_links(network) or len(network.springs) < network.n_state // 2
+    """Whether a network is moved so: it has many states, or stability would much shorten the steps."""
+    stiff = model.stiff or model.stepper.max_step_s < LONGEST_STEP / SUBSTEPS
+    return stiff or model.network.n_state > MANY_STATES
 
 
 class LinearisedTissue:

@@ -21,7 +21,7 @@ from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
-RESTARTS = ("restarted", "inflated", "forgotten", "branched", "beside", "merged", "pruned")
+RESTARTS = ("restarted", "inflated", "forgotten")
 """Repairs of a filter across which nothing is known backwards."""
 
 CERTAIN = 1.0 - 1e-12

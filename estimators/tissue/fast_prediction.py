@@ -174,16 +174,14 @@ def _moments_of(tables: FastPredictionTables, tissue: TissueFilter, time_s: floa
     # what is considered moves as any error of the state does, and is pushed besides by what is `forced`
     second = modes.covs + columns @ columns.swapaxes(1, 2) + away[:, :, None] * away[:, None, :]
     chain = mixture.chain
-    odds = chain.odds.reshape(chain.n_branches, -1)
 
     def by_state(each: Floats) -> Floats:
-        """Of what each mode of each branch has, that of the states: of its mode, in all branches."""
-        own_modes = each.reshape(chain.n_branches, chain.n_modes, *each.shape[1:])[:, list(chain.of_state)]
-        return np.asarray(np.einsum("bs,bs...->s...", odds, own_modes))
+        """Of what each mode has, that of the states by their odds."""
+        return np.asarray(np.einsum("s,s...->s...", chain.odds, each[chain.of_state]))
 
     forced = _forced(tables, own, tissue, mixture.x[:n] - tables.rest)
     level = mixture.noise_level
-    return MomentsNow(time_s, own, chain.state_odds, by_state(away), by_state(second), by_state(columns), forced, level)
+    return MomentsNow(time_s, own, chain.odds, by_state(away), by_state(second), by_state(columns), forced, level)
 
 
 def moments_ahead(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, Floats]:

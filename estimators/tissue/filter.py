@@ -15,7 +15,6 @@ from estimators.filters.adaptation import VarianceScale
 from estimators.process.known_force import ForceHistory
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.target import TargetMap, TargetPoint, target_map
-from estimators.tissue.elbows import decide_at_elbows, find_elbows, may_be_otherwise, may_turn
 from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fix import fix_measurement
 from estimators.tissue.gate import Frame, Gated, Outlying, confirmed, gate_marks, gate_start
@@ -37,7 +36,7 @@ from estimators.tissue.prediction import (
 )
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
-from estimators.tissue.start import after_divergence, forget, restart_from_marks, restart_from_shape, start_beside
+from estimators.tissue.start import after_divergence, forget, restart_from_marks, restart_from_shape
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, outliers_of, stack_marks
 
 Place: TypeAlias = tuple[Floats, Floats] | None
@@ -55,10 +54,9 @@ class TissueFilter:
     State: mixture (the bank of filters); time_s, of the state, None before the first frame; health; when each mark was
     last taken in and what was seen of it beyond the gate; rejected, counts by node or `fix`; repairs, counts of sigma
     points `narrowed`, covariances made `definite`, states `inflated` after a divergence, `restarted` after another or a
-    loss, `forgotten` in a gap, shapes that are `branched` into where marks leave several, `beside` what is believed,
-    `pruned` and `merged` as they decide; open_loop, the covariance that the paper's method would have; marks_scale,
-    factor on the marks' variances; log_likelihood, of the last marks, a rejected one as if at the gate; 0 of those of a
-    start. A call of predict, update or fix that raises leaves all of it as it was.
+    loss, `forgotten` in a gap; open_loop, the covariance that the paper's method would have; marks_scale, factor on the
+    marks' variances; log_likelihood, of the last marks, a rejected one as if at the gate; 0 of those of a start. A call
+    of predict, update or fix that raises leaves all of it as it was.
     """
 
     def __init__(
@@ -87,7 +85,7 @@ class TissueFilter:
         self._seen: dict[str, tuple[float, Floats]] = {}
         self._marked, self.target = tuple(marked), target_map(network, target, self.model.offset_rows)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
-        self._elbows, self._rest = find_elbows(network, marked), rest_shape(network)
+        self._rest = rest_shape(network)
         self._modes, self._forget_s = self.settings.modes, max(self.settings.forget_s, self.settings.lost_s)
         self.mixture = mixture_of_modes(self.model, self.settings, self._modes)
         restart_from_shape(self.mixture, self.model, self.settings, self._rest)
@@ -99,7 +97,10 @@ class TissueFilter:
         self._driven = frozenset(driven)
         self.open_loop = OpenLoopCovariance(network, self.target.point, driven, self.settings.quiet.white)
         self._outliers = outliers_of(network, self._rest, self.settings)
-        self.marks_scale, self.model_error = VarianceScale(asked.marks_bounds), ModelError(self.model, self.settings)
+        self.marks_scale, self.model_error = (
+            VarianceScale(asked.marks_bounds),
+            ModelError(self.model, self.settings, marked),
+        )
 
     @property
     def repairs(self) -> Counter[str]:
@@ -263,19 +264,14 @@ class TissueFilter:
             self._start(self.time_s, accepted, stacked)
             self.model_error.learn(accepted, self.mixture, None)
             return self._estimate(self.time_s, len(accepted), found.nis)
-        belief = self.mixture, self.model, self.settings
-        over = may_turn(self.mixture, self.model.network, self._elbows, self.settings.gate)
         self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
-        nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mode_odds)
-        few = decide_at_elbows(belief, self._elbows, self.model_error.shown.inflation)
+        nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mu)
         if self.settings.marks_bounds != (1.0, 1.0):
             self.marks_scale.learn(found.y, stacked.R / scale, found.S - stacked.R, dt)
-        self.health = now = after_frame(self.health, self.time_s, nis, len(found.y), self.settings, blow=blow, few=few)
+        self.health = now = after_frame(self.health, self.time_s, nis, len(found.y), self.settings, blow=blow)
         if now.status is Status.DIVERGED and not now.innovations:
             self._refuted(self.time_s, accepted, stacked)
-        elif now.status is not Status.DIVERGED and may_be_otherwise(belief[0], self._elbows, belief[2], over=over):
-            start_beside(belief, accepted, stacked, (self.time_s, self._seen))
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         self.model_error.learn(accepted, self.mixture, found.nis)
@@ -341,7 +337,7 @@ class TissueFilter:
             time_s=time_s,
             mean=mean,
             cov=cov,
-            status=self.model_error.status(self.health.status),
+            status=self.model_error.status(self.health.status, self.target),
             marks_used=marks_used,
             nis=nis,
             poked=self.settings.poked_share(self.mixture.mu),

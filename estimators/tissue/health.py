@@ -25,14 +25,12 @@ class Health:
     since_s: time [s] since which marks have been taken in without a gap that lost the target; None before the first
     seen_s: when a mark was last taken in [s], -inf before the first
     innovations: (time [s], NIS, degrees of freedom, probability of a blow) of the frames in the test
-    unclear_s: when last the tissue might have been in many shapes [s], -inf for never
     """
 
     status: Status = Status.INITIALISING
     since_s: float | None = None
     seen_s: float = -inf
     innovations: tuple[tuple[float, float, int, float], ...] = ()
-    unclear_s: float = -inf
 
 
 def after_frame(
@@ -43,16 +41,14 @@ def after_frame(
     settings: FilterSettings,
     *,
     blow: float = 0.0,
-    few: bool = True,
 ) -> Health:
     """The health after a frame that brought marks of this NIS and so many coordinates, or none (nis None).
 
-    blow: probability that one has just struck the tissue; few: whether there are few shapes in which it may be
+    blow: probability that one has just struck the tissue
 
-    INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity, and until they have left few
-    shapes for test_s, in which innovations refute a wrong one. Then TRACKING with each frame that brings marks. Without
-    marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come further apart than lost_s
-    but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
+    INITIALISING until marks were taken in for confirm_s, for one frame shows no velocity. Then TRACKING with each frame
+    that brings marks. Without marks COASTING, from lost_s on LOST, whence marks lead to INITIALISING; frames that come
+    further apart than lost_s but bring marks lose nothing. DIVERGED as soon as the innovations of test_s are too large
     together, or ever new blows are to explain them, in any of these; the filter then starts anew, and after test_s of
     marks that fit the target is tracked again.
     """
@@ -63,13 +59,13 @@ def after_frame(
     kept = () if lost else health.innovations
     recent = tuple(entry for entry in kept if entry[0] > time_s - settings.test_s) or kept[1 - LEAST_FRAMES :]
     innovations = (*recent, (time_s, nis, degrees, blow))
-    known = Health(health.status, since_s, time_s, innovations, health.unclear_s if few else time_s)
+    known = Health(health.status, since_s, time_s, innovations)
     struck = sum(entry[3] for entry in innovations) > MANY_BLOWS
     if len(innovations) >= LEAST_FRAMES and (struck or diverged(innovations, settings.test_sigmas)):
         return Health(Status.DIVERGED, time_s, time_s)
     if health.status is Status.DIVERGED and time_s - since_s < settings.test_s:
         return known
-    started = time_s - since_s >= settings.confirm_s and time_s - known.unclear_s >= settings.test_s
+    started = time_s - since_s >= settings.confirm_s
     return replace(known, status=Status.TRACKING if started else Status.INITIALISING)
 
 

@@ -27,6 +27,7 @@ from estimators.process.target import TargetMap
 from estimators.tissue.estimate import MarkMeasurement, Status
 from estimators.tissue.gate import Gated
 from estimators.tissue.health import largest_ratio
+from estimators.tissue.model import undecided
 from estimators.tissue.settings import FilterSettings
 
 FLAT = 1e-3
@@ -99,13 +100,15 @@ class Opinions:
 class ModelError:
     """The model's error of a stiff or large body, as its marks show it; of others none is looked for.
 
-    is_looked_for: whether the body is stiff or large
+    A target that is `undecided` may be anywhere, whatever its marks show.
+    is_looked_for: whether the body is stiff or large, or leaves nodes undecided
     State: shown. Whoever holds one sets `shown` back where a frame failed.
     """
 
-    def __init__(self, model: TissueModel, settings: FilterSettings) -> None:
-        self.shown, self.is_looked_for = Shown(), is_linearised(model)
+    def __init__(self, model: TissueModel, settings: FilterSettings, marked: Sequence[str]) -> None:
         network = model.network
+        self._undecided = np.repeat(undecided(network, marked)[network.free], network.dim)
+        self.shown, self.is_looked_for = Shown(), is_linearised(model) or bool(self._undecided.any())
         self._network, self._settings = network, settings
         self._field = displacement_field(network, settings.smooth) if self.is_looked_for else None
         self._stepper = ImplicitStepper(network)
@@ -120,9 +123,16 @@ class ModelError:
         if gated.rejected and not gated.accepted:
             self.shown = replace(self.shown, inflation=self._settings.test_sigmas**2)
 
-    def status(self, of_health: Status) -> Status:
-        """As the health has it, but not TRACKING while marks lie far further off than the model predicts."""
-        return Status.INITIALISING if of_health is Status.TRACKING and self.shown.refuted else of_health
+    def status(self, of_health: Status, target: TargetMap) -> Status:
+        """As the health has it, but not TRACKING while marks lie far further off than the model predicts.
+
+        Nor where they leave the target undecided.
+        """
+        doubtful = self.shown.refuted or self._is_undecided(target)
+        return Status.INITIALISING if of_health is Status.TRACKING and doubtful else of_health
+
+    def _is_undecided(self, target: TargetMap) -> bool:
+        return bool(target.matrix[:, self._undecided].any())
 
     def learn(self, marks: Sequence[MarkMeasurement], mixture: InteractingMixture, nis: float | None) -> None:
         """Take in marks that the mixture has taken in.
@@ -243,6 +253,7 @@ class ModelError:
             apart = float((target.linear(ahead[:, None]) ** 2).sum())
             share = _share_within(share, 0.5 * farthest / apart) if apart > 0.0 else share
             farthest -= share * (1.0 - share) * apart
+        inflation = np.inf if self._is_undecided(target) else inflation
         most = farthest / float(np.linalg.eigvalsh(target.cov(P))[-1])
         factor = max(1.0, min(inflation, most))
         return Opinions(ahead, share, factor, max(1.0, factor / of_mean), place, cov)

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.gaussians import corrected_each, evened_each, inflated_each, moment_matched, pooled_each
+from estimators.filters.gaussians import corrected_each, evened_each, inflated_each, pooled_each
 from estimators.filters.kernels import mixed_each, with_columns
 from estimators.filters.mixture import InteractingMixture
 from estimators.filters.motion import LinearMotion, Move
@@ -35,16 +34,6 @@ def propagate_points(model: TissueModel, points: Floats, dt: float, modes: Seque
     return model.propagate_each(points, dt, modes)
 
 
-def in_branches(modes: Sequence[ForceMode], n_filters: int) -> Sequence[ForceMode]:
-    """The force of each of so many filters of a mixture: these modes, again for each of its branches."""
-    return modes if n_filters == len(modes) else _repeated(tuple(modes), n_filters // len(modes))
-
-
-@cache
-def _repeated(modes: tuple[ForceMode, ...], times: int) -> tuple[ForceMode, ...]:
-    return modes * times
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionOfModes:
     """How the sigma points and columns of all modes move, for `Move`; a record, so that filters pickle and copy."""
@@ -53,12 +42,12 @@ class MotionOfModes:
     modes: Sequence[ForceMode]
 
     def points(self, points: Floats, dt: float) -> Floats:
-        """Sigma points (n_filters, n_points, dim_x), dt [s] later."""
-        return propagate_points(self.model, points, dt, in_branches(self.modes, len(points)))
+        """Sigma points (n_modes, n_points, dim_x), dt [s] later."""
+        return propagate_points(self.model, points, dt, self.modes)
 
     def columns(self, means: Floats, columns: Floats, dt: float) -> Floats:
-        """Columns (n_filters, dim_x, n_columns) about means (n_filters, dim_x), dt [s] later."""
-        return self.model.propagate_columns(means, columns, dt, in_branches(self.modes, len(means)))
+        """Columns (n_modes, dim_x, n_columns) about means (n_modes, dim_x), dt [s] later."""
+        return self.model.propagate_columns(means, columns, dt, self.modes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +61,7 @@ class LinearisedCycle:
     level: float
 
     def __call__(self, about: Floats) -> LinearMotion:
-        """About states (n_filters, dim_x)."""
+        """About states (n_modes, dim_x)."""
         return self.motion(about, self.dt, self.modes, copy(self.push), self.level)
 
 
@@ -83,10 +72,10 @@ class LinearisedCycles:
     motion: LinearisedTissue
     modes: Sequence[ForceMode]
 
-    def __call__(self, n_filters: int, dt: float, level: float) -> tuple[LinearisedCycle, int]:
-        """The motion of so many filters over the next dt [s], and in how many passes at most it may be asked for."""
+    def __call__(self, dt: float, level: float) -> tuple[LinearisedCycle, int]:
+        """The motion of the modes over the next dt [s], and in how many passes at most it may be asked for."""
         model = self.motion.model
-        cycle = LinearisedCycle(self.motion, dt, in_branches(self.modes, n_filters), copy(model.push), level)
+        cycle = LinearisedCycle(self.motion, dt, self.modes, copy(model.push), level)
         if model.push is not None:
             model.push.step(dt)
         return cycle, self.motion.passes
@@ -135,9 +124,8 @@ def advance(
     """Move every mode ahead by dt [s], more than 0, mixed about every mix_s [s], under a known force if given."""
     n = max(1, round(dt / mix_s))
     step = dt / n / model.stepper.n_steps(dt / n)
-    own = in_branches(modes, len(mixture.filters))
     if mixture.move.linear is None:
-        noises = model.noise_of_modes(step, own)
+        noises = model.noise_of_modes(step, modes)
         level = mixture.noise_level
         for f, (Q, white) in zip(mixture.filters, noises, strict=True):
             f.Q = Q if level == 1.0 else Q + (level - 1.0) * white
@@ -233,9 +221,9 @@ def target_by_modes(mixture: InteractingMixture, target: TargetMap, move: Callab
     parts, odds = [], mixture.mu
     with unchanged(mixture) as now:
         for k, (mean, cov) in enumerate(now.moments):
-            mixture.resume(now.odds)
+            mixture.chain.odds = now.odds
             mixture.restart(mean, cov, now.columns[k])
-            mixture.mu = np.eye(len(mixture.mu))[k % len(mixture.mu)]
+            mixture.mu = np.eye(len(mixture.mu))[k]
             move()
             modes, columns = mixture.beliefs(), target.linear(mixture.columns)
             covs = target.cov(modes.covs) + columns @ columns.swapaxes(1, 2)
@@ -266,17 +254,9 @@ def expected_place(
     shared: what each column moves the mark there by, (dim, n_columns); None for the node itself. Not of the mixture: a
     poke that begins is improbable before it is seen, and a gate drawn by the mixture would reject the very marks that
     show it. Modes among blows count where they are more probable than an outlier, which else explains the same marks.
-    Of several branches, what is so expected in each is merged.
     """
     own = np.zeros((len(mixture.filters[0].x[place]), mixture.columns.shape[2])) if shared is None else shared
-    found, odds = [], mixture.mode_odds
-    possible = [k for k, each in enumerate(odds) if k < settings.n_usual or each >= settings.outlier_odds]
-    for branch in np.arange(len(mixture.filters)).reshape(mixture.n_branches, -1):
-        widest = max(branch[possible], key=lambda mode: float(np.trace(mixture.filters[mode].P[place, place])))
-        columns = mixture.columns[widest][place] + own
-        f = mixture.filters[widest]
-        found.append((f.x[place].copy(), f.P[place, place] + columns @ columns.T))
-    if len(found) == 1:
-        return found[0]
-    means, covs = zip(*found, strict=True)
-    return moment_matched(mixture.branch_odds, np.array(means), np.array(covs))
+    possible = [k for k, each in enumerate(mixture.mu) if k < settings.n_usual or each >= settings.outlier_odds]
+    widest = max(possible, key=lambda mode: float(np.trace(mixture.filters[mode].P[place, place])))
+    f, columns = mixture.filters[widest], mixture.columns[widest][place] + own
+    return f.x[place].copy(), f.P[place, place] + columns @ columns.T

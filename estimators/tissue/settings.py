@@ -211,15 +211,9 @@ class FilterSettings:
             remember_s=max(self.remember_s, self.remember_swings * slowest_s),
         )
 
-    @property
-    def least_odds(self) -> float:
-        """Odds below which a shape of the tissue is given up: the likelihood of a mark at the gate, by the most."""
-        return float(np.exp(-0.5 * self.gate))
-
     def poked_share(self, odds: Floats) -> float:
-        """Probability that somebody pokes or strikes, of the odds of the modes, (n_branches n_modes,)."""
-        by_mode = np.reshape(odds, (-1, len(self.modes))).sum(axis=0)
-        return float(by_mode.sum() - by_mode[list(self.quiet_modes)].sum())
+        """Probability that somebody pokes or strikes, of the odds of the modes, (n_modes,)."""
+        return float(odds.sum() - odds[list(self.quiet_modes)].sum())
 
     def blow_share(self, odds: Floats) -> float:
         """Probability of a blow, of the odds of the modes, (n_modes,)."""

@@ -25,7 +25,7 @@ class MixtureState:
     """The state of a bank of filters.
 
     moments: mean (n,) and covariance (n, n) of each mode; columns (n_modes, n, n_columns)
-    odds: of the states of the chain in each branch, (n_branches n_states,)
+    odds: of the states of the chain, (n_states,)
     mean, cov: of the whole mixture, (n,), (n, n); repairs: counts of numerical repairs
     cycle: the prediction that no update has followed yet, of a linearised motion
     common_errors: what innovations told of the columns' directions
@@ -90,7 +90,7 @@ def mixture_state(mixture: InteractingMixture) -> MixtureState:
 
 def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
     """Set a mixture back to a state that it had."""
-    mixture.resume(state.odds)
+    mixture.chain.odds = state.odds
     for f, (x, P) in zip(mixture.filters, state.moments, strict=True):
         f.x, f.P = x, P
     mixture.columns, mixture.x, mixture.P = state.columns, state.mean, state.cov

@@ -11,21 +11,18 @@ from dynamics import (
     MassSpringNetwork,
     NetworkError,
     equilibrium_with_fixed,
-    mirrored_shapes,
     pack,
     reaches,
     rest_shape,
     stiffness_matrix,
 )
 from estimators.arrays import Floats
-from estimators.filters.branches import branches_of, follow
 from estimators.filters.exponential import small_expm
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.linear_motion import LinearisedTissue, is_linearised
 from estimators.process.process_model import TissueModel, accumulated_noise
-from estimators.tissue.elbows import find_elbows, turned_shapes
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.settings import FilterSettings, stationary
+from estimators.tissue.settings import FilterSettings
 from estimators.tissue.update import StackedMarks
 
 LONG_RUN = 50.0
@@ -33,12 +30,6 @@ LONG_RUN = 50.0
 
 Earlier = tuple[float, Mapping[str, tuple[float, Floats]]]
 """A time [s], and by node when its mark was last seen before [s] and where [m], (dim,)."""
-
-BESIDE = 0.05
-"""Odds of a start beside what is believed, by those of that [1]; choice."""
-
-SAME = 1e-3
-"""Nodes that move by less than this share of the most are in the same place in two shapes."""
 
 
 def mark_speeds(
@@ -57,12 +48,6 @@ def mark_speeds(
         values.append((mark.position - place) / dt)
         variances.append((0.5 * acceleration * dt) ** 2 + 2.0 * np.diag(mark.total_cov) / dt**2)
     return np.concatenate(values), np.concatenate(variances)
-
-
-def unseen_speed(network: MassSpringNetwork, settings: FilterSettings) -> float:
-    """Speed that tissue may have had before it was seen [m/s]: after an impulse, or as it swings by its weight."""
-    swing = float(np.linalg.norm(network.gravity) * reaches(network).max()) ** 0.5
-    return max(settings.impulse_m_s, swing)
 
 
 def restart_from_shape(
@@ -100,7 +85,7 @@ def forget(
     their first-order process in closed form, however long the gap.
     """
     slowest_s = 1.0 / np.abs(np.diag(settings.rates)).min()
-    odds = mixture.chain.state_odds @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
+    odds = mixture.chain.odds @ small_expm(settings.rates * min(seconds, LONG_RUN * slowest_s))
     restart_from_shape(mixture, model, settings, rest)
     if len(model.slow_sd):
         left, added = model.slow_step(seconds)
@@ -129,10 +114,7 @@ def restart_from_marks(
     Where it has no such rest: at rest without them, then updated by them. Far from its rest shape a Kalman update would
     go along straight lines where the tissue turns. The shape in which it rests with the marked nodes fixed at z is a
     nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
-    of the marks, and so are its covariance (Joseph's form) and columns. Where the marks leave several such shapes, an
-    elbow to the left or to the right, a branch follows each, at odds by its energy: exp(-E / E0), E0 that of the nodes
-    which differ at `unseen_speed`. So are the shapes to which an elbow of several stiff links turns within
-    itself, for linear motion about one of them tells nothing of the others.
+    of the marks, and so are its covariance (Joseph's form) and columns.
     inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
     unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
     """
@@ -143,49 +125,10 @@ def restart_from_marks(
         restart_from_shape(mixture, model, settings, rest_shape(network))
         mixture.update_linear(stacked.z, stacked.H(model.dim_x), stacked.R, stacked.shared)
         return
-    likely, velocity = [(1.0, shape)], unseen_speed(network, settings)
-    for energy, other in mirrored_shapes(network, places, shape):
-        differ = np.abs(other - shape).max(axis=1) > SAME * float(np.abs(other - shape).max())
-        unseen = 0.5 * float(network.masses[differ & ~network.fixed].sum()) * velocity**2
-        likely.append((float(np.exp(min(-energy / unseen, settings.gate))), other))
-    odds = np.array([each for each, _ in likely])
-    kept = odds >= settings.least_odds * odds.max()
     own = settings if unseen_s is None else replace(settings, lost_s=unseen_s)
     slow = mixture.x[model.slow], mixture.P[model.slow, model.slow]
-    beliefs = [
-        _held(model, own, each, stacked=stacked, inflation=inflation, speeds=speeds, slow=slow)
-        for (_, each), one in zip(likely, kept, strict=True)
-        if one
-    ]
-    odds = odds[kept]
-    elbows = find_elbows(network, list(places)) if mixture.move.linear is not None else ()
-    for elbow in elbows:
-        if elbow.turns:
-            beliefs, odds = turned_shapes(network, elbow, beliefs, velocity=velocity, least=settings.least_odds)
-    if len(beliefs) == 1:
-        mixture.restart(*beliefs[0])
-        return
-    mixture.branch(beliefs, odds)
-
-
-def start_beside(
-    belief: tuple[InteractingMixture, TissueModel, FilterSettings],
-    marks: Sequence[MarkMeasurement],
-    stacked: StackedMarks,
-    earlier: Earlier,
-) -> None:
-    """Follow a start from the marks, where nobody pokes, beside what is believed, at odds of `BESIDE`.
-
-    For links about an elbow, once forces have to explain their marks: a wrong shape is explained so for long. Of two,
-    the one that needs less of them is the more probable, frame by frame.
-    """
-    mixture, model, settings = belief
-    before, speeds = branches_of(mixture), mark_speeds(marks, *earlier, settings.leading.poke)
-    restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds)
-    odds, calm = BESIDE * mixture.branch_odds, stationary(settings.rates)
-    anew = [branch.scaled(own * calm) for branch, own in zip(branches_of(mixture), odds, strict=True)]
-    mixture.repairs["beside"] += 1
-    follow(mixture, [*before, *anew])
+    held = _held(model, own, shape, stacked=stacked, inflation=inflation, speeds=speeds, slow=slow)
+    mixture.restart(*held)
 
 
 def _held(

@@ -12,10 +12,11 @@ from functools import cache
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, equilibrium_with_fixed, pack, rest_shape
+from dynamics import MassSpringNetwork, ParameterUncertainty, pack
 from estimators.arrays import Floats
 from estimators.filters.kernels import joseph_update, moments_each, regressions, symmetric_points_each
 from estimators.filters.unscented import CovarianceError, positive_points
+from estimators.identification.linear_filter import first_shape
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
@@ -131,13 +132,8 @@ class ForcedFilter:
 
         Raises CovarianceError without marks.
         """
-        if not marks:
-            raise CovarianceError("start: expected marks in the first frame, found none")
         model, network = self.model, self.model.network
-        try:
-            shape = equilibrium_with_fixed(network, {mark.node: mark.position for mark in marks})
-        except NetworkError:
-            shape = rest_shape(network)
+        shape = first_shape(network, marks)
         mean = np.zeros(model.dim_x)
         mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
         moved = accumulated_noise(*model.linearised(shape, self.settings.poked), self.settings.lost_s)

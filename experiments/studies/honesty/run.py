@@ -33,7 +33,8 @@ AFTER_S = 1.0
 
 
 @lru_cache(maxsize=16)
-def _motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
+def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
+    """How a body truly moves in the runs of a seed, whatever its marks are."""
     return motion_of(scene_of_body(body), Truth(pushes=PUSHES[pushes]), seed, duration_s)
 
 
@@ -45,7 +46,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
     """
     duration_s, dt = float(case["duration_s"]), INTERVAL_S
-    motion = _motion(case["body"], case["pushes"], case["seed"], duration_s)
+    motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
     scene = scene_of_body(case["body"])
     scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
     network, dim = scene.network, scene.network.dim

@@ -46,7 +46,6 @@ PLACES = {
     "rigid_share": "estimators.identification.linear_filter.RIGID_SHARE",
     "rigid_sd": "estimators.identification.groups.RIGID_SD",
     "shortest_step_s": "estimators.identification.filter_pass.SHORTEST_STEP",
-    "deciding": "estimators.identification.filter_pass.DECIDING",
     "screened": "estimators.identification.constants.SCREENED",
     "most_passes": "estimators.identification.search.MOST_PASSES",
     "slack": "estimators.identification.search.SLACK",
@@ -68,7 +67,6 @@ class LinkIdentification:
     rigid_share: share of a spring's motion along itself in such oscillations below which it is rigid [1]; choice
     rigid_sd: prior standard deviation of the logarithm of a rigid link's stiffness [1]; choice
     shortest_step_s: stable step of a network below which the linear filter is taken [s]; choice
-    deciding: frames that decide between the sides of an elbow at the first one [1]; choice
     screened: frames through which all starts are followed; the best goes through all [1]; choice
     most_passes: of the filter from a start, at most [1]; choice
     slack: tolerance of the log posterior in the line search for each innovation [1]; choice
@@ -84,7 +82,6 @@ class LinkIdentification:
     rigid_share: float = constant(PLACES["rigid_share"])
     rigid_sd: float = constant(PLACES["rigid_sd"])
     shortest_step_s: float = constant(PLACES["shortest_step_s"])
-    deciding: int = int(constant(PLACES["deciding"]))
     screened: int = int(constant(PLACES["screened"]))
     most_passes: int = int(constant(PLACES["most_passes"]))
     slack: float = constant(PLACES["slack"])
@@ -102,7 +99,7 @@ class Recorded:
 
     seconds: of the recording [s]; judged_s: of the other one, by which what is found is judged [s]
     stiffness: factor on its springs, in the truth, too
-    seldom: whether hidden nodes are seen in the middle frame only, elbows may be on either side, and all starts count
+    seldom: whether hidden nodes are seen in the middle frame only, and all starts count
     wrong: whether constants are wrong at first; true: kinds of constants that the truth has, too
     """
 
@@ -119,7 +116,7 @@ class Recorded:
 RECORDINGS: Mapping[str, Recorded] = {
     "links": Recorded("chain2", (31, 32), 1.2, 1.5),
     "three": Recorded("chain3", (31, 32), 0.6, 1.0),
-    "elbows": Recorded("chain2", (31, 32), 0.6, 1.5, seldom=True),
+    "seldom": Recorded("chain2", (31, 32), 0.6, 1.5, seldom=True),
     "springs": Recorded("chain2", (31, 32), 0.6, 1.5, stiffness=0.5, wrong=False, true=KINDS),
     "cable": Recorded("cable-slow", (31, 32, 33), 0.7, 0.7, wrong=False, true=()),
     "gel": Recorded("block27", (31,), 0.7, 0.7, stiffness=0.1, wrong=False, true=()),

@@ -56,6 +56,10 @@ GOOD = Bounds(0.7, 1.05, (0.90, 0.99))
 BOUNDS = {"true": GOOD, "identified": GOOD, "wrong": Bounds(0.9, 1.15, (0.85, 1.0))}
 
 
+UNDECIDED = ("chain2", "chain3")
+"""Bodies whose hidden nodes may be anywhere within reach: no share of truths in their regions is too large."""
+
+
 def cells_of(table: pd.DataFrame) -> list[Cell]:
     """Figures of each cell, in the order of their first runs; table: of cases, their records, failures (n_runs,)."""
     by_name: dict[str, list[Mapping[str, Any]]] = {}
@@ -108,7 +112,7 @@ def geometric_mean(ratios: Sequence[float]) -> float:
 def faults(cell: Cell) -> list[str]:
     """Which bounds the cell does not keep."""
     bounds = BOUNDS[cell.constants]
-    low, high = bounds.covered
+    low, high = bounds.covered[0], 1.0 if cell.name.startswith(UNDECIDED) else bounds.covered[1]
     found = [] if cell.failed == 0 else [f"{cell.failed} of {cell.runs} failed"]
     if cell.ratio is None or not cell.ratio <= bounds.worst_ratio:
         found.append("ratio")

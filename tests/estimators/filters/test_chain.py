@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 from estimators.filters.chain import KEPT, LEAST, ModeChain
 
 RATES = np.array([[-0.5, 0.5, 0.0], [0.2, -2.2, 2.0], [3.0, 1.0, -4.0]])
 OF_STATE = (0, 0, 1)
 ODDS = np.array([0.5, 0.3, 0.2])
-BRANCHES = np.array([0.25, 0.75])
 
 
 def chain() -> ModeChain:
@@ -34,19 +33,13 @@ def test_odds_follow_the_forward_algorithm():
         np.testing.assert_allclose(made.mode_odds, [expected[:2].sum(), expected[2]], rtol=1e-12)
 
 
-@pytest.mark.parametrize("branched", [False, True])
-def test_weights_are_where_those_in_a_mode_come_from(branched):
-    """P(mode i now | mode j then) = sum over states of P(i, j) / P(j), by Bayes; none from another branch."""
-    made = chain()
-    if branched:
-        made.branch(BRANCHES)
+def test_weights_are_where_those_in_a_mode_come_from():
+    """P(mode i now | mode j then) = sum over states of P(i, j) / P(j), by Bayes."""
     joint = ODDS[:, None] * expm(RATES * 0.3)
     by_mode = np.array([[joint[:2, :2].sum(), joint[:2, 2].sum()], [joint[2, :2].sum(), joint[2, 2]]])
-    weights = by_mode / by_mode.sum(axis=0)
-    _, modes, found = made.ahead(0.3)
-    np.testing.assert_allclose(found, block_diag(weights, weights) if branched else weights, rtol=1e-12, atol=1e-300)
-    expected = by_mode.sum(axis=0)
-    np.testing.assert_allclose(modes, np.kron(BRANCHES, expected) if branched else expected, rtol=1e-12)
+    _, modes, found = chain().ahead(0.3)
+    np.testing.assert_allclose(found, by_mode / by_mode.sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(modes, by_mode.sum(axis=0), rtol=1e-12)
 
 
 def test_without_a_table_each_state_is_a_mode():
@@ -63,26 +56,6 @@ def test_odds_that_are_set_keep_states_of_a_mode_as_they_were_to_each_other():
     made.set_mode_odds(np.array([0.0, 1.0]))
     made.set_mode_odds(np.array([0.5, 0.5]))
     np.testing.assert_allclose(made.odds, [0.25, 0.25, 0.5], rtol=1e-14)
-
-
-def test_branches_begin_alike_and_go_on_alone():
-    """Odds of branch times state, whose products with likelihoods sum to one; of one branch alone; set back, all."""
-    made = chain()
-    made.branch(np.array([1.0, 3.0]))
-    assert made.n_branches == 2
-    np.testing.assert_allclose(made.odds, np.kron(BRANCHES, ODDS), rtol=1e-14)
-    np.testing.assert_allclose(made.branch_odds, BRANCHES, rtol=1e-14)
-    np.testing.assert_allclose(made.state_odds, ODDS, rtol=1e-14)
-    kept = made.odds
-    made.weigh(np.array([1.0, 2.0, 0.5, 4.0]))
-    expected = np.kron(BRANCHES, ODDS) * [1.0, 1.0, 2.0, 0.5, 0.5, 4.0]
-    np.testing.assert_allclose(made.odds, expected / expected.sum(), rtol=1e-14)
-    assert made.resume(ODDS)
-    assert made.n_branches == 1
-    assert made.resume(kept)
-    assert made.n_branches == 2
-    np.testing.assert_array_equal(made.odds, kept)
-    assert not made.resume(kept)
 
 
 def test_no_state_is_ruled_out_for_good():
@@ -109,13 +82,12 @@ def test_transitions_of_ever_new_times_need_no_ever_more_memory():
 
 
 def test_forces_that_begin_have_their_full_variance_at_once():
-    """Two modes in two branches by definition: who enters the strong mode gets what is missing, others nothing."""
+    """Two modes by definition: who enters the strong mode gets what is missing, others nothing."""
     rates = np.array([[-2.0, 2.0], [3.0, -3.0]])
     chain = ModeChain([0.9, 0.1], rates)
-    chain.branch(np.array([0.6, 0.4]))
     _, _, weights = chain.ahead(0.1)
     found = chain.begun(weights, np.array([[1.0, 0.0], [5.0, 2.0]]))
     M = expm(0.1 * rates)
     entering = 0.9 * M[0, 1] / (0.9 * M[0, 1] + 0.1 * M[1, 1])
     wanted = [[0.0, 0.0], [4.0 * entering, 2.0 * entering]]
-    np.testing.assert_allclose(found, wanted * 2, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)

@@ -25,7 +25,7 @@ RATES = np.array([[-1.0, 1.0], [2.0, -2.0]])
 def mixture_of(motion, passes=3):
     """Two modes that differ by nothing but their odds, moved by this motion of states (k, n)."""
     filters = [UnscentedKalmanFilter(2, lambda points, _dt: points) for _ in range(2)]
-    move = Move(points=lambda points, _dt: points, linear=lambda _k, _dt, _level: (motion, passes))
+    move = Move(points=lambda points, _dt: points, linear=lambda _dt, _level: (motion, passes))
     mixture = InteractingMixture(filters, np.array([0.5, 0.5]), RATES, move)
     mixture.restart(np.array([1.0, 2.0]), np.eye(2), np.zeros((2, 0)))
     return mixture
@@ -197,8 +197,8 @@ def test_a_prediction_mixes_then_moves_every_mode_and_its_columns():
     mixture, asked = mixture_of(straight), []
     added, skew = np.array([[[0.3], [-0.2]], [[0.1], [0.5]]]), np.array([[0.0, 1e-15], [0.0, 0.0]])
 
-    def linear(k, dt, _level):
-        asked.append((k, dt))
+    def linear(dt, _level):
+        asked.append(dt)
         return lambda about: replace(straight(about), Q=np.array([Q + skew, 2.0 * Q]), added=added), 1
 
     mixture.move = Move(mixture.move.points, linear=linear)
@@ -209,7 +209,7 @@ def test_a_prediction_mixes_then_moves_every_mode_and_its_columns():
         f.x, f.P = mean, P
     mixture.predict(DT)
     p, (found,) = expm(RATES * DT), mixture.trace
-    assert asked == [(2, DT)]
+    assert asked == [DT]
     np.testing.assert_allclose(found.weights, p * mu[:, None] / (mu @ p), rtol=1e-12)
     np.testing.assert_allclose(found.arrived.mu, mu @ p, rtol=1e-12)
     for j, (f, own, Q_j) in enumerate(zip(mixture.filters, added, (Q, 2.0 * Q), strict=True)):
@@ -298,7 +298,7 @@ def test_the_level_of_its_noise_is_learnt():
             rng, x = np.random.default_rng(seed), np.array([1.0, 2.0])
             mixture = mixture_of(straight, passes=3)
             mixture.level = NoiseLevel((1e-3, 1e3), 2)
-            mixture.move = Move(mixture.move.points, linear=lambda _k, _dt, level: (partial(louder, level), 3))
+            mixture.move = Move(mixture.move.points, linear=lambda _dt, level: (partial(louder, level), 3))
             for k in range(200):
                 x = F @ x + np.sqrt(true) * np.linalg.cholesky(Q) @ rng.normal(size=2)
                 mixture.predict(DT)

@@ -32,6 +32,7 @@ def hanging_links(factors=(1.0, 1.0), gravity=GRAVITY):
 def swung(n_frames, frames_per_s=100.0):
     """Places of joint and end [m], (n_frames, 2, 2): [a, b] the links' angles from straight down, by DOP853.
 
+    At first the joint is below the line from pin to end, where a mark holds the links.
     (m1 + m2) l1 a'' + m2 l2 (b'' cos d + b'^2 sin d) + (m1 + m2) g sin a = 0, d = a - b,
     l2 b'' + l1 (a'' cos d - a'^2 sin d) + g sin b = 0
     """
@@ -46,7 +47,7 @@ def swung(n_frames, frames_per_s=100.0):
 
     times = np.arange(n_frames) / frames_per_s
     a, b, _, _ = solve_ivp(
-        rate, (0.0, times[-1]), [1.0, -0.6, 2.0, -3.0], method="DOP853", t_eval=times, rtol=1e-10, atol=1e-12
+        rate, (0.0, times[-1]), [0.6, 1.4, 1.0, 1.0], method="DOP853", t_eval=times, rtol=1e-10, atol=1e-12
     ).y
     joint = l1 * np.stack([np.sin(a), -np.cos(a)], axis=1)
     return times, np.stack([joint, joint + l2 * np.stack([np.sin(b), -np.cos(b)], axis=1)], axis=1)

@@ -7,7 +7,14 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from dynamics import MassSpringNetwork, four_mass_phantom, independent_uncertainty, parameters, scale_parameters
+from dynamics import (
+    MassSpringNetwork,
+    build_network,
+    four_mass_phantom,
+    independent_uncertainty,
+    parameters,
+    scale_parameters,
+)
 from estimators import FilterSettings, MarkMeasurement
 from estimators.identification import linear_filter
 from estimators.identification.budget import Budget
@@ -148,8 +155,21 @@ def test_led_nodes_are_led_in_every_frame():
 
 
 def test_a_strain_that_the_filter_considers_beside_is_not_sought():
-    """Springs stiff for the tissue filter, not yet for identification: scores of the directions asked for alone."""
-    network = replace(pair(), stiffness=np.full(3, 2500.0))
+    """Thirteen masses, many for the tissue filter, not yet for identification: scores of the directions asked for."""
+    places = [[0.1 * k, 0.0] for k in range(15)]
+    names = ["A", "near", "far", *(f"n{k}" for k in range(3, 14)), "B"]
+    springs = [(k, k + 1) for k in range(14)]
+    network = build_network(
+        names,
+        places,
+        springs,
+        stiffness=40.0,
+        masses=0.2,
+        damping=0.2,
+        gravity=[0.0, 0.0],
+        fixed=["A", "B"],
+        rest_lengths=[0.08] * 14,
+    )
     assert not is_linear(network, 1)
     assert is_linearised(TissueModel(network, ("near",)))
     which = [one for one in parameters(network) if one.kind == "rest_length"]
@@ -157,10 +177,10 @@ def test_a_strain_that_the_filter_considers_beside_is_not_sought():
     frames = [(0.05 * k, marks) for k, (_, marks) in enumerate(frames_of())]
     nodes = (("near",), "far")
     found = pass_through(network, uncertainty, frames, nodes, FilterSettings(), Budget())
-    assert found.scores.shape == (len(found.nis), 3)
-    assert found.information.shape == (3, 3)
+    assert found.scores.shape == (len(found.nis), 14)
+    assert found.information.shape == (14, 14)
     assert np.linalg.eigvalsh(found.information)[-1] > 0.0
-    assert withheld_target(network, uncertainty, frames, nodes).effect.shape == (3, 3)
+    assert withheld_target(network, uncertainty, frames, nodes).effect.shape == (14, 14)
 
 
 def test_a_poke_is_noticed_and_only_it():

@@ -11,7 +11,7 @@ from estimators import FilterSettings, IdentificationSettings, MarkMeasurement, 
 from estimators.identification.budget import Budget
 from estimators.identification.constants import PRIOR_SD
 from estimators.identification.filter_pass import Pass
-from estimators.identification.linear_filter import LinearFilter, first_shapes
+from estimators.identification.linear_filter import LinearFilter, first_shape
 from estimators.identification.residuals import residual_covariance, times_counted
 from estimators.identification.search import gauss_newton
 from estimators.identification.withheld import against_hands, is_elastic, withheld_pass
@@ -47,7 +47,7 @@ def test_what_is_told_of_a_withheld_mark_is_its_conditional_probability():
     """Chain rule: log p(far | near, before) is log p(near, far | before) less log p(near | before)."""
     network, none = row(), independent_uncertainty((), 1.0)
     linear = LinearFilter(network, ("near",), FilterSettings(), none, 0.0)
-    linear.start(first_shapes(network, marks(0, ("near",)))[0], marks(0, ("near",)))
+    linear.start(first_shape(network, marks(0, ("near",))), marks(0, ("near",)))
     told = 0.0
     for k in range(1, 9):
         together, alone = deepcopy(linear).advance(0.05, marks(k)), linear.advance(0.05, marks(k, ("near",)))

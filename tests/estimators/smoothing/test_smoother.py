@@ -17,7 +17,9 @@ from estimators import (
     normalised_error_squared,
 )
 from estimators.filters.motion import ModeBeliefs
-from estimators.smoothing.smoother import smoothed_before
+from estimators.smoothing.smoother import ForwardPass, smoothed_before
+from experiments.simulation.bodies.zoo import make_body
+from experiments.studies.zoo.constants import measured
 
 H, R = np.array([[1.0, 0.0]]), np.array([[0.09]])
 F = np.array([[1.0, 0.1], [0.0, 1.0]])
@@ -231,3 +233,20 @@ def test_beliefs_are_what_the_modes_believe():
     assert isinstance(trace[0].arrived, ModeBeliefs)
     assert filtered[0].means.shape == (2, 2)
     np.testing.assert_allclose(trace[0].F, [F, F], rtol=0, atol=1e-12)
+
+
+def test_a_smoother_goes_back_by_the_motion_that_the_update_linearised_again():
+    """Of a cable that is led fast, each frame's transition is that of the filter after its update, to the last bit."""
+    body = make_body("cable-fast", 1, seconds=0.3)
+    tissue, again = TissueFilter(body.network, body.hidden[0], body.marked), 0
+    passage = ForwardPass(TissueFilter(body.network, body.hidden[0], body.marked))
+    for time_s, marks in zip(body.times_s.tolist(), measured(body, body.marked, 1), strict=True):
+        step = passage.take(time_s, marks)
+        tissue.mixture.trace = []
+        tissue.predict(time_s)
+        before = tissue.mixture.trace[-1].F if tissue.mixture.trace else None
+        tissue.update(marks)
+        if step.cycles:
+            np.testing.assert_array_equal(step.cycles[-1].F, tissue.mixture.trace[-1].F)
+            again += not np.array_equal(before, tissue.mixture.trace[-1].F)
+    assert again > 2

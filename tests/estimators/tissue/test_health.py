@@ -37,16 +37,6 @@ def test_one_frame_tells_no_velocity():
     assert walked(frames)[0] == ["INITIALISING"] * 3 + ["TRACKING"] * 2
 
 
-def test_many_shapes_are_not_tracked_until_few_have_been_left_for_a_while():
-    """INITIALISING with them, and until there were few for test_s = 0.25 s; a gap without marks counts as well."""
-    health, statuses = tracked(), []
-    frames = ((1.05, False), (1.15, True), (1.29, True), (1.31, True), (1.35, False), (1.55, True), (1.65, True))
-    for time_s, few in frames:
-        health = after_frame(health, time_s, FINE, 6, SETTINGS, few=few)
-        statuses.append(health.status.value)
-    assert statuses == ["INITIALISING"] * 3 + ["TRACKING"] + ["INITIALISING"] * 2 + ["TRACKING"]
-
-
 def test_without_marks_it_coasts_then_is_lost_and_starts_again():
     """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, INITIALISING with the next."""
     frames = [(1.05, None), (2.0, None), (2.01, None), (9.0, None), (9.1, FINE), (9.21, FINE), (9.25, None)]

@@ -9,6 +9,7 @@ from dynamics import build_network, four_mass_phantom
 from estimators import MarkMeasurement, Status, TissueFilter, fast_prediction_tables, predict_fast
 from estimators.filters.opinions import Scales
 from estimators.process.target import target_map
+from estimators.tissue.model import undecided
 from estimators.tissue.model_error import ModelError
 
 NAMES = tuple(f"n{k}" for k in range(11))
@@ -105,7 +106,7 @@ def test_marks_that_scatter_more_than_stated_widen_the_target_until_they_no_long
 
 def test_a_larger_ratio_counts_at_once_and_is_forgotten_over_its_time():
     tissue, *_ = followed(n=20)
-    error = ModelError(tissue.model, tissue.settings)
+    error = ModelError(tissue.model, tissue.settings, ())
     marks = marks_at(19 / 30.0, np.random.default_rng(0))
     degrees = 2 * len(marks)
     error.passed(0.1)
@@ -128,13 +129,57 @@ def test_what_marks_refute_is_not_tracked_beyond_chance(n_marks, ratio):
     """
     tissue, *_ = followed(n=20)
     error, marks = tissue.model_error, marks_at(19 / 30.0, np.random.default_rng(0))[:n_marks]
-    assert error.status(Status.TRACKING) is Status.TRACKING
+    assert error.status(Status.TRACKING, tissue.target) is Status.TRACKING
     error.learn(marks, tissue.mixture, (ratio + 0.3) * 2 * n_marks)
-    assert error.status(Status.TRACKING) is Status.INITIALISING
-    assert error.status(Status.DIVERGED) is Status.DIVERGED
+    assert error.status(Status.TRACKING, tissue.target) is Status.INITIALISING
+    assert error.status(Status.DIVERGED, tissue.target) is Status.DIVERGED
     error.passed(10.0)
     error.learn(marks, tissue.mixture, (ratio - 0.3) * 2 * n_marks)
-    assert error.status(Status.TRACKING) is Status.TRACKING
+    assert error.status(Status.TRACKING, tissue.target) is Status.TRACKING
+
+
+def chain(stiffness):
+    """Three links of 0.1 m and 20 g that hang from the first node."""
+    places = np.column_stack([np.zeros(4), -0.1 * np.arange(4)])
+    links = [(NAMES[k], NAMES[k + 1]) for k in range(3)]
+    return build_network(
+        NAMES[:4], places, links, stiffness=stiffness, masses=0.02, gravity=[0.0, -9.81], damping=0.1, fixed=("n0",)
+    )
+
+
+@pytest.mark.parametrize(
+    ("network", "marked", "expected"),
+    [
+        (chain(2000.0), ("n3",), ["n1", "n2"]),
+        (chain(2000.0), ("n2",), ["n1"]),  # n3 hangs from one node
+        (chain(2000.0), ("n1", "n2", "n3"), []),
+        (replace(chain(2000.0), fixed=np.array([True, False, False, True])), ("n1",), ["n2"]),
+        (chain(200.0), ("n3",), ["n1", "n2"]),
+        (chain(40.0), ("n3",), []),  # its weight stretches it
+        (cable(), SEEN, []),
+        (cable(), ("n10",), list(NAMES[1:10])),
+        (four_mass_phantom(), ("M1", "M3", "M4"), []),
+    ],
+)
+def test_stiff_links_between_as_many_seen_nodes_as_dimensions_are_undecided(network, marked, expected):
+    """0.59 N by 2,000 N/m is 0.3 % of a link, by 200 N/m 3 %, by 40 N/m 15 %."""
+    found = undecided(network, marked)
+    assert [name for name, one in zip(network.names, found, strict=True) if one] == expected
+
+
+def test_a_target_that_is_undecided_is_not_tracked_and_may_be_anywhere():
+    """At rest the end is seen where it is, for a second: the joint between has the variance of its reach, 0.1² / 4."""
+    for target, status in (("n1", Status.INITIALISING), ("n2", Status.TRACKING)):
+        tissue = TissueFilter(chain(2000.0), target, ("n2",))
+        for k in range(30):
+            tissue.predict(k / 30.0)
+            estimate = tissue.update([MarkMeasurement("n2", np.array([0.0, -0.2]), SD_M**2 * np.eye(2))])
+        assert estimate.status is status
+        (mean,), (cov,) = tissue.predict_path(np.array([tissue.time_s]))
+        np.testing.assert_allclose(cov, estimate.cov, rtol=1e-9)
+        np.testing.assert_allclose(mean, estimate.mean, rtol=1e-9, atol=1e-12)
+        widest = np.linalg.eigvalsh(estimate.cov)[-1]
+        assert widest == pytest.approx(0.85 * 0.1**2 / 4.0, rel=0.1) if target == "n1" else widest < 4.0 * SD_M**2
 
 
 def test_a_lone_mark_that_is_not_believed_yet_leaves_the_target_anywhere():

@@ -2,12 +2,11 @@
 
 import copy
 import pickle
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
+from dynamics import HIDDEN, OUTER, build_network, four_mass_phantom, independent_uncertainty, parameters
 from estimators import (
     AssociationFilter,
     FilterSettings,
@@ -18,7 +17,6 @@ from estimators import (
     Replay,
     TissueFilter,
 )
-from tests.estimators.tissue.test_elbows import SWINGS, frames_of, links, swing
 
 WAYS = {
     "pickled": lambda one: pickle.loads(pickle.dumps(one)),
@@ -31,9 +29,17 @@ way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 
 
 def stiff_links():
-    """Two links as stiff as cables: implicit steps, and an elbow that is followed on both sides."""
-    network = links()
-    return replace(network, stiffness=100.0 * network.stiffness, rest_lengths=np.array([0.09, 0.07]))
+    """Two links as stiff as cables, which implicit steps move."""
+    return build_network(
+        ("anchor", "joint", "end"),
+        [[0.0, 0.0], [0.0, -0.09], [0.0, -0.16]],
+        [("anchor", "joint"), ("joint", "end")],
+        masses=[1.0, 0.03, 0.01],
+        stiffness=[2e5, 1e5],
+        damping=[1.0, 0.2],
+        gravity=[0.0, -9.81],
+        fixed=("anchor",),
+    )
 
 
 def uncertain_phantom() -> TissueFilter:
@@ -114,22 +120,6 @@ def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make, way):
     for k in range(CUT, N_FRAMES):
         step(first, k)
     assert_same(first, unbroken)
-
-
-@way
-def test_branches_of_an_elbow_go_along(way):
-    """While the marks leave both sides possible the copy follows both."""
-    truth = swing(*SWINGS["elbow above its rest"], 2.0)
-    tissue = TissueFilter(links(), "joint", ["end"])
-    seen = iter(frames_of(truth, 1))
-    while tissue.mixture.n_branches == 1:
-        take(tissue, *next(seen))
-    other = way(tissue)
-    for _ in range(10):
-        coming = next(seen)
-        take(tissue, *coming)
-        take(other, *coming)
-        assert_same(other, tissue)
 
 
 @way

@@ -43,7 +43,6 @@ def test_the_defaults_are_those_of_the_modules():
         {"frames_a_period": 1.0},
         {"rigid_share": 0.0},
         {"rigid_sd": 0.1},
-        {"deciding": 1},
         {"screened": 5},
         {"most_passes": 2},
         {"slack": -1e3},

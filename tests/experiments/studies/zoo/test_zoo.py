@@ -16,7 +16,7 @@ from experiments.studies.zoo.table import cells_of, faults, geometric_mean, mark
 
 
 def table(*rows):
-    return pd.DataFrame([{**asdict(Case("chain2", k)), **record(**row)} for k, row in enumerate(rows)])
+    return pd.DataFrame([{**asdict(Case("sheet", k)), **record(**row)} for k, row in enumerate(rows)])
 
 
 def record(**figures):
@@ -57,6 +57,12 @@ def test_a_cell_is_rated_by_the_better_of_its_rivals():
 )
 def test_each_bound_is_held_to(figures, fault):
     assert faults(cells_of(table(figures))[0]) == [fault]
+
+
+def test_what_may_be_anywhere_is_not_covered_too_well():
+    chain = asdict(Case("chain2", 0, size=10.0))
+    assert faults(cells_of(pd.DataFrame([chain | record(covered=0.995)]))[0]) == []
+    assert faults(cells_of(pd.DataFrame([chain | record(covered=0.89)]))[0]) == ["covered"]
 
 
 def test_wrong_constants_have_wider_bounds():
