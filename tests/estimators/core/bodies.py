@@ -6,7 +6,7 @@ from dynamics import MassSpringNetwork
 
 
 def cable(n: int, *, held: bool = True) -> MassSpringNetwork:
-    """n free nodes of 10 g along a line in space, 50 mm apart, after an anchor if it is held."""
+    """A chain of free nodes of 10 g along a line in space, 50 mm apart, after an anchor if it is held."""
     m = n + held
     pairs = np.column_stack([np.arange(m - 1), np.arange(1, m)])
     return MassSpringNetwork(

@@ -1,9 +1,11 @@
-"""The tissue as a process model: its derivatives by finite differences, its noise by draws, its parts by their rules."""
+"""The tissue as a process model: derivatives by finite differences, noise by draws, parts by their rules."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, node_forces
 
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, node_forces
 from estimators.core.disturbances import Disturbances
 from estimators.core.tissue import SOURCES, TissueProcess
 from tests.estimators.core.bodies import cable
@@ -30,7 +32,7 @@ def test_the_parts_make_up_the_state(process: TissueProcess) -> None:
     assert list(process.parts) == ["position", "velocity", "force", "discrepancy"]
     assert ends[0][0] == 0
     assert ends[-1][1] == process.n
-    assert all(a[1] == b[0] for a, b in zip(ends, ends[1:], strict=False))
+    assert all(a[1] == b[0] for a, b in pairwise(ends))
 
 
 def test_the_derivative_is_that_of_the_motion(process: TissueProcess) -> None:

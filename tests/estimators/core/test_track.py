@@ -95,15 +95,15 @@ def test_a_breath_is_covered_by_coarse_marks_too(breathing: np.ndarray, sd_mm: f
 
 
 def test_coarser_statements_never_make_it_surer(breathing: np.ndarray) -> None:
-    """The same marks, stated as they are and three, ten and thirty times as coarse: sigma rises, the truth is covered.
+    """The same marks, stated as they are, five and twenty-five times as coarse: sigma rises, the truth is covered.
 
     As a mean over frames: single ones differ by which mode they are taken for.
     """
     sigmas = []
-    for times in (1.0, 3.0, 10.0, 30.0):
-        means, covs, _ = tracked(seen(breathing, 1e-3, times * 1e-3))
+    for times in (1.0, 5.0, 25.0):
+        means, covs, _ = tracked(seen(breathing[:120], 1e-3, times * 1e-3))
         sigmas.append(float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean())))
-        covered = normalised_error_squared(means - hidden(breathing)[30:], covs) < 5.991
+        covered = normalised_error_squared(means - hidden(breathing[:120])[30:], covs) < 5.991
         assert covered.mean() > 0.9
     assert np.all(np.diff(sigmas) > 0.0)
 
