@@ -183,6 +183,7 @@ class TissueProcess:
         T, noises = np.eye(start), np.zeros((len(SOURCES), self.n, self.n))
         driven = noises[:-1, :start, :start]
         moves = self._stepper.moves(state[:start], dt, LONGEST_S)
+        last = np.eye(moving)[:, n:]
         for k, move in enumerate(moves):
             step = np.zeros((start, start))
             step[:moving] = move.by_state
@@ -190,9 +191,9 @@ class TissueProcess:
             T = step @ T
             if k:
                 driven[:] = step @ driven @ step.T
-            white = move.by_state[:, n:moving] * np.sqrt(move.step_s)
-            white[:n] *= 0.5
-            driven[0, :moving, :moving] += white @ white.T
+            first = move.by_state[:, n:moving]
+            for moved in (first, first + last, last):  # Simpson's rule over when it acts in the step
+                driven[0, :moving, :moving] += move.step_s / 6.0 * moved @ moved.T
             for source, name in enumerate(SOURCES[1:-1], start=1):
                 own = columns[name]
                 driven[source, own, own] += 1.0 - move.fading[own - moving] ** 2
