@@ -55,18 +55,17 @@ class Springs:
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Stiffness [N/m] and damping [N s/m] of both ends, (n_springs, 2, dim, 2, dim) each.
 
-        The tension of a dashpot turns with the spring; how its rate changes with the place of the nodes is left out of
-        the stiffness, which stays symmetric: c u / l, with u the difference of velocity across the spring, first order
-        in the velocity. At rest both are exact.
+        In motion the stiffness is not symmetric: the rate of a dashpot changes as the spring turns.
         """
         along, length, rate = self._shape(x, v)
-        c, dim = self.constants, x.shape[2]
+        c, dim, turning = self.constants, x.shape[2], (v[:, 1] - v[:, 0]) - rate[:, None] * along
         outer = along[:, :, None] * along[:, None, :]
         tension = spring_tension(length, rate, c)
         slope = np.broadcast_to(tension_by_length(length, rate, c), length.shape)
         damping = np.broadcast_to(tension_by_rate(length, rate, c), length.shape)
         across = np.eye(dim) - outer
         stiffness = slope[:, None, None] * outer + (tension / length)[:, None, None] * across
+        stiffness += (damping / length)[:, None, None] * along[:, :, None] * turning[:, None, :]
         pairs = ENDS[:, None] * ENDS
         return tuple(np.einsum("ab,sij->saibj", pairs, block) for block in (stiffness, damping[:, None, None] * outer))
 
