@@ -25,6 +25,11 @@ class Assembly:
     free : (n_free,) int
         Nodes that move.
     elements : sequence of ForceElement
+
+    Attributes
+    ----------
+    n, dim : int
+        Free coordinates, and coordinates of a node.
     """
 
     def __init__(self, positions: Floats, free: NDArray[np.int64], elements: Sequence[ForceElement]) -> None:

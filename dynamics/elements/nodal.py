@@ -39,7 +39,7 @@ class Weight:
         return self.weight[:, None]
 
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Zeros: weight changes with neither place nor velocity."""
+        """Zeros, (n, 1, dim, 1, dim) each: weight changes with neither place nor velocity."""
         n, dim = self.weight.shape
         none = np.zeros((n, 1, dim, 1, dim))
         return none, none
@@ -50,7 +50,10 @@ class Weight:
 
 
 class Resistance:
-    """Viscous drag and dry friction against the ground, of nodes (n, 1)."""
+    """Viscous drag and dry friction against the ground, of nodes (n, 1).
+
+    constants: drag [N s/m] and friction [N], (n,) each
+    """
 
     def __init__(self, nodes: NDArray[np.int64], constants: NodeConstants) -> None:
         self.nodes, self.constants = nodes, constants

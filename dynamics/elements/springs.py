@@ -56,7 +56,8 @@ class Springs:
         """Stiffness [N/m] and damping [N s/m] of both ends, (n_springs, 2, dim, 2, dim) each.
 
         The tension of a dashpot turns with the spring; how its rate changes with the place of the nodes is left out of
-        the stiffness, for it is of second order in the velocity.
+        the stiffness, which stays symmetric: c u / l, with u the difference of velocity across the spring, first order
+        in the velocity. At rest both are exact.
         """
         along, length, rate = self._shape(x, v)
         c, dim = self.constants, x.shape[2]

@@ -3,7 +3,7 @@
 What may enter: another process model or observation, in a file of its own that satisfies the protocols.
 """
 
-from estimators.core.discrepancy import Discrepancy
+from estimators.core.discrepancy import Discrepancy, LevelPosterior
 from estimators.core.disturbances import Disturbances
 from estimators.core.filter import HypothesisFilter
 from estimators.core.marks import Places
@@ -15,6 +15,7 @@ __all__ = [
     "Discrepancy",
     "Disturbances",
     "HypothesisFilter",
+    "LevelPosterior",
     "Observation",
     "Places",
     "ProcessModel",

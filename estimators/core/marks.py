@@ -20,6 +20,11 @@ class Places:
         One or more.
     maps : mapping of str to (dim, n)
         Place of each point by the state.
+
+    Attributes
+    ----------
+    value, cov : (m,), (m, m)
+        Places one after the other [m], and the covariance of their errors [m²].
     """
 
     def __init__(self, marks: Sequence[MarkMeasurement], maps: Mapping[str, Floats]) -> None:

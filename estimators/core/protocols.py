@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,7 +16,7 @@ class Transition:
     Attributes
     ----------
     mean : (n,)
-        The state that follows the reference.
+        The state that follows the reference, as `ProcessModel.moved`.
     matrix : (n, n)
         Derivative of the state that follows by the state before.
     noises : (n_noises, n, n)
@@ -34,7 +34,7 @@ class ProcessModel(Protocol):
     Attributes
     ----------
     parts : mapping of str to slice
-        The parts of the state by name.
+        The parts of the state by name; with a `LevelPosterior` one is named discrepancy.
     rates : (n_modes, n_modes)
         How often each mode turns into each other [1/s]; rows sum to zero.
     tolerance : (n,)
@@ -69,7 +69,7 @@ class ProcessModel(Protocol):
         """The model over dt [s], linearised about a state (n,)."""
 
     def fresh(self, dt: float) -> float:
-        """Share of the discrepancy's variance that is new after dt [s]."""
+        """Share of the discrepancy's variance that is new after dt [s]; 0 where there is none."""
 
 
 class Observation(Protocol):
@@ -78,18 +78,30 @@ class Observation(Protocol):
     Attributes
     ----------
     names : sequence of str
-        What each block of it is about, such as the node of a mark.
+        What each block of it is about, such as the node of a mark; each name once among all observations of a time.
     value : (m,)
+        In units of its own.
     cov : (m, m)
-        Of the error of the value.
+        Of the error of the value, positive definite; errors of different observations are independent.
     blocks : sequence of slice
         Rows of each name.
     """
 
-    names: tuple[str, ...]
-    value: Floats
-    cov: Floats
-    blocks: tuple[slice, ...]
+    @property
+    def names(self) -> Sequence[str]:
+        """What each block is about."""
+
+    @property
+    def value(self) -> Floats:
+        """What was observed, (m,)."""
+
+    @property
+    def cov(self) -> Floats:
+        """Covariance of its error, (m, m)."""
+
+    @property
+    def blocks(self) -> Sequence[slice]:
+        """Rows of each name."""
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted value (m,) at a state (n,), and its derivative (m, n)."""

@@ -51,6 +51,8 @@ class TissueProcess:
         Those of the marked nodes that are led all the time.
     disturbances, discrepancy
         Priors.
+    elements : sequence of ForceElement
+        Those that act besides the network's own springs, resistance and weight.
     """
 
     def __init__(
@@ -61,16 +63,17 @@ class TissueProcess:
         led: Sequence[str] = (),
         disturbances: Disturbances | None = None,
         discrepancy: Discrepancy | None = None,
+        elements: Sequence[ForceElement] = (),
     ) -> None:
         self.network, self.disturbances = network, disturbances or Disturbances()
         self.discrepancy = discrepancy or Discrepancy()
         free, dim = network.free, network.dim
         places = network.positions[free]
         self.extent_m = float(np.linalg.norm(np.ptp(network.positions, axis=0)))
-        elements: list[ForceElement] = [Springs.of_network(network), Resistance.of_network(network)]
+        acting: list[ForceElement] = [Springs.of_network(network), Resistance.of_network(network), *elements]
         if network.fixed.any():
-            elements.append(Weight.of_network(network))
-        assembly = Assembly(network.positions, free, elements)
+            acting.append(Weight.of_network(network))
+        assembly = Assembly(network.positions, free, acting)
         masses = np.repeat(network.masses[free], dim)
         apart = np.linalg.norm(places[:, None] - places, axis=2)
         nodes = [int(np.flatnonzero(free == network.index(name))[0]) for name in marked]
@@ -114,8 +117,14 @@ class TissueProcess:
         cov[n:, n:] = speed**2 * together
         return cov
 
+    def node(self, name: str) -> Floats:
+        """The map of a free node's place [m] by the state, (dim, n)."""
+        matrix = np.zeros((self.network.dim, len(self.network.free) * self.network.dim))
+        matrix[:, self.network.coordinates(name)] = np.eye(self.network.dim)
+        return self.places(matrix)
+
     def places(self, matrix: Floats) -> Floats:
-        """The map of a point by the state, (dim, n), from its map by the free coordinates, (dim, n_free dim)."""
+        """The map of a point [m] by the state, (dim, n), from its map by the free coordinates, (dim, n_free dim)."""
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
@@ -147,7 +156,10 @@ class TissueProcess:
         }
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source in each mode, (n_modes, n_sources)."""
+        """Variance of each source in each mode, (n_modes, n_sources).
+
+        Of white noise [(m/s²)²/Hz], of forces [(m/s²)²], of the discrepancy in squares of its level [1].
+        """
         d, raised = self.disturbances, self._raised
         calm, poke, led = d.short_m_s2
         rows = [
@@ -171,6 +183,7 @@ class TissueProcess:
         T, noises = np.eye(start), np.zeros((len(SOURCES), self.n, self.n))
         driven = noises[:-1, :start, :start]
         moves = self._stepper.moves(state[:start], dt, LONGEST_S)
+        last = np.eye(moving)[:, n:]
         for k, move in enumerate(moves):
             step = np.zeros((start, start))
             step[:moving] = move.by_state
@@ -178,9 +191,9 @@ class TissueProcess:
             T = step @ T
             if k:
                 driven[:] = step @ driven @ step.T
-            white = move.by_state[:, n:moving] * np.sqrt(move.step_s)
-            white[:n] *= 0.5
-            driven[0, :moving, :moving] += white @ white.T
+            first = move.by_state[:, n:moving]
+            for moved in (first, first + last, last):  # Simpson's rule over when it acts in the step
+                driven[0, :moving, :moving] += move.step_s / 6.0 * moved @ moved.T
             for source, name in enumerate(SOURCES[1:-1], start=1):
                 own = columns[name]
                 driven[source, own, own] += 1.0 - move.fading[own - moving] ** 2

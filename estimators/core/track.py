@@ -66,11 +66,7 @@ class UnifiedFilter:
             raise ValueError("marked: expected one free node or more, found none")
         self.process = TissueProcess(network, marked, led=led, disturbances=disturbances, discrepancy=discrepancy)
         self.target = target_map(network, target)
-        self._maps = {}
-        for name in (network.names[i] for i in network.free):
-            matrix = np.zeros((network.dim, network.n_state // 2))
-            matrix[:, network.coordinates(name)] = np.eye(network.dim)
-            self._maps[name] = self.process.places(matrix)
+        self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}
         self._near = _withheld_together(network, marked, self.target.point)
         self._begin()
         self.time_s: float | None = None

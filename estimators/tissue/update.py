@@ -9,12 +9,12 @@ import numpy as np
 
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
-from estimators.filters.kernels import block_contributions, inverse_nis_gain
+from estimators.filters.kernels import block_contributions, inverse_nis_gain, nis_left
 from estimators.filters.measurement import Outliers
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
-from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.estimate import CommonShift, MarkMeasurement
 from estimators.tissue.settings import FilterSettings
 
 
@@ -50,6 +50,12 @@ class Innovation:
     S_inv: Floats
     nis: float
     gain: Floats
+
+    @property
+    def shift(self) -> CommonShift:
+        """What one shift of all marks explains of it."""
+        dim = len(self.gain)
+        return CommonShift(len(self.y) // dim, *nis_left(self.y, self.S_inv, dim))
 
 
 def outliers_of(network: MassSpringNetwork, rest: Floats, settings: FilterSettings) -> Outliers | None:
