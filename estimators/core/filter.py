@@ -20,8 +20,8 @@ LEAST_SHARE = 1e-3
 """Share of a mode below which another is not mixed into it: it would only be widened by what the marks refute [1];
 choice."""
 
-LINEARISATIONS = 3
-"""Of transition and observation in a frame, at most; numerical."""
+LINEARISATIONS = 10
+"""Of a transition and of an observation in a frame, at most: a stiff, thin body that turns needs many; numerical."""
 
 CURVED = 0.1
 """Standard deviations of an observation by which it may differ from its linearisation [1]; numerical."""
@@ -122,12 +122,14 @@ class HypothesisFilter:
         self.weights, self._before, self._dt = weights, _Prior(means, covs, dt), dt
         self._move(self._before, weights @ means)
 
-    def _move(self, before: _Prior, reference: Floats) -> None:
+    def _move(self, before: _Prior, reference: Floats, error: Floats | None = None) -> None:
         found = self.process.linearize(reference, before.dt)
         T, variances = found.matrix, self.process.variances(self._level)
         self.means = found.mean + (before.means - reference) @ T.T
         covs = T @ before.covs @ T.T + np.tensordot(variances, found.noises, 1)
         self.covs = 0.5 * (covs + covs.swapaxes(1, 2))
+        if error is not None:
+            self.covs = self.covs + np.outer(error, error)
         self._transition, self._reference = found, reference
 
     @property
@@ -150,8 +152,10 @@ class HypothesisFilter:
 
     def update(self, observations: Sequence[Observation]) -> float:
         """Take in all that was observed at this time; the least normalised innovation squared of any hypothesis."""
+        off = np.inf
         for _ in range(LINEARISATIONS - 1):
-            if not self._relinearised(self.innovations(observations)):
+            off = self._relinearised(self.innovations(observations), off)
+            if off <= 1.0:
                 break
         points = None
         for _ in range(LINEARISATIONS):
@@ -179,11 +183,15 @@ class HypothesisFilter:
         self._before = None
         return float(nis.min())
 
-    def _relinearised(self, found: Innovations) -> bool:
-        """Whether the transition was linearised again, about the smoothed mean of the hypotheses."""
+    def _relinearised(self, found: Innovations, previous: float) -> float:
+        """Error of the linearised transition at the smoothed mean of the hypotheses, by the tolerance.
+
+        Where it is more than 1 the transition is linearised again there, and half-way there where the error is more
+        than the previous one: a damped Gauss-Newton step. The error itself counts as process noise.
+        """
         before, transition = self._before, self._transition
         if before is None or transition is None or not np.isfinite(self.process.tolerance).any():
-            return False
+            return 0.0
         solved = np.linalg.solve(found.S, found.y[..., None])[..., 0]
         logs = np.log(self.weights + 1e-300) - 0.5 * np.einsum("km,km->k", found.y, solved)
         logs -= 0.5 * np.linalg.slogdet(found.S)[1]
@@ -193,10 +201,11 @@ class HypothesisFilter:
         smoothed = weights @ (before.means + np.einsum("kij,kj->ki", before.covs, back))
         linear = transition.mean + transition.matrix @ (smoothed - self._reference)
         moved = self.process.moved(smoothed, before.dt)
-        if not np.isfinite(moved).all() or np.all(np.abs(moved - linear) <= self.process.tolerance):
-            return False
-        self._move(before, smoothed)
-        return True
+        off = float((np.abs(moved - linear) / self.process.tolerance).max())
+        if not np.isfinite(moved).all() or off <= 1.0:
+            return 0.0
+        self._move(before, smoothed if off <= previous else 0.5 * (self._reference + smoothed), moved - linear)
+        return off
 
     def _is_linear(
         self, observations: Sequence[Observation], found: Innovations, means: Floats, points: Floats | None

@@ -31,10 +31,23 @@ class Places:
         dim = len(marks[0].position)
         self.names = tuple(mark.node for mark in marks)
         self.value = np.concatenate([mark.position for mark in marks])
-        self.cov: Floats = block_diag(*(mark.total_cov for mark in marks))
+        self.cov: Floats = block_diag(*(mark.cov for mark in marks)) + _of_shared(marks)
         self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
         self._rows = np.vstack([maps[mark.node] for mark in marks])
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted places (m,) at a state (n,), and their derivative (m, n)."""
         return self._rows @ state, self._rows
+
+
+def _of_shared(marks: Sequence[MarkMeasurement]) -> Floats:
+    """Covariance of what the errors that all marks share move them by, (m, m); marks without move by none."""
+    n = max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
+    moved = []
+    for mark in marks:
+        rows = np.zeros((len(mark.position), n)) if mark.shared is None else mark.shared
+        if rows.shape[1] != n:
+            raise ValueError(f"mark {mark.node} shared: expected {n} directions, found {rows.shape[1]}")
+        moved.append(rows)
+    columns = np.vstack(moved)
+    return np.asarray(columns @ columns.T)

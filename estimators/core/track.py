@@ -62,6 +62,8 @@ class UnifiedFilter:
         disturbances: Disturbances | None = None,
         discrepancy: Discrepancy | None = None,
     ) -> None:
+        if not marked:
+            raise ValueError("marked: expected one free node or more, found none")
         self.process = TissueProcess(network, marked, led=led, disturbances=disturbances, discrepancy=discrepancy)
         self.target = target_map(network, target)
         self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}

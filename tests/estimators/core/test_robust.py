@@ -1,0 +1,137 @@
+"""The unified filter under frames and bodies that are out of the ordinary."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN
+from estimators import MarkMeasurement
+from estimators.core import Places, UnifiedFilter
+from estimators.tissue.estimate import Status
+from experiments.simulation.bodies.zoo import make_body
+
+SD_M = 5e-4
+HZ = 1 / 30
+
+
+def at_rest(network, times_s, sd_m=SD_M, seed=1, names=None):
+    """Frames of marks about the drawn places, by independent errors of this standard deviation."""
+    rng = np.random.default_rng(seed)
+    names = [network.names[i] for i in network.free] if names is None else names
+    return [
+        (
+            t,
+            [
+                MarkMeasurement(
+                    name,
+                    network.positions[network.index(name)] + sd_m * rng.normal(size=network.dim),
+                    sd_m**2 * np.eye(network.dim),
+                )
+                for name in names
+            ],
+        )
+        for t in times_s
+    ]
+
+
+def outer_of(phantom):
+    """The phantom's free nodes but the hidden one."""
+    return [phantom.names[i] for i in phantom.free if phantom.names[i] != HIDDEN]
+
+
+def estimates(network, target, marked, frames):
+    """What the filter states of frames; covariances of its state are symmetric and positive to rounding."""
+    unified = UnifiedFilter(network, target, marked)
+    found = [one for [one] in unified.run(frames)]
+    covs = unified.filter.covs
+    assert np.array_equal(covs, covs.swapaxes(1, 2))
+    values = np.linalg.eigvalsh(covs)
+    assert (values[:, 0] > -1e-12 * values[:, -1]).all()
+    for one in found:
+        assert np.isfinite(one.mean).all()
+        assert (np.linalg.eigvalsh(one.cov) > 0.0).all()
+    return found
+
+
+TIMES = {
+    "gap 0.2 s": (np.r_[0.0:1.0:HZ, 1.2:2.2:HZ], 1),
+    "gap 2 s": (np.r_[0.0:1.0:HZ, 3.0:4.0:HZ], 1),
+    "gap 10 s": (np.r_[0.0:1.0:HZ, 11.0:12.0:HZ], 1),
+    "5 a second": (np.arange(0.0, 5.0, 0.2), 1),
+    "240 a second": (np.arange(0.0, 0.8, 1 / 240), 1),
+    "equal times": (np.repeat(np.arange(0.0, 1.0, HZ), 2), 1),
+    "since an epoch": (1e9 + np.arange(0.0, 1.0, HZ), 1),
+    "marks of 1 um": (np.arange(0.0, 1.0, HZ), 1e-6 / SD_M),
+    "marks of 1 m": (np.arange(0.0, 1.0, HZ), 1.0 / SD_M),
+}
+
+
+@pytest.mark.parametrize("case", TIMES)
+def test_a_body_at_rest_is_found_within_its_covariance_whatever_the_frames(phantom, case):
+    times_s, share = TIMES[case]
+    found = estimates(phantom, HIDDEN, outer_of(phantom), at_rest(phantom, times_s, sd_m=share * SD_M))
+    error = np.array([one.mean for one in found]) - phantom.positions[phantom.index(HIDDEN)]
+    squared = [e @ np.linalg.solve(one.cov, e) for e, one in zip(error, found, strict=True)]
+    assert max(squared) < 25.0  # five standard deviations
+    assert found[-1].status == Status.TRACKING
+
+
+@pytest.mark.parametrize("size", [0.01, 100.0])
+def test_a_body_of_another_size_under_the_same_gravity_is_found_as_exactly_by_its_size(phantom, size):
+    small = replace(
+        phantom,
+        positions=size * phantom.positions,
+        rest_lengths=size * phantom.rest_lengths,
+        masses=size**3 * phantom.masses,
+        stiffness=size**2 * phantom.stiffness,
+        damping=size**2.5 * phantom.damping,
+        drag=size**2.5 * phantom.drag,
+    )
+    frames = at_rest(small, np.arange(0.0, 1.0, HZ), sd_m=size * SD_M, names=outer_of(phantom))
+    last = estimates(small, HIDDEN, outer_of(phantom), frames)[-1]
+    error = last.mean - small.positions[small.index(HIDDEN)]
+    assert last.status == Status.TRACKING
+    assert error @ np.linalg.solve(last.cov, error) < 25.0
+    assert np.sqrt(np.trace(last.cov)) < 0.1 * size  # the phantom is 0.4 m high
+
+
+def test_a_single_mark_far_away_is_rejected(phantom):
+    frames = at_rest(phantom, np.arange(0.0, 1.5, HZ), names=outer_of(phantom))
+    first, *others = frames[-1][1]
+    frames[-1] = frames[-1][0], [replace(first, position=first.position + 0.5), *others]
+    assert estimates(phantom, HIDDEN, outer_of(phantom), frames)[-1].marks_used == len(others)
+
+
+def test_a_filter_without_marked_nodes_says_so(phantom):
+    with pytest.raises(ValueError, match="marked: expected one free node or more, found none"):
+        UnifiedFilter(phantom, HIDDEN, [])
+
+
+def test_errors_that_marks_share_are_correlated():
+    """Truth: covariance of z_i = own_i + s, all own_i and s independent, is sd_own² 1 + sd_s² on every pair."""
+    own, shared = 1e-4, 3e-3
+    marks = [MarkMeasurement(name, np.zeros(2), own**2 * np.eye(2), shared * np.eye(2)) for name in "ab"]
+    marks.append(MarkMeasurement("c", np.zeros(2), own**2 * np.eye(2)))
+    cov = Places(marks, {name: np.eye(2) for name in "abc"}).cov
+    pairs = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
+    assert cov == pytest.approx(own**2 * np.eye(6) + shared**2 * np.kron(pairs, np.eye(2)))
+    with pytest.raises(ValueError, match="mark b shared: expected 2 directions, found 1"):
+        Places([marks[0], replace(marks[1], shared=np.ones((2, 1)))], {name: np.eye(2) for name in "ab"})
+
+
+def test_a_stiff_cable_that_swings_fast_does_not_run_away():
+    """A few undamped linearisations leave springs at lengths that they cannot have, and the filter loses the cable."""
+    body = make_body("cable-fast", 700)
+    network, rng = body.network, np.random.default_rng(1)
+    unified = UnifiedFilter(network, body.hidden[0], body.marked, led=body.led)
+    errors = []
+    for t, places in zip(body.times_s[:34], body.positions, strict=False):
+        unified.predict(float(t))
+        marks = [(name, places[network.index(name)]) for name in body.marked]
+        cov = body.mark_sd_m**2 * np.eye(3)
+        found = unified.update(
+            [MarkMeasurement(name, at + body.mark_sd_m * rng.normal(size=3), cov) for name, at in marks]
+        )
+        errors.append(np.linalg.norm(found.mean - places[network.index(body.hidden[0])]))
+    assert np.mean(errors[-8:]) < 0.05 * body.size_m
