@@ -83,7 +83,6 @@ class TissueFilter:
         self._before_s = self._refuted_s = -np.inf
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
-        self._seen: dict[str, tuple[float, Floats]] = {}
         self._marked, self.target = tuple(marked), target_map(network, target, self.model.offset_rows)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
@@ -119,7 +118,6 @@ class TissueFilter:
             mixture_state(self.mixture),
             self.health,
             self._seen_s.copy(),
-            self._seen.copy(),
             self._outlying.copy(),
             self.rejected.copy(),
             self._updated_s,
@@ -135,7 +133,7 @@ class TissueFilter:
         """Set the state back to a snapshot."""
         restore_mixture(self.mixture, then.mixture)
         self.time_s, self.health = then.time_s, then.health
-        self._seen_s, self._seen, self._outlying = then.seen_s.copy(), then.seen.copy(), then.outlying.copy()
+        self._seen_s, self._outlying = then.seen_s.copy(), then.outlying.copy()
         self.rejected, self._before_s = then.rejected.copy(), then.before_s
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop_cov
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
@@ -270,7 +268,6 @@ class TissueFilter:
         if now.status is Status.DIVERGED and not now.innovations:
             self._refuted(self.time_s, accepted, stacked)
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
-        self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         self.model_error.learn(accepted, self.mixture, found.nis)
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
         return self._estimate(self.time_s, len(accepted), found.nis, shares)
@@ -310,7 +307,7 @@ class TissueFilter:
         """Start from the first marks, or again from those after a loss."""
         self.repairs["restarted"] += int(self.health.since_s is not None)
         restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked)
-        self._seen_s, self._seen = dict.fromkeys(self._marked, time_s), {m.node: (time_s, m.position) for m in marks}
+        self._seen_s = dict.fromkeys(self._marked, time_s)
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
     def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
@@ -318,8 +315,8 @@ class TissueFilter:
         again = time_s - self._refuted_s <= self.settings.lost_s
         linear, self._refuted_s = self.mixture.move.linear is not None, time_s
         self.repairs["restarted" if again or linear else "inflated"] += 1
-        own, then = (self.mixture, self.model, self.settings), (time_s, self._seen) if linear else None
-        after_divergence(own, marks, stacked, earlier=then, again=again, start_cov=self._start_cov)
+        own = self.mixture, self.model, self.settings
+        after_divergence(own, marks, stacked, linear=linear, again=again, start_cov=self._start_cov)
 
     def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
         """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""

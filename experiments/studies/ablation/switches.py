@@ -118,11 +118,6 @@ def _by_mixture(mixture: Any, place: slice, shared: Any, _settings: Any) -> Any:
     return mixture.x[place].copy(), mixture.P[place, place] - columns @ columns.T + own @ own.T
 
 
-def _unknown_speeds(marks: Any, *_: Any) -> Any:
-    n = sum(len(mark.position) for mark in marks)
-    return np.zeros(n), np.full(n, np.inf)
-
-
 def _all_accepted(marks: Any, *_: Any, **__: Any) -> Gated:
     return Gated(list(marks), (), {}, 0.0)
 
@@ -134,7 +129,6 @@ OFF: Mapping[str, Changes] = {
     "restart inflation": _settings(inflation=1.0),
     "its square": {"tissue.start.restart_from_marks": _less("inflation")},
     "restarts": _value("tissue.filter.after_divergence", lambda *_, **__: None),
-    "speeds at restarts": _value("tissue.start.mark_speeds", _unknown_speeds),
     "reach of a start": _value("tissue.start.within_reach", lambda cov, _network: 0.5 * (cov + cov.T)),
     "reach of the target": _value("process.target.TargetMap.within_reach", lambda _self, covs: covs),
     "Shown.inflation": {

@@ -31,7 +31,6 @@ ACTS_ON = {
     "model_only": ("poked, gaps", 4.9),
     "LeaveOneOut.scale": ("wrong springs", 3.0),
     "reach of the target": ("chain2", 1.0),
-    "speeds at restarts": ("chain2", 2.0),
     "softened links": ("chain2", 0.5),
     "evened_each": ("chain2", 0.5),
     "memory by swings": ("cable-fast", 0.5),
