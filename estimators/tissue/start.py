@@ -84,7 +84,6 @@ def restart_from_marks(
     marks: Sequence[MarkMeasurement],
     *,
     stacked: StackedMarks,
-    inflation: float = 1.0,
     unseen_s: float | None = None,
 ) -> None:
     """Set every mode to the tissue at rest with its marked nodes fixed where they are seen.
@@ -93,7 +92,6 @@ def restart_from_marks(
     go along straight lines where the tissue turns. The shape in which it rests with the marked nodes fixed at z is a
     nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
     of the marks, and so are its covariance (Joseph's form) and columns.
-    inflation: factor on the covariance of the start
     unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
     """
     network, places = model.network, {mark.node: mark.position for mark in marks}
@@ -105,7 +103,7 @@ def restart_from_marks(
         return
     own = settings if unseen_s is None else replace(settings, lost_s=unseen_s)
     slow = mixture.x[model.slow], mixture.P[model.slow, model.slow]
-    held = _held(model, own, shape, stacked=stacked, inflation=inflation, slow=slow)
+    held = _held(model, own, shape, stacked=stacked, slow=slow)
     mixture.restart(*held)
 
 
@@ -115,7 +113,6 @@ def _held(
     shape: Floats,
     *,
     stacked: StackedMarks,
-    inflation: float,
     slow: tuple[Floats, Floats],
 ) -> tuple[Floats, Floats, Floats]:
     """Mean, covariance and columns of the tissue at rest in a shape in which marks hold it."""
@@ -128,7 +125,7 @@ def _held(
     G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
     keep = np.eye(model.dim_x)
     keep[:, rows] -= G
-    P = within_reach(inflation * keep @ cov @ keep.T + G @ stacked.R @ G.T, network)
+    P = within_reach(keep @ cov @ keep.T + G @ stacked.R @ G.T, network)
     P[model.slow, model.slow] = slow[1]
     columns = model.resting_columns(shape, rows)
     if stacked.shared is not None:
@@ -156,7 +153,7 @@ def after_divergence(
         unseen_s = settings.confirm_s  # it was seen a frame ago
         restart_from_marks(mixture, model, settings, marks, stacked=stacked, unseen_s=unseen_s)
     elif again:
-        restart_from_marks(mixture, model, settings, marks, stacked=stacked, inflation=settings.inflation**2)
+        restart_from_marks(mixture, model, settings, marks, stacked=stacked)
     else:
         inflate(mixture, settings.inflation * start_cov, stacked)
 

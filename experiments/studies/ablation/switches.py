@@ -127,7 +127,6 @@ SETTINGS, ERROR = "tissue.settings.FilterSettings", "tissue.model_error.ModelErr
 OFF: Mapping[str, Changes] = {
     WHOLE: {},
     "restart inflation": _settings(inflation=1.0),
-    "its square": {"tissue.start.restart_from_marks": _less("inflation")},
     "restarts": _value("tissue.filter.after_divergence", lambda *_, **__: None),
     "reach of a start": _value("tissue.start.within_reach", lambda cov, _network: 0.5 * (cov + cov.T)),
     "reach of the target": _value("process.target.TargetMap.within_reach", lambda _self, covs: covs),

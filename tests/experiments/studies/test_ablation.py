@@ -16,7 +16,6 @@ from experiments.studies.ablation.table import FIGURES, rows_of
 
 ACTS_ON = {
     "restart inflation": ("poked, tenth", 4.0),
-    "its square": ("poked, tenth", 4.0),
     "restarts": ("poked, tenth", 4.0),
     "MANY_BLOWS": ("poked, tenth", 4.0),
     "gate_marks": ("poked, outliers", 4.0),
