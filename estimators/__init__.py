@@ -78,6 +78,7 @@ from estimators.guidance import (
     Breathing,
     BreathingSettings,
     Doubt,
+    DoubtSettings,
     Guidance,
     Hit,
     Insertion,
@@ -142,6 +143,7 @@ from estimators.process import (
 )
 from estimators.smoothing import FixedLag, Replay, fixed_interval
 from estimators.tissue import (
+    CommonShift,
     FastPredictionTables,
     FilterSettings,
     GaussianMixture,
@@ -172,9 +174,11 @@ __all__ = [
     "BreathingSettings",
     "Budget",
     "CameraMove",
+    "CommonShift",
     "ConstantGroup",
     "CovarianceError",
     "Doubt",
+    "DoubtSettings",
     "EnsembleKalmanFilter",
     "ErrorSource",
     "ExtendedKalmanFilter",

@@ -17,6 +17,7 @@ from estimators.baselines.extended import ExtendedKalmanFilter
 from estimators.baselines.particles import ParticleFilter
 from estimators.baselines.smoother import FixedIntervalSmoother
 from estimators.baselines.stock import StockUnscented
+from estimators.core.track import UnifiedFilter
 from estimators.process.target import TargetPoint
 from estimators.smoothing.smoother import TimedFix
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
@@ -74,6 +75,9 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
     "filterpy-ukf": lambda problem: StockUnscented(*problem.physics),
     "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng),
     "particles": lambda problem: ParticleFilter(*problem.physics, rng=problem.rng),
+    "unified": lambda problem: UnifiedFilter(
+        problem.network, problem.target, problem.marked, led=problem.settings.led_nodes
+    ),
     "smoother": lambda problem: FixedIntervalSmoother(
         *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration, fixes=problem.fixes
     ),

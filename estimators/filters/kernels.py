@@ -348,6 +348,28 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
+    """The NIS that is left by the best shift of all blocks of `width` measurements alike, and by that of one block.
+
+    y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each block
+    that is shifted, the best shift takes away w'H (H' S^-1 H)^-1 H'w: generalised least squares. That of one block is
+    to leave it out; of all blocks that is taken which leaves the least.
+    """
+    w, n = np.dot(S_inv, y), len(y) // width
+    together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
+    for i in range(n):
+        own = np.ascontiguousarray(w[i * width : (i + 1) * width])
+        for j in range(n):
+            block = np.ascontiguousarray(S_inv[i * width : (i + 1) * width, j * width : (j + 1) * width])
+            information += block
+            if i == j:
+                most = max(most, np.dot(own, np.linalg.solve(block, own)))
+        together += own
+    nis = np.dot(y, w)
+    return nis - np.dot(together, np.linalg.solve(information, together)), nis - most
+
+
+@njit(cache=True, nogil=True)
 def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
     """What it costs, as -log of a Gaussian density less its constant, that mark j is the one expected at i: (n, m).
 

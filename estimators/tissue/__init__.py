@@ -3,7 +3,7 @@
 What may enter: what composes a generic filter with a network and its marks.
 """
 
-from estimators.tissue.estimate import GaussianMixture, MarkMeasurement, Status, TargetEstimate
+from estimators.tissue.estimate import CommonShift, GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.fast_prediction import FastPredictionTables, fast_prediction_tables, predict_fast
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.health import Health, after_frame
@@ -11,6 +11,7 @@ from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot
 
 __all__ = [
+    "CommonShift",
     "FastPredictionTables",
     "FilterSettings",
     "GaussianMixture",

@@ -92,6 +92,19 @@ def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple
     raise ValueError(f"{what} cov: expected a symmetric positive definite matrix, found {spread.tolist()}")
 
 
+@dataclass(frozen=True, slots=True)
+class CommonShift:
+    """What one shift of all marks of a frame explains of their innovations, of those that the gate rejected, too.
+
+    n_marks: how many there are; nis: normalised innovation squared that is left by the best such shift
+    nis_of_one: what is left by the best shift of any one of them, which is to leave it out
+    """
+
+    n_marks: int
+    nis: float
+    nis_of_one: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetEstimate:
     """Gaussian belief about the target at one exposure time.
@@ -107,6 +120,7 @@ class TargetEstimate:
     gain: part of the open loop's variance of the target that the filter takes away, at most 1; below 0 where the
         filter, which allows for pokes and wrong constants, is the more uncertain of the two
     information_share: by node, how much larger the target's variance would be had that mark been left out of this frame
+    shift: what one shift of all marks of this frame explains, None without marks and of those that a start is made by
     """
 
     time_s: float
@@ -119,6 +133,7 @@ class TargetEstimate:
     model_only: bool = False
     gain: float | None = None
     information_share: Mapping[str, float] = field(default_factory=dict)
+    shift: CommonShift | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

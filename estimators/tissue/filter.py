@@ -39,7 +39,6 @@ from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, 
 from estimators.tissue.start import after_divergence, forget, restart_from_marks, restart_from_shape
 from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
 
-Shares: TypeAlias = dict[str, float] | None
 Place: TypeAlias = tuple[Floats, Floats] | None
 
 
@@ -246,13 +245,16 @@ class TissueFilter:
         scale = self.marks_scale.scale
         marks = marks if scale == 1.0 else [replace(mark, cov=scale * mark.cov) for mark in marks]
         starting = self.health.since_s is None or self.health.status is Status.LOST
+        shift = None
+        if marks and not starting:
+            shift = innovation(self.mixture, stack_marks(marks, self._places, self.model), self.target).shift
         gated = self._gated(self.time_s, marks, starting=starting)
         accepted, self.log_likelihood = gated.accepted, gated.log_likelihood
         covs = {mark.node: mark.total_cov for mark in accepted if mark.node in self._driven}
         self.open_loop.take(min(dt, self._forget_s), covs)
         if not accepted:
             self.health = after_frame(self.health, self.time_s, None, 0, self.settings)
-            return self._estimate(self.time_s, 0, None)
+            return replace(self._estimate(self.time_s, 0, None), shift=shift)
         stacked = stack_marks(accepted, self._places, self.model)
         found = innovation(self.mixture, stacked, self.target)
         if starting:
@@ -270,7 +272,8 @@ class TissueFilter:
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
         self.model_error.learn(accepted, self.mixture, found.nis)
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
-        return self._estimate(self.time_s, len(accepted), found.nis, shares)
+        estimate = self._estimate(self.time_s, len(accepted), found.nis)
+        return replace(estimate, information_share=shares, shift=shift)
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -322,9 +325,7 @@ class TissueFilter:
         """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""
         return reported_place(self.mixture, point, self.model_error)
 
-    def _estimate(
-        self, time_s: float, marks_used: int, nis: float | None, shares: Shares = None, place: Place = None
-    ) -> TargetEstimate:
+    def _estimate(self, time_s: float, marks_used: int, nis: float | None, place: Place = None) -> TargetEstimate:
         mean, cov = place or self.place_of(self.target)
         tissue_m2, open_loop_m2 = self.target.tissue_m2(cov, self.mixture.P), float(np.trace(self.open_loop.target_cov))
         unseen_s = np.inf if self.seen_s is None else time_s - self.seen_s
@@ -338,5 +339,4 @@ class TissueFilter:
             poked=self.settings.poked_share(self.mixture.mu),
             model_only=unseen_s > self.settings.lost_s or tissue_m2 > self._model_only_m2,
             gain=None if open_loop_m2 <= 0.0 else 1.0 - tissue_m2 / open_loop_m2,
-            information_share={} if shares is None else shares,
         )

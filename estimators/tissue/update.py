@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.kernels import block_contributions, inverse_nis_gain
+from estimators.filters.kernels import block_contributions, inverse_nis_gain, nis_left
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
-from estimators.tissue.estimate import MarkMeasurement
+from estimators.tissue.estimate import CommonShift, MarkMeasurement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +47,12 @@ class Innovation:
     S_inv: Floats
     nis: float
     gain: Floats
+
+    @property
+    def shift(self) -> CommonShift:
+        """What one shift of all marks explains of it."""
+        dim = len(self.gain)
+        return CommonShift(len(self.y) // dim, *nis_left(self.y, self.S_inv, dim))
 
 
 def check_marks(marks: Sequence[MarkMeasurement], coordinates: Mapping[str, slice], model: TissueModel) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from estimators import Doubt, MarkMeasurement, TargetEstimate, TissueFilter
+from estimators import Doubt, DoubtSettings, MarkMeasurement, TargetEstimate, TissueFilter
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 
@@ -25,7 +25,8 @@ class IntegrityMonitor:
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        self.doubt = Doubt()
+        # a hand that leads a body moves all marks together
+        self.doubt = Doubt(DoubtSettings() if tissue.settings.led is None else DoubtSettings(together=0.0))
         self._balance = balance_of(scene, tissue)
         self.tested_s: float | None = None
 

@@ -1,7 +1,7 @@
 """Coverage of the target by how coarse the marks are, with constants and noise stated as they are.
 
     python -m experiments.studies.honesty --out FOLDER
-    python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
+    python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3 --method unified
 
 Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm an axis at 30 frames/s, stated as it is, ten times as coarse
 and three times as fine; nothing moves the body, or a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or both.
@@ -18,11 +18,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from estimators import METHODS
 from experiments.engine.progress import run_bar
 from experiments.engine.study import run_study
 from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
+from experiments.pipeline.line import FILTER
 from experiments.studies.faults.wrong_worlds.bodies import BODIES
 from experiments.studies.honesty.run import PUSHES, run
 
@@ -30,7 +32,7 @@ SD_M = (0.3e-3, 1e-3, 4.14e-3, 10e-3, 30e-3)
 STATED = (1.0, 10.0, 1.0 / 3.0)
 """The marks' standard deviation as stated, by the true one."""
 
-CELL = ["body", "pushes", "sd_m", "stated"]
+CELL = ["method", "body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
@@ -57,6 +59,9 @@ def main(arguments: Iterable[str] | None = None) -> int:
         prog="python -m experiments.studies.honesty", description=(__doc__ or "").split("\n", maxsplit=1)[0]
     )
     parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on")
+    parser.add_argument(
+        "--method", default=FILTER, choices=[FILTER, *METHODS], help="%(default)s, or one to compare with"
+    )
     parser.add_argument("--bodies", action="append", default=[], choices=list(BODIES), help="again for more")
     parser.add_argument("--pushes", action="append", default=[], choices=list(PUSHES), help="again for more")
     parser.add_argument("--seeds", type=int, default=20, help="runs of each cell: %(default)s")
@@ -65,7 +70,8 @@ def main(arguments: Iterable[str] | None = None) -> int:
     add_worker_options(parser)
     given = parser.parse_args(None if arguments is None else list(arguments))
     cases = [
-        {"body": body, "pushes": pushes, "seed": seed, "sd_m": sd_m, "stated": stated, "duration_s": given.seconds}
+        {"method": given.method, "body": body, "pushes": pushes, "seed": seed, "sd_m": sd_m, "stated": stated}
+        | {"duration_s": given.seconds}
         for seed in range(given.first_seed, given.first_seed + given.seeds)
         for body in given.bodies or BODIES
         for pushes in given.pushes or PUSHES

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from estimators import MarkMeasurement, Status, normalised_error_squared
+from estimators import (
+    MarkMeasurement,
+    Status,
+    TargetEstimate,
+    TrackingProblem,
+    make_method,
+    normalised_error_squared,
+)
 from experiments.arrays import Floats
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.studies.faults.judge import is_wrong
 from experiments.studies.faults.world import INTERVAL_S, Motion
 from experiments.studies.faults.wrong_worlds.bodies import scene_of_body
 from experiments.studies.faults.wrong_worlds.run import REGION
 from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of
+
+Marks = Sequence[MarkMeasurement]
 
 PUSHES = {
     "nothing": Pushes(0.0, 0.0),
@@ -41,6 +51,8 @@ def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """A body and what moves it, by a seed; noise of the marks true and as stated (`sd_m`, `stated`), as a row.
 
+    method: `FILTER` or one of `METHODS`
+
     frames, lost: counted, and those without a status that may guide; covered, wrong: of the others, those in the region
     of 95 %, and those on a wrong estimate; nees: mean of normalised squared errors by the dimension
     error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
@@ -50,25 +62,37 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     scene = scene_of_body(case["body"])
     scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
     network, dim = scene.network, scene.network.dim
-    line, rng = Line(scene, baseline=False), np.random.default_rng([case["seed"], 7])
+    rng = np.random.default_rng([case["seed"], 7])
     at, cov = network.index(scene.target.node), (case["sd_m"] * case["stated"]) ** 2 * np.eye(dim)
-    errors, covs, wrong, n, lost = [], [], 0, 0, 0
+    truth, frames = [], []
     for time_s in np.arange(0.0, duration_s, dt):
         places = motion.at(float(time_s))
         seen = places[[network.index(node) for node in scene.measured_nodes]]
         seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
         marks = [MarkMeasurement(node, z, cov) for node, z in zip(scene.measured_nodes, seen, strict=True)]
-        estimate = line.take(float(time_s), marks).estimates[FILTER]
-        if time_s < AFTER_S:
+        truth.append(places[at])
+        frames.append((float(time_s), marks))
+    errors, covs, wrong, n, lost = [], [], 0, 0, 0
+    for place, estimate in zip(truth, _estimates(scene, case["method"], frames), strict=True):
+        if estimate.time_s < AFTER_S:
             continue
         n += 1
         if estimate.status not in (Status.TRACKING, Status.COASTING):
             lost += 1
             continue
-        errors.append(places[at] - estimate.mean)
+        assert estimate.cov is not None
+        errors.append(place - estimate.mean)
         covs.append(estimate.cov)
-        wrong += is_wrong(estimate.mean, estimate.cov, places[at])
+        wrong += is_wrong(estimate.mean, estimate.cov, place)
     return {"frames": n, "lost": lost, "wrong": wrong, **_figures(np.array(errors), np.array(covs))}
+
+
+def _estimates(scene: Scene, method: str, frames: Sequence[tuple[float, Marks]]) -> Iterator[TargetEstimate]:
+    if method == FILTER:
+        line = Line(scene, baseline=False)
+        return (line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames)
+    problem = TrackingProblem(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
+    return (estimate for block in make_method(method, problem).run(frames) for estimate in block)
 
 
 def _figures(errors: Floats, covs: Floats) -> dict[str, float]:

@@ -1,10 +1,13 @@
 """Doubt is raised by what contradicts the model, by nothing else, and stays until somebody looked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimators import Balance, Doubt, Status, TargetEstimate
+from estimators import Balance, CommonShift, Doubt, Status, TargetEstimate
+from estimators.filters.kernels import nis_left
 
 ALL = ("M1", "M2", "M3")
 
@@ -63,3 +66,34 @@ def test_a_force_that_goes_on_and_that_nothing_explains_is_kept_in_mind():
     doubt.update(seen(0.1), Balance(("M1", "M2"), np.array([[0.0], [6.0]]), np.eye(2)))
     doubt.update(seen(0.2))
     assert (doubt.reason or "").startswith("a force on M2 goes on")
+
+
+@pytest.mark.parametrize(
+    ("moved_mm", "doubted"),
+    [
+        ({}, False),
+        (dict.fromkeys(range(4), (6.0, 8.0)), True),
+        (dict.fromkeys(range(4), (1.5, 2.0)), False),
+        ({0: (60.0, 80.0)}, False),
+        ({0: (6.0, 8.0), 1: (-6.0, 8.0)}, False),
+        ({0: (60.0, 80.0), 1: (60.0, 80.0), 2: (60.0, 80.0)}, False),
+    ],
+)
+def test_a_shift_of_all_marks_is_kept_in_mind_and_no_other_innovation(moved_mm, doubted):
+    """Four marks in the plane, each to 1 mm, correlated by 0.5 with each other, as of one body."""
+    S = np.kron(0.5 * np.eye(4) + 0.5, np.eye(2))
+    for seed in range(20):
+        y = np.linalg.cholesky(S) @ np.random.default_rng(seed).normal(size=8)
+        for k, by in moved_mm.items():
+            y[2 * k : 2 * k + 2] += by
+        shift = CommonShift(4, *nis_left(y, np.linalg.inv(S), 2))
+        reason = after(replace(seen(0.0), shift=shift), seen(0.1))
+        assert (reason is not None) == doubted
+        if reason is not None:
+            assert reason.startswith("all marks moved together")
+
+
+@pytest.mark.parametrize("status", Status)
+def test_marks_of_a_start_may_all_move_together(status):
+    reason = after(replace(seen(0.0, status=status), shift=CommonShift(3, 4.0, 100.0)))
+    assert (reason is None) == (status is Status.INITIALISING)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from dynamics import OUTER, four_mass_phantom, parameters, rest_shape, scale_parameters
-from estimators import ConstantGroup, IdentificationResult, ResidualTest
+from estimators import METHODS, ConstantGroup, IdentificationResult, ResidualTest
 from estimators.identification.constants import PRIOR_SD
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
@@ -238,7 +238,7 @@ def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path,
     assert softaim("compare", recording, "--scene", calibrated[1], "--out", out) == 0
     assert "particles" in capsys.readouterr().out
     figures = json.loads((out / "summary.json").read_text())
-    assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "smoother"]
+    assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "unified", "smoother"]
     usual = summary(track(read_recording(recording, calibrated[1])))
     assert figures["filter"]["mae_mm"] == usual["filter"]["mae_mm"]
     assert all(
@@ -255,10 +255,8 @@ def test_compare_with_some_methods_and_with_one_that_there_is_not(cache, tmp_pat
     capsys.readouterr()
     assert softaim("compare", recording, "--methods", "ekf,oracle", "--out", tmp_path / "none") == 2
     message = capsys.readouterr().err
-    assert (
-        '--methods: expected some of open-loop, filter, ekf, filterpy-ukf, enkf, particles, smoother, found "oracle"'
-        in message
-    )
+    names = ", ".join(["open-loop", "filter", *METHODS])
+    assert f'--methods: expected some of {names}, found "oracle"' in message
     assert len(message.splitlines()) == 1
     assert not (tmp_path / "none").exists()
 

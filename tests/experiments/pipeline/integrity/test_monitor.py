@@ -4,13 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from dynamics import rest_shape
-from estimators import MarkMeasurement, Status, TargetEstimate
+from dynamics import node_forces, rest_shape
+from estimators import CommonShift, MarkMeasurement, Status, TargetEstimate
 from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.monitor import UNTESTED, IntegrityMonitor
 from experiments.pipeline.line import Line
+from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
 
 FRAME_S = 1.0 / 30.0
@@ -69,3 +74,75 @@ def test_what_was_tested_is_tested_again_after_a_reset(scene):
         estimate = TargetEstimate(frame * FRAME_S, np.zeros(2), cov, Status.TRACKING, len(marks))
         found.append(monitor.take(estimate, marks))
     assert (found[69], found[70], found[139]) == (None, UNTESTED, None)
+
+
+def pushed(scene: Scene, poke_m_s2: float, frames: int) -> np.ndarray:
+    """Where the nodes are in each frame [m], (frames, n_nodes, dim): M1 is poked after 0.5 s; by SciPy's LSODA."""
+    network, half, m = scene.network, scene.network.n_state // 2, scene.network.index("M1")
+    push = np.zeros_like(network.positions)
+    push[m, 0] = poke_m_s2 * network.masses[m]
+
+    def rates(t: float, state: np.ndarray) -> np.ndarray:
+        at, speed = network.positions.copy(), np.zeros_like(network.positions)
+        at[network.free], speed[network.free] = state[:half].reshape(-1, 2), state[half:].reshape(-1, 2)
+        force = node_forces(network, at, speed) + push * (0.5 <= t < 0.7)
+        return np.concatenate([state[half:], (force / network.masses[:, None])[network.free].ravel()])
+
+    start = np.concatenate([rest_shape(network)[network.free].ravel(), np.zeros(half)])
+    times = FRAME_S * np.arange(frames)
+    solved = solve_ivp(rates, (0.0, times[-1]), start, "LSODA", times, max_step=0.05, rtol=1e-7).y.T
+    places = np.tile(network.positions, (frames, 1, 1))
+    places[:, network.free] = solved[:, :half].reshape(frames, -1, 2)
+    return places
+
+
+@pytest.mark.parametrize(
+    ("moved_mm", "poke_m_s2", "of", "doubted"),
+    [
+        (10.0, 0.0, "all", True),
+        (10.0, 5.0, "all", True),
+        (0.0, 15.0, "all", False),
+        (10.0, 0.0, "M3", False),
+        (10.0, 0.0, "all and reference marks", False),
+    ],
+)
+def test_marks_that_all_move_at_once_end_guidance_with_that_frame(scene, tmp_path, moved_mm, poke_m_s2, of, doubted):
+    """Of marks to 1 mm, by 10 mm after 1 s; not a poke of 15 m/s², not a mark that is 10 mm off once.
+
+    Reference marks show the camera's move, and correct the others by it.
+    """
+    places, rng, nodes = pushed(scene, poke_m_s2, 40), np.random.default_rng(5), scene.measured_nodes
+    if "reference" in of:
+        anchors = tuple(name for name, fixed in zip(scene.network.names, scene.network.fixed, strict=True) if fixed)
+        look = Mark("", 300.0, 0.03)
+        marks = tuple(ReferenceMark(name, name, look=replace(look, node=name)) for name in anchors)
+        scene, nodes = replace(scene, reference=Reference(marks)), nodes + anchors
+    session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: 0.0, rehearse=False)
+    reasons = []
+    for k, each in enumerate(places):
+        marks = []
+        for node in nodes:
+            place = each[scene.network.index(node)] + 1e-3 * rng.normal(size=2)
+            if k >= 30 if "all" in of else (k == 30 and node == of):
+                place = place + 1e-3 * moved_mm * np.array([0.6, 0.8])
+            marks.append(MarkMeasurement(node, place, 1e-6 * np.eye(2)))
+        session.take(MarksFrame(k, FRAME_S * k, tuple(marks)))
+        reasons.append(session.integrity.doubt.reason)
+    assert set(reasons[:30]) == {None}
+    if doubted:
+        assert set(reasons[30:]) == {"all marks moved together, as when the camera is moved: look, then reset"}
+        session.reset()
+    assert session.integrity.doubt.reason is None
+    session.close()
+
+
+def test_marks_of_a_body_that_a_hand_may_lead_move_together(scene):
+    found = []
+    for settings in (scene.settings, scene.settings.for_stiff_or_large()):
+        tissue = Line(scene, baseline=False).filter
+        tissue.settings = settings
+        monitor = IntegrityMonitor(scene, tissue)
+        seen = TargetEstimate(0.0, np.zeros(2), 1e-6 * np.eye(2), Status.TRACKING, 3, 104.0)
+        monitor.take(replace(seen, shift=CommonShift(3, 4.0, 100.0)), ())
+        found.append(monitor.doubt.reason is not None)
+    assert found == [True, False]

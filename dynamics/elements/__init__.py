@@ -1,0 +1,11 @@
+"""Force elements: energy, force and tangents of all elements of a kind at once, and their sparse assembly.
+
+What may enter: another kind of element, in a file of its own that satisfies `ForceElement`.
+"""
+
+from dynamics.elements.assembly import Assembly
+from dynamics.elements.element import ForceElement
+from dynamics.elements.nodal import Resistance, Weight
+from dynamics.elements.springs import Springs
+
+__all__ = ["Assembly", "ForceElement", "Resistance", "Springs", "Weight"]

@@ -1,0 +1,86 @@
+"""Elements of all kinds assembled over the free coordinates of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from dynamics.arrays import Floats
+from dynamics.elements.element import ForceElement
+from dynamics.elements.nodal import Resistance, Weight
+from dynamics.elements.springs import Springs
+from dynamics.network.mass_spring import MassSpringNetwork
+
+
+class Assembly:
+    """Forces and sparse tangents of a mesh over its free coordinates, node-major.
+
+    Parameters
+    ----------
+    positions : (n_nodes, dim)
+        Of all nodes [m]; those that are not free stay there.
+    free : (n_free,) int
+        Nodes that move.
+    elements : sequence of ForceElement
+
+    Attributes
+    ----------
+    n, dim : int
+        Free coordinates, and coordinates of a node.
+    """
+
+    def __init__(self, positions: Floats, free: NDArray[np.int64], elements: Sequence[ForceElement]) -> None:
+        self.positions, self.free, self.elements = positions, free, tuple(elements)
+        n_nodes, self.dim = positions.shape
+        place = np.full(n_nodes, -1)
+        place[free] = np.arange(len(free))
+        self.n = len(free) * self.dim
+        self._entries = [self._of_tangents(place[element.nodes]) for element in self.elements]
+
+    @classmethod
+    def of_network(cls, network: MassSpringNetwork) -> Assembly:
+        """Springs, weight and resistance of a network."""
+        kinds = (Springs.of_network(network), Weight.of_network(network), Resistance.of_network(network))
+        return cls(network.positions, network.free, kinds)
+
+    def energy(self, q: Floats) -> float:
+        """Potential energy [J] at free coordinates q [m], (n,)."""
+        x, _ = self._all(q, np.zeros(self.n))
+        return float(sum(element.energy(x[element.nodes]).sum() for element in self.elements))
+
+    def force(self, q: Floats, v: Floats) -> Floats:
+        """Force on the free coordinates [N], (n,), at q [m] and v [m/s], (n,)."""
+        x, u = self._all(q, v)
+        total = np.zeros_like(x)
+        for element in self.elements:
+            np.add.at(total, element.nodes, element.force(x[element.nodes], u[element.nodes]))
+        return total[self.free].ravel()
+
+    def tangents(self, q: Floats, v: Floats) -> tuple[csr_array, csr_array]:
+        """Stiffness [N/m] and damping [N s/m]: minus the derivatives of `force` by q and v, (n, n) each."""
+        x, u = self._all(q, v)
+        values: list[list[Floats]] = [[], []]
+        for element, (kept, _, _) in zip(self.elements, self._entries, strict=True):
+            for found, blocks in zip(values, element.tangents(x[element.nodes], u[element.nodes]), strict=True):
+                found.append(blocks.ravel()[kept])
+        rows, columns = (np.concatenate([entry[k] for entry in self._entries]) for k in (1, 2))
+        shape = (self.n, self.n)
+        return tuple(csr_array((np.concatenate(v), (rows, columns)), shape=shape) for v in values)
+
+    def _all(self, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+        x, u = self.positions.copy(), np.zeros_like(self.positions)
+        x[self.free], u[self.free] = q.reshape(-1, self.dim), v.reshape(-1, self.dim)
+        return x, u
+
+    def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Of the entries of all blocks of a kind: those between free coordinates, their rows and columns."""
+        corners, dim = place.shape[1], self.dim
+        coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
+        shape = (len(place), corners, dim, corners, dim)
+        rows = np.broadcast_to(coordinates[:, :, :, None, None], shape).ravel()
+        columns = np.broadcast_to(coordinates[:, None, None, :, :], shape).ravel()
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        return kept, rows[kept], columns[kept]

@@ -1,0 +1,44 @@
+"""The protocol of a kind of force element."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.arrays import Floats
+
+
+class ForceElement(Protocol):
+    """All elements of one kind.
+
+    Attributes
+    ----------
+    nodes : (n_elements, n_corners) int
+        The nodes of each element.
+
+    Notes
+    -----
+    In every method `x` and `v` are positions [m] and velocities [m/s] of the corners, (n_elements, n_corners, dim).
+    """
+
+    @property
+    def nodes(self) -> NDArray[np.int64]:
+        """Nodes of each element, (n_elements, n_corners)."""
+
+    def energy(self, x: Floats) -> Floats:
+        """Potential energy of each element [J], (n_elements,)."""
+
+    def force(self, x: Floats, v: Floats) -> Floats:
+        """Force on each corner [N], (n_elements, n_corners, dim)."""
+
+    def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Minus the derivatives of the force by positions [N/m] and by velocities [N s/m].
+
+        Each has the shape (n_elements, n_corners, dim, n_corners, dim).
+        """
+
+    def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
+        """Derivatives of the force by the logarithm of each constant [N], by its kind, each as `force`."""

@@ -1,0 +1,25 @@
+"""One filter for any process model and any observation: hypotheses of what is unknown, one iterated update.
+
+What may enter: another process model or observation, in a file of its own that satisfies the protocols.
+"""
+
+from estimators.core.discrepancy import Discrepancy, LevelPosterior
+from estimators.core.disturbances import Disturbances
+from estimators.core.filter import HypothesisFilter
+from estimators.core.marks import Places
+from estimators.core.protocols import Observation, ProcessModel, Transition
+from estimators.core.tissue import TissueProcess
+from estimators.core.track import UnifiedFilter
+
+__all__ = [
+    "Discrepancy",
+    "Disturbances",
+    "HypothesisFilter",
+    "LevelPosterior",
+    "Observation",
+    "Places",
+    "ProcessModel",
+    "TissueProcess",
+    "Transition",
+    "UnifiedFilter",
+]

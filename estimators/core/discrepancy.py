@@ -1,0 +1,137 @@
+"""The discrepancy: displacements that the equations of motion leave out, and how large they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.arrays import Floats
+
+JITTER = 1e-6
+"""Variance added to places that are held, by the field's own [1]; numerical."""
+
+
+def matern(distances: Floats, length: float) -> Floats:
+    """Correlation of a field with one derivative, Matern's 3/2, over a length in the unit of the distances."""
+    scaled = np.sqrt(3.0) * distances / length
+    return np.asarray((1.0 + scaled) * np.exp(-scaled))
+
+
+def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
+    """Columns L (n, r), r at most `rank`, with L L' next to a covariance (n, n).
+
+    least: variance of a column that is kept, by the largest
+    """
+    values, vectors = np.linalg.eigh(cov)
+    kept = np.flatnonzero(values > least * values[-1])[::-1][:rank]
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+
+@dataclass(frozen=True, slots=True)
+class Discrepancy:
+    """Prior of the discrepancy: a smooth part and a short one, both zero where the body is held.
+
+    Attributes
+    ----------
+    levels, odds : tuple of float
+        Standard deviations of the smooth part, by the body's extent, among which the marks choose, and the prior odds
+        of each [1]; choice.
+    short : float
+        Standard deviation of the short part by that of the smooth one [1]; choice.
+    lengths : tuple of float
+        Over which the two are smooth, by the body's extent [1]; choice.
+    lasting_s : float
+        Correlation time [s]; choice.
+    memory_s : float
+        Over which the evidence for a level is forgotten [s]; choice.
+    weight : float
+        Of a frame's evidence, for frames repeat each other [1]; choice.
+    rank : int
+        Functions of the field at most, by each axis; numerical.
+    """
+
+    levels: tuple[float, ...] = (0.003, 0.01, 0.03)
+    odds: tuple[float, ...] = (1.0, 0.1, 0.01)
+    short: float = 0.33
+    lengths: tuple[float, float] = (1.5, 0.25)
+    lasting_s: float = 0.3
+    memory_s: float = 5.0
+    weight: float = 0.2
+    rank: int = 40
+
+    def field(self, places: Floats, held: Floats) -> Floats:
+        """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim); held: where there are none."""
+        everything = np.vstack([places, held])
+        extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
+        apart = np.linalg.norm(everything[:, None] - everything, axis=2)
+        cov = sum(
+            scale**2 * matern(apart, length * extent)
+            for scale, length in zip((1.0, self.short), self.lengths, strict=True)
+        )
+        n = len(places)
+        own = np.asarray(cov)[:n, :n]
+        if len(held):
+            fixed = cov[n:, n:] + JITTER * np.eye(len(held))  # type: ignore[index]
+            own = own - cov[:n, n:] @ np.linalg.solve(fixed, cov[n:, :n])  # type: ignore[index]
+        return extent * factor(own, self.rank)
+
+
+class LevelPosterior:
+    """The level of the discrepancy, by how well each mark follows from the others of its frame.
+
+    The joint likelihood of all marks hardly asks how well one place follows from others, which is all that matters for
+    a hidden one: it chooses levels that are too small.
+
+    State: log-probability of each level, (n_levels,).
+    """
+
+    def __init__(self, prior: Discrepancy) -> None:
+        self.prior, self.levels = prior, np.array(prior.levels)
+        self.log_prior = np.log(np.array(prior.odds) / sum(prior.odds))
+        self.log_weights = self.log_prior.copy()
+
+    @property
+    def level(self) -> float:
+        """Root of the mean square of the level [1]."""
+        weights = np.exp(self.log_weights - np.logaddexp.reduce(self.log_weights))
+        return float(np.sqrt(weights @ self.levels**2))
+
+    def forget(self, dt: float) -> None:
+        """Let dt [s] pass."""
+        kept = np.exp(-dt / self.prior.memory_s)
+        self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
+
+    def update(self, innovation: Floats, S: Floats, fresh: Floats, groups: Sequence[NDArray[np.int64]]) -> None:
+        """Weigh the levels by a frame.
+
+        Parameters
+        ----------
+        innovation, S : (m,), (m, m)
+            Of all that was observed, at the present level.
+        fresh : (m, m)
+            Covariance of what the discrepancy adds anew in this frame, at level 1.
+        groups : sequence of (k, dim) int
+            For each name the rows that are withheld with it, its own first.
+        """
+        level = self.level
+        for k, other in enumerate(self.levels):
+            W = np.linalg.inv(S + (other**2 - level**2) * fresh)
+            self.log_weights[k] += self.prior.weight * withheld_log_likelihood(W, innovation, groups)
+        self.log_weights -= np.logaddexp.reduce(self.log_weights)
+
+
+def withheld_log_likelihood(W: Floats, innovation: Floats, groups: Sequence[NDArray[np.int64]]) -> float:
+    """Sum over names of the log-likelihood of one as all but its group predict it; W: inverse of S, (m, m).
+
+    The error of the rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
+    """
+    total, weighted = 0.0, W @ innovation
+    for group in groups:
+        rows, own = group.ravel(), group.shape[1]
+        cov = np.linalg.inv(W[np.ix_(rows, rows)])
+        error, cov = (cov @ weighted[rows])[:own], cov[:own, :own]
+        total -= 0.5 * float(error @ np.linalg.solve(cov, error) + np.linalg.slogdet(cov)[1])
+    return total

@@ -1,0 +1,75 @@
+"""Disturbances: the forces that nobody states, as modes of a Markov chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Disturbances:
+    """Prior of the unknown forces, given as accelerations.
+
+    Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning, are a
+    smooth field over all of the nodes where forces may act. Each has its own chain, and a mode is a pair of their
+    states. Strengths but those of calm are raised with the acceleration by which a stiff body returns when it is bent.
+
+    Attributes
+    ----------
+    calm_m_s2, poke_m_s2, led_m_s2 : float
+        Standard deviation of a short force [m/s²]; choice.
+    slow_m_s2 : tuple of float
+        Of a slow force in each of its states [m/s²], the first none; choice.
+    white : float
+        Of white noise on every free node [m/s²/sqrt(Hz)]; choice.
+    short_s, slow_s : float
+        Correlation times [s]; choice.
+    calm_s, poked_s, led_each_s, led_s : float
+        Mean durations of calm and of a poke, mean time between two times of being led and mean duration of one [s];
+        choice.
+    rise_s, fall_s : float
+        Mean time until a slow force grows to any stronger state, and falls to any weaker [s]; choice.
+    smooth : float
+        Length over which slow forces are smooth, by the body's extent [1]; choice.
+    bent : float
+        Share of its extent by which a poke bends a stiff body at rest [1]; choice.
+    """
+
+    calm_m_s2: float = 0.01
+    poke_m_s2: float = 5.0
+    led_m_s2: float = 50.0
+    slow_m_s2: tuple[float, ...] = (0.0, 0.5, 2.0)
+    white: float = 0.02
+    short_s: float = 0.2
+    slow_s: float = 1.5
+    calm_s: float = 20.0
+    poked_s: float = 0.3
+    led_each_s: float = 60.0
+    led_s: float = 1.0
+    rise_s: float = 2.0
+    fall_s: float = 30.0
+    smooth: float = 0.25
+    bent: float = 0.1
+
+    def raised(self, returning_m_s2: float) -> float:
+        """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
+        return max(1.0, self.bent * returning_m_s2 / self.poke_m_s2)
+
+    @property
+    def short_m_s2(self) -> tuple[float, float, float]:
+        """Strengths of short forces: calm, poked, led [m/s²]."""
+        return self.calm_m_s2, self.poke_m_s2, self.led_m_s2
+
+    @property
+    def rates(self) -> Floats:
+        """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
+        short = np.zeros((3, 3))
+        short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
+        short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
+        n = len(self.slow_m_s2)
+        slow = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
+        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(3))
+        return np.asarray(rates - np.diag(rates.sum(axis=1)), dtype=float)

@@ -1,0 +1,40 @@
+"""Observed places of points of the body: marks, fixes, reference marks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from estimators.arrays import Floats
+from estimators.tissue.estimate import MarkMeasurement
+
+
+class Places:
+    """Places of named points, as linear maps of the state.
+
+    Parameters
+    ----------
+    marks : sequence of MarkMeasurement
+        One or more.
+    maps : mapping of str to (dim, n)
+        Place of each point by the state.
+
+    Attributes
+    ----------
+    value, cov : (m,), (m, m)
+        Places one after the other [m], and the covariance of their errors [m²].
+    """
+
+    def __init__(self, marks: Sequence[MarkMeasurement], maps: Mapping[str, Floats]) -> None:
+        dim = len(marks[0].position)
+        self.names = tuple(mark.node for mark in marks)
+        self.value = np.concatenate([mark.position for mark in marks])
+        self.cov: Floats = block_diag(*(mark.total_cov for mark in marks))
+        self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
+        self._rows = np.vstack([maps[mark.node] for mark in marks])
+
+    def linearize(self, state: Floats) -> tuple[Floats, Floats]:
+        """Predicted places (m,) at a state (n,), and their derivative (m, n)."""
+        return self._rows @ state, self._rows

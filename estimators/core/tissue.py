@@ -1,0 +1,224 @@
+"""The tissue as a process model: assembled elements under unknown forces, with a discrepancy of displacement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from dynamics import MassSpringNetwork
+from dynamics.elements import Assembly, ForceElement, Resistance, Springs, Weight
+from dynamics.integration.rosenbrock import Rosenbrock
+from estimators.arrays import Floats
+from estimators.core.discrepancy import Discrepancy, factor, matern
+from estimators.core.disturbances import Disturbances
+from estimators.core.protocols import Transition
+
+LONGEST_S = 1.0 / 60.0
+"""Longest step [s]; numerical."""
+
+TOLERANCE = 1e-3
+"""Error of a step, and of a linearised frame, by the body's extent [1]; numerical."""
+
+FLAT = 1e-3
+"""A body of less extent in a direction, by its largest, is thin there [1]; choice."""
+
+START = (0.02, 0.001, 0.5)
+"""At the start: displacement, smooth and by node, and speed a second, by the extent [1]; choice."""
+
+RANK = 20
+"""Functions of a slow force at most, by each axis; numerical."""
+
+SOURCES = ("white", "short", "led", "slow", "discrepancy")
+"""Sources of noise, in the order of `Transition.noises`."""
+
+
+class TissueProcess:
+    """The state of a network under unknown forces: position, velocity, force and discrepancy.
+
+    Force is an acceleration of each marked node, then the slow field; the discrepancy is in standard deviations at
+    level 1. A point of the body is its position and its discrepancy together: `places`.
+
+    Parameters
+    ----------
+    network : MassSpringNetwork
+        One without anchors is weightless: what holds it is not known.
+    marked : sequence of str
+        Free nodes that short forces may act on.
+    led : sequence of str
+        Those of the marked nodes that are led all the time.
+    disturbances, discrepancy
+        Priors.
+    elements : sequence of ForceElement
+        Those that act besides the network's own springs, resistance and weight.
+    """
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        marked: Sequence[str],
+        *,
+        led: Sequence[str] = (),
+        disturbances: Disturbances | None = None,
+        discrepancy: Discrepancy | None = None,
+        elements: Sequence[ForceElement] = (),
+    ) -> None:
+        self.network, self.disturbances = network, disturbances or Disturbances()
+        self.discrepancy = discrepancy or Discrepancy()
+        free, dim = network.free, network.dim
+        places = network.positions[free]
+        self.extent_m = float(np.linalg.norm(np.ptp(network.positions, axis=0)))
+        acting: list[ForceElement] = [Springs.of_network(network), Resistance.of_network(network), *elements]
+        if network.fixed.any():
+            acting.append(Weight.of_network(network))
+        assembly = Assembly(network.positions, free, acting)
+        masses = np.repeat(network.masses[free], dim)
+        apart = np.linalg.norm(places[:, None] - places, axis=2)
+        nodes = [int(np.flatnonzero(free == network.index(name))[0]) for name in marked]
+        short = np.eye(len(free))[:, nodes]
+        slow = factor(
+            _shared(self._may_be_pushed(nodes)) * matern(apart, self.disturbances.smooth * self.extent_m), RANK
+        )
+        basis = np.asarray(np.kron(np.hstack([short, slow]), np.eye(dim)), dtype=float)
+        n, n_short, n_f = assembly.n, len(nodes) * dim, basis.shape[1]
+        self._is_led = np.repeat([name in led for name in marked], dim)
+        fading: Floats = np.full(n_f, self.disturbances.slow_s, dtype=float)
+        fading[:n_short] = self.disturbances.short_s
+        self._stepper = Rosenbrock(assembly, masses, basis, fading, TOLERANCE * self.extent_m)
+        field = self.discrepancy.field(places, network.positions[network.fixed])
+        self._field = np.kron(field, np.eye(dim))
+        n_d = self._field.shape[1]
+        bounds = np.cumsum([0, n, n, n_f, n_d])
+        names = ("position", "velocity", "force", "discrepancy")
+        self.parts = {name: slice(int(a), int(b)) for name, a, b in zip(names, bounds, bounds[1:], strict=False)}
+        self.n, self._n_short = int(bounds[-1]), n_short
+        self.rates = self.disturbances.rates
+        self.tolerance = np.full(self.n, np.inf)
+        self.tolerance[:n] = TOLERANCE * self.extent_m
+        self._raised = self.disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
+        self._start_cov = self._prior_of_motion(matern(apart, 0.5 * self.extent_m))
+
+    def _may_be_pushed(self, marked: Sequence[int]) -> NDArray[np.bool_]:
+        """Free nodes on which slow forces act: all of a cable or cloth in space, else the marked ones."""
+        extents = np.linalg.svd(self.network.positions - self.network.positions.mean(axis=0), compute_uv=False)
+        is_thin = self.network.dim == 3 and extents[-1] < FLAT * extents[0]
+        pushed = np.full(len(self.network.free), is_thin)
+        pushed[list(marked)] = True
+        return pushed
+
+    def _prior_of_motion(self, smooth: Floats) -> Floats:
+        shift, own, speed = (share * self.extent_m for share in START)
+        together = np.kron(smooth, np.eye(self.network.dim))
+        n = len(together)
+        cov = np.zeros((2 * n, 2 * n))
+        cov[:n, :n] = shift**2 * together + own**2 * np.eye(n)
+        cov[n:, n:] = speed**2 * together
+        return cov
+
+    def node(self, name: str) -> Floats:
+        """The map of a free node's place [m] by the state, (dim, n)."""
+        matrix = np.zeros((self.network.dim, len(self.network.free) * self.network.dim))
+        matrix[:, self.network.coordinates(name)] = np.eye(self.network.dim)
+        return self.places(matrix)
+
+    def places(self, matrix: Floats) -> Floats:
+        """The map of a point [m] by the state, (dim, n), from its map by the free coordinates, (dim, n_free dim)."""
+        rows = np.zeros((len(matrix), self.n))
+        rows[:, self.parts["position"]] = matrix
+        rows[:, self.parts["discrepancy"]] = matrix @ self._field
+        return rows
+
+    def prior(self, level: float) -> tuple[Floats, Floats]:
+        """At rest as drawn, under the forces of each mode: mean (n,), covariances (n_modes, n, n)."""
+        mean = np.zeros(self.n)
+        mean[self.parts["position"]] = self.network.positions[self.network.free].ravel()
+        moving = self.parts["velocity"].stop
+        covs = np.zeros((len(self.rates), self.n, self.n))
+        covs[:, :moving, :moving] = self._start_cov
+        sources = np.arange(self.n)
+        for variances, cov in zip(self.variances(level), covs, strict=True):
+            by_name = dict(zip(SOURCES, variances, strict=True))
+            for name, columns in self._columns().items():
+                cov[sources[columns], sources[columns]] = by_name[name]
+        return mean, covs
+
+    def _columns(self) -> dict[str, NDArray[np.int64]]:
+        """States that each source but white noise drives."""
+        force = np.arange(self.parts["force"].start, self.parts["force"].stop)
+        short = force[: self._n_short]
+        return {
+            "short": short[~self._is_led],
+            "led": short[self._is_led],
+            "slow": force[self._n_short :],
+            "discrepancy": np.arange(self.parts["discrepancy"].start, self.n),
+        }
+
+    def variances(self, level: float) -> Floats:
+        """Variance of each source in each mode, (n_modes, n_sources).
+
+        Of white noise [(m/s²)²/Hz], of forces [(m/s²)²], of the discrepancy in squares of its level [1].
+        """
+        d, raised = self.disturbances, self._raised
+        calm, poke, led = d.short_m_s2
+        rows = [
+            (d.white, short, max(short, raised * led), raised * slow, level)
+            for slow in d.slow_m_s2
+            for short in (calm, raised * poke, raised * led)
+        ]
+        return np.square(rows)
+
+    def moved(self, state: Floats, dt: float) -> Floats:
+        """The state (n,) after dt [s] without noise."""
+        start = self.parts["discrepancy"].start
+        last = self._stepper.moves(state[:start], dt, LONGEST_S, derivatives=False)[-1]
+        return np.concatenate([last.state, self._fading(dt) * state[start:]])
+
+    def linearize(self, state: Floats, dt: float) -> Transition:
+        """The motion over dt [s], linearised step by step along it."""
+        moving, start = self.parts["velocity"].stop, self.parts["discrepancy"].start
+        n = moving // 2
+        columns = self._columns()
+        T, noises = np.eye(start), np.zeros((len(SOURCES), self.n, self.n))
+        driven = noises[:-1, :start, :start]
+        moves = self._stepper.moves(state[:start], dt, LONGEST_S)
+        last = np.eye(moving)[:, n:]
+        for k, move in enumerate(moves):
+            step = np.zeros((start, start))
+            step[:moving] = move.by_state
+            step[moving:, moving:] = np.diag(move.fading)
+            T = step @ T
+            if k:
+                driven[:] = step @ driven @ step.T
+            first = move.by_state[:, n:moving]
+            for moved in (first, first + last, last):  # Simpson's rule over when it acts in the step
+                driven[0, :moving, :moving] += move.step_s / 6.0 * moved @ moved.T
+            for source, name in enumerate(SOURCES[1:-1], start=1):
+                own = columns[name]
+                driven[source, own, own] += 1.0 - move.fading[own - moving] ** 2
+        fading = self._fading(dt)
+        matrix = np.zeros((self.n, self.n))
+        matrix[:start, :start] = T
+        own = columns["discrepancy"]
+        matrix[own, own] = fading
+        noises[-1, own, own] = self.fresh(dt)
+        return Transition(np.concatenate([moves[-1].state, fading * state[start:]]), matrix, noises)
+
+    def _fading(self, dt: float) -> float:
+        return float(np.exp(-dt / self.discrepancy.lasting_s))
+
+    def fresh(self, dt: float) -> float:
+        """Share of the discrepancy's variance that is new after dt [s]."""
+        return 1.0 - self._fading(dt) ** 2
+
+
+def _shared(pushed: NDArray[np.bool_]) -> Floats:
+    return np.outer(pushed, pushed).astype(float)
+
+
+def _slowest(assembly: Assembly, masses: Floats, q: Floats) -> float:
+    """Square of the slowest angular frequency that is no free motion of the body [1/s²]."""
+    K = assembly.tangents(q, np.zeros_like(q))[0].toarray()
+    values = eigh(K, np.diag(masses), eigvals_only=True)
+    return float(values[values > 1e-6 * values[-1]][0])

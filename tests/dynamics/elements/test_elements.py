@@ -1,0 +1,201 @@
+"""Each kind of element is the slope of its energy and has the slopes of its force; assembled, they are the network."""
+
+import numpy as np
+import pytest
+
+from dynamics import damping_matrix, node_forces, potential_energy, stiffness_matrix
+from dynamics.elements import Assembly, Resistance, Springs, Weight
+from dynamics.forces.kernels import NodeConstants, SpringConstants
+
+N = 4
+"""Elements of a kind."""
+
+
+def springs(dim, constants=None):
+    rng = np.random.default_rng(dim)
+    own = SpringConstants(rng.uniform(50, 150, N), rng.uniform(0.2, 0.5, N), rng.uniform(0.1, 0.6, N))
+    return Springs(np.arange(2 * N).reshape(N, 2), constants or own)
+
+
+def weight(dim, constants=None):
+    return Weight(np.arange(N)[:, None], np.random.default_rng(dim).normal(size=(N, dim)))
+
+
+def resistance(dim, constants=None):
+    rng = np.random.default_rng(dim)
+    own = NodeConstants(rng.uniform(0.1, 0.4, N), rng.uniform(0.01, 0.03, N))
+    return Resistance(np.arange(N)[:, None], constants or own)
+
+
+KINDS_OF_ELEMENT = {
+    "springs": (springs, {"stiffness", "rest_length", "damping"}),
+    "weight": (weight, set()),
+    "resistance": (resistance, {"drag", "friction"}),
+}
+
+every_kind = pytest.mark.parametrize("kind", KINDS_OF_ELEMENT)
+each_dim = pytest.mark.parametrize("dim", [2, 3])
+
+
+def corners(element, dim):
+    """Positions some decimetres apart and velocities of some cm/s."""
+    rng = np.random.default_rng(5)
+    shape = (*element.nodes.shape, dim)
+    return rng.uniform(-0.3, 0.3, shape), 0.03 * rng.normal(size=shape)
+
+
+def by_element(slopes, shape):
+    """Slopes (n, c, dim, n c dim) by all corners as (n, c, dim, c, dim) by an element's own; the others are zero."""
+    full = slopes.reshape(*shape, *shape)
+    own = np.einsum("ncdnef->ncdef", full).copy()
+    for k in range(len(full)):
+        full[k, :, :, k] = 0.0
+    np.testing.assert_allclose(full, 0.0, atol=1e-8)
+    return own
+
+
+@each_dim
+@every_kind
+def test_force_at_rest_is_minus_the_slope_of_the_energy(kind, dim, slope):
+    """Five-point rule: h⁴ E⁽⁵⁾ / 30, E⁽⁵⁾ about 24 k l0 / l⁴ = 1e7 N/m⁴ at a decimetre: 5e-10 N at 2e-4 m."""
+    element = KINDS_OF_ELEMENT[kind][0](dim)
+    x, v = corners(element, dim)
+    assert element.energy(x).shape == (N,)
+    grad = slope(lambda at: element.energy(at).sum(), x, 2e-4).reshape(x.shape)
+    force = element.force(x, np.zeros_like(v))
+    assert force.shape == x.shape
+    np.testing.assert_allclose(force, -grad, rtol=0, atol=1e-8)
+
+
+@each_dim
+@every_kind
+def test_stiffness_at_rest_is_minus_the_slope_of_the_force(kind, dim, slope):
+    element = KINDS_OF_ELEMENT[kind][0](dim)
+    x, v = corners(element, dim)
+    stiffness, _ = element.tangents(x, np.zeros_like(v))
+    expected = -by_element(slope(lambda at: element.force(at, np.zeros_like(v)), x, 2e-4), x.shape)
+    np.testing.assert_allclose(stiffness, expected, rtol=0, atol=1e-6)
+
+
+@each_dim
+@every_kind
+def test_damping_is_minus_the_slope_of_the_force(kind, dim, slope):
+    """In motion; friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 4 N s/m = 6e-11 at 1e-5 m/s."""
+    element = KINDS_OF_ELEMENT[kind][0](dim)
+    x, v = corners(element, dim)
+    for speed in (v, np.zeros_like(v)):
+        _, damping = element.tangents(x, speed)
+        expected = -by_element(slope(lambda at: element.force(x, at), speed, 1e-5), x.shape)
+        np.testing.assert_allclose(damping, expected, rtol=0, atol=1e-7)
+
+
+@each_dim
+@every_kind
+def test_derivatives_by_constants_are_slopes_of_the_force(kind, dim, slope):
+    make, constants = KINDS_OF_ELEMENT[kind]
+    element = make(dim)
+    x, v = corners(element, dim)
+    found = element.by_log_constants(x, v)
+    assert set(found) == constants
+    for name, derivative in found.items():
+
+        def force(log, name=name):
+            grown = getattr(element.constants, name) * np.exp(log)
+            return make(dim, element.constants._replace(**{name: grown})).force(x, v)
+
+        np.testing.assert_allclose(derivative, slope(force, np.zeros(1), 1e-3)[..., 0], rtol=0, atol=1e-9)
+
+
+def moved(network, seed=3):
+    """A random shape and velocities of all nodes; anchors stand."""
+    rng = np.random.default_rng(seed)
+    x, v = network.positions.copy(), np.zeros_like(network.positions)
+    x[network.free] += 0.05 * rng.normal(size=(len(network.free), network.dim))
+    v[network.free] = 0.1 * rng.normal(size=(len(network.free), network.dim))
+    return x, v
+
+
+def free_of(network, field):
+    return field[network.free].ravel()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@each_dim
+def test_assembled_force_is_that_of_the_compiled_network(tangled, dim, seed):
+    network = tangled(dim)
+    x, v = moved(network, seed)
+    force = Assembly.of_network(network).force(free_of(network, x), free_of(network, v))
+    np.testing.assert_allclose(force, free_of(network, node_forces(network, x, v)), rtol=0, atol=1e-12)
+
+
+@each_dim
+def test_assembled_energy_is_that_of_the_network(tangled, dim):
+    network = tangled(dim)
+    x, _ = moved(network)
+    assembly = Assembly.of_network(network)
+    expected = potential_energy(network, x)
+    np.testing.assert_allclose(assembly.energy(free_of(network, x)), expected, rtol=0, atol=1e-12)
+
+
+@each_dim
+def test_assembled_tangents_at_rest_are_those_of_the_network(tangled, dim):
+    network = tangled(dim)
+    x, _ = moved(network)
+    q = free_of(network, x)
+    K, C = Assembly.of_network(network).tangents(q, np.zeros_like(q))
+    np.testing.assert_allclose(K.toarray(), stiffness_matrix(network, x), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(C.toarray(), damping_matrix(network, x), rtol=0, atol=1e-10)
+
+
+@each_dim
+def test_assembled_damping_in_motion_is_the_slope_of_the_compiled_force(tangled, slope, dim):
+    network = tangled(dim)
+    x, v = moved(network)
+
+    def force(free):
+        speed = np.zeros_like(v)
+        speed[network.free] = free
+        return free_of(network, node_forces(network, x, speed))
+
+    _, C = Assembly.of_network(network).tangents(free_of(network, x), free_of(network, v))
+    np.testing.assert_allclose(C.toarray(), -slope(force, v[network.free], 1e-5), rtol=0, atol=1e-7)
+
+
+@each_dim
+def test_an_anchor_has_no_coordinates_and_free_nodes_have_the_order_given(tangled, dim):
+    network = tangled(dim)
+    x, v = moved(network)
+    chosen = network.free[::-1][:2]
+    whole = Assembly.of_network(network)
+    assert whole.n == len(network.free) * dim
+    part = Assembly(x, chosen, whole.elements)
+    q, still = x[chosen].ravel(), np.zeros(2 * dim)
+    assert part.n == 2 * dim
+    standing = np.zeros_like(v)
+    np.testing.assert_allclose(part.force(q, still), node_forces(network, x, standing)[chosen].ravel(), atol=1e-12)
+    place = {node: k for k, node in enumerate(network.free)}
+    rows = np.concatenate([dim * place[node] + np.arange(dim) for node in chosen])
+    K, C = part.tangents(q, still)
+    np.testing.assert_allclose(K.toarray(), stiffness_matrix(network, x)[np.ix_(rows, rows)], atol=1e-10)
+    np.testing.assert_allclose(C.toarray(), damping_matrix(network, x)[np.ix_(rows, rows)], atol=1e-10)
+
+
+def test_two_springs_between_the_same_nodes_add_up(build):
+    places = [[0, 0], [0.3, 0]]
+    twice, stiff = build(places, [[0, 1], [0, 1]], anchors=(0,)), build(places, [[0, 1]], anchors=(0,), stiffness=160.0)
+    q = np.array([0.35, 0.05])
+    K, expected = (Assembly.of_network(network).tangents(q, np.zeros(2))[0].toarray() for network in (twice, stiff))
+    np.testing.assert_allclose(K, expected, rtol=1e-12)
+
+
+@each_dim
+def test_tangents_of_a_chain_are_sparse(build, dim):
+    """Each node has an entry block for itself and its neighbours: 3 n - 2 of them."""
+    for n in (10, 40):
+        places = np.zeros((n + 1, dim))
+        places[:, 0] = 0.1 * np.arange(n + 1)
+        chain = build(places, [[i, i + 1] for i in range(n)], anchors=(0,), drag=0.1)
+        q = chain.positions[chain.free].ravel()
+        for matrix in Assembly.of_network(chain).tangents(q, np.zeros_like(q)):
+            assert matrix.shape == (n * dim, n * dim)
+            assert matrix.nnz <= (3 * n - 2) * dim * dim

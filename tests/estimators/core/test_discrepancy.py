@@ -1,0 +1,79 @@
+"""The discrepancy's field and its level, against conditional normal distributions and fields drawn at random."""
+
+import numpy as np
+import pytest
+from scipy.special import gamma, kv
+from scipy.stats import multivariate_normal
+
+from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor, matern, withheld_log_likelihood
+
+
+def test_matern_is_the_correlation_of_its_class() -> None:
+    """By the Bessel function of its definition, nu = 3/2."""
+    r, nu, length = np.array([0.05, 0.3, 1.0, 2.5]), 1.5, 0.4
+    scaled = np.sqrt(2.0 * nu) * r / length
+    np.testing.assert_allclose(
+        matern(r, length), 2.0 ** (1.0 - nu) / gamma(nu) * scaled**nu * kv(nu, scaled), rtol=1e-12
+    )
+
+
+def test_a_factor_keeps_the_most_of_the_variance() -> None:
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(6, 6))
+    cov = root @ root.T
+    np.testing.assert_allclose(factor(cov, 6, 0.0) @ factor(cov, 6, 0.0).T, cov, atol=1e-12)
+    two = factor(cov, 2)
+    assert two.shape == (6, 2)
+    assert np.linalg.norm(cov - two @ two.T, 2) == pytest.approx(np.sort(np.linalg.eigvalsh(cov))[-3], rel=1e-9)
+
+
+def test_the_field_is_zero_where_the_body_is_held_and_whole_far_from_there() -> None:
+    x = np.linspace(0.0, 1.0, 11)[:, None] * [1.0, 0.0]
+    prior = Discrepancy()
+    functions = prior.field(x[1:], x[:1])
+    sd = np.sqrt((functions**2).sum(axis=1))
+    free = prior.field(x, np.empty((0, 2)))
+    np.testing.assert_allclose((free**2).sum(axis=1), 1.0 + prior.short**2, rtol=5e-3)
+    assert np.all(np.diff(sd) > 0.0)
+    assert sd[0] < 0.3 * sd[-1]
+
+
+def test_withheld_is_the_likelihood_of_each_group_given_all_others() -> None:
+    """Of six places on a line, each withheld with its left neighbour: conditioned on the four others."""
+    x = np.linspace(0.0, 1.0, 6)
+    S = matern(np.abs(x[:, None] - x), 0.5) + 0.01 * np.eye(6)
+    y = np.random.default_rng(2).normal(size=6)
+    groups = [np.array([[k], [(k - 1) % 6]]) for k in range(6)]
+    total = 0.0
+    for group in groups:
+        own, others = group[0, 0], [k for k in range(6) if k not in group]
+        gain = np.linalg.solve(S[np.ix_(others, others)], S[others, own])
+        total += multivariate_normal.logpdf(y[own], gain @ y[others], S[own, own] - gain @ S[others, own])
+    constant = -0.5 * 6 * np.log(2.0 * np.pi)
+    assert withheld_log_likelihood(np.linalg.inv(S), y, groups) + constant == pytest.approx(total, rel=1e-9)
+
+
+@pytest.mark.parametrize("true", [0.003, 0.01, 0.03])
+def test_the_level_that_drew_the_field_is_found(true: float) -> None:
+    """40 frames of 12 marks on a body of 0.1 m, seen to 0.1 mm."""
+    rng, prior = np.random.default_rng(5), Discrepancy()
+    places = rng.uniform(0.0, 0.1, (12, 1))
+    functions = prior.field(places, np.empty((0, 1)))
+    posterior = LevelPosterior(prior)
+    groups = [np.array([[k]]) for k in range(12)]
+    for _ in range(40):
+        y = true * functions @ rng.normal(size=functions.shape[1]) + 1e-4 * rng.normal(size=12)
+        fresh = functions @ functions.T
+        posterior.update(y, posterior.level**2 * fresh + 1e-8 * np.eye(12), fresh, groups)
+        posterior.forget(1.0 / 30.0)
+    assert posterior.level == pytest.approx(true, rel=0.15)
+
+
+def test_without_marks_the_level_goes_back_to_its_prior() -> None:
+    posterior = LevelPosterior(Discrepancy())
+    usual = posterior.level
+    posterior.log_weights = np.log([0.01, 0.01, 0.98])
+    assert posterior.level > 2.0 * usual
+    posterior.forget(30.0)
+    assert posterior.level == pytest.approx(usual, rel=0.1)
+    assert usual**2 == pytest.approx(np.average(np.square(Discrepancy().levels), weights=Discrepancy().odds))

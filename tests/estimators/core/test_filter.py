@@ -1,0 +1,169 @@
+"""The filter of hypotheses, against Kalman's equations by filterpy and against searches of SciPy; no tissue in it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+from scipy.linalg import expm
+from scipy.optimize import minimize
+from scipy.stats import multivariate_normal
+
+from estimators.core.filter import HypothesisFilter
+from estimators.core.protocols import Transition
+
+SPEED = np.array([[1.0, 0.5], [0.0, 1.0]])
+"""Half a second of constant velocity."""
+PUSHED = np.outer([0.125, 0.5], [0.125, 0.5])
+"""Covariance of that motion by a constant acceleration of variance 1."""
+
+
+class Point:
+    """A point on a line with nearly constant velocity, its acceleration of these standard deviations by mode."""
+
+    def __init__(self, sds: Sequence[float], rates: np.ndarray | None = None, bend: float = 0.0) -> None:
+        self.sds, self.bend = np.array(sds), bend
+        self.rates = np.zeros((len(sds),) * 2) if rates is None else rates
+        self.parts = {"position": slice(0, 1), "velocity": slice(1, 2)}
+        self.tolerance = np.array([1e-9, 1e-9]) if bend else np.full(2, np.inf)
+
+    def prior(self, level: float) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.tile(np.diag([4.0, 1.0]), (len(self.sds), 1, 1))
+
+    def variances(self, level: float) -> np.ndarray:
+        return self.sds[:, None] ** 2
+
+    def moved(self, state: np.ndarray, dt: float) -> np.ndarray:
+        assert dt == 0.5
+        return SPEED @ state + self.bend * np.array([0.0, np.sin(state[0])])
+
+    def linearize(self, state: np.ndarray, dt: float) -> Transition:
+        matrix = SPEED.copy()
+        matrix[1, 0] += self.bend * np.cos(state[0])
+        return Transition(self.moved(state, dt), matrix, PUSHED[None])
+
+    def fresh(self, dt: float) -> float:
+        return 1.0
+
+
+class Seen:
+    """The position, or a function of it with its derivative, with this variance."""
+
+    def __init__(self, value: float, variance: float, of=lambda x: x, slope=lambda x: 1.0) -> None:
+        self.names, self.blocks = ("point",), (slice(0, 1),)
+        self.value, self.cov, self.of, self.slope = np.array([value]), np.array([[variance]]), of, slope
+
+    def linearize(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([self.of(state[0])]), np.array([[self.slope(state[0]), 0.0]])
+
+
+def textbook(variance: float) -> KalmanFilter:
+    known = KalmanFilter(dim_x=2, dim_z=1)
+    known.F, known.H, known.Q = SPEED, np.array([[1.0, 0.0]]), variance * PUSHED
+    known.P = np.diag([4.0, 1.0])
+    return known
+
+
+def test_one_mode_is_kalmans_filter() -> None:
+    found, known = HypothesisFilter(Point([0.3])), textbook(0.09)
+    known.R = np.array([[0.04]])
+    for value in (0.3, 0.9, 1.1, 2.2):
+        found.predict(0.5)
+        known.predict()
+        nis = found.update([Seen(value, 0.04)])
+        known.update(value)
+        np.testing.assert_allclose(found.mean, known.x.ravel(), rtol=1e-12)
+        np.testing.assert_allclose(found.covs[0], known.P, rtol=1e-9)
+        assert nis == pytest.approx(float((known.y.T @ np.linalg.solve(known.S, known.y)).item()), rel=1e-9)
+        assert found.log_likelihood == pytest.approx(float(known.log_likelihood), rel=1e-9)
+
+
+def test_two_observations_of_a_frame_are_taken_in_together() -> None:
+    """As one after the other, for their errors are independent."""
+    found, known = HypothesisFilter(Point([0.3])), textbook(0.09)
+    found.predict(0.5)
+    known.predict()
+    found.update([Seen(0.3, 0.04), Seen(0.5, 0.2)])
+    for value, variance in ((0.3, 0.04), (0.5, 0.2)):
+        known.update(value, R=np.array([[variance]]))
+    np.testing.assert_allclose(found.mean, known.x.ravel(), rtol=1e-12)
+    np.testing.assert_allclose(found.covs[0], known.P, rtol=1e-9)
+
+
+def test_modes_are_mixed_and_weighed_as_interacting_models() -> None:
+    """One cycle by the published equations: mixing, prediction, likelihoods."""
+    rates = np.array([[-0.4, 0.4], [1.0, -1.0]])
+    found = HypothesisFilter(Point([0.1, 5.0], rates))
+    found.predict(0.5)
+    found.update([Seen(6.0, 0.04)])
+    means, covs, odds = found.means.copy(), found.covs.copy(), found.weights.copy()
+    assert 0.3 < odds[1] < 0.999
+    found.predict(0.5)
+    found.update([Seen(8.1, 0.04)])
+    joint = odds[:, None] * expm(0.5 * rates)
+    weights, likelihoods, expected = joint.sum(axis=0), [], []
+    for j, sd in enumerate((0.1, 5.0)):
+        shares = joint[:, j] / weights[j]
+        mean = shares @ means
+        cov = sum(s * (P + np.outer(m - mean, m - mean)) for s, m, P in zip(shares, means, covs, strict=True))
+        mean, cov = SPEED @ mean, SPEED @ cov @ SPEED.T + sd**2 * PUSHED
+        likelihoods.append(multivariate_normal.pdf(8.1, mean[0], cov[0, 0] + 0.04))
+        expected.append(mean + cov[:, 0] / (cov[0, 0] + 0.04) * (8.1 - mean[0]))
+    np.testing.assert_allclose(found.means, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.weights, weights * likelihoods / (weights @ likelihoods), rtol=1e-9)
+    mixed = found.weights @ expected
+    spread = sum(
+        w * (P + np.outer(m - mixed, m - mixed)) for w, m, P in zip(found.weights, expected, found.covs, strict=True)
+    )
+    mean, cov = found.moments(np.eye(2))
+    np.testing.assert_allclose(mean, mixed, rtol=1e-12)
+    np.testing.assert_allclose(cov, spread, rtol=1e-9)
+
+
+def test_a_mode_that_the_marks_refute_is_not_mixed_into_the_other() -> None:
+    """A thousandth of a wide mode would double the variance of a narrow one."""
+    rates = np.array([[-1e-3, 1e-3], [1e-3, -1e-3]])
+    found, alone = HypothesisFilter(Point([0.01, 50.0], rates)), HypothesisFilter(Point([0.01]))
+    for _ in range(30):
+        for one in (found, alone):
+            one.predict(0.5)
+            one.update([Seen(0.0, 1e-4)])
+    assert 0.0 < found.weights[1] < 1e-3
+    np.testing.assert_allclose(found.covs[0], alone.covs[0], rtol=1e-6)
+
+
+def test_a_nonlinear_observation_is_taken_where_it_fits() -> None:
+    """The most probable state, which a search by SciPy finds, not what the slope at the prediction gives."""
+    found = HypothesisFilter(Point([0.3]))
+    found.predict(0.5)
+    mean, cov = found.means[0].copy(), found.covs[0].copy()
+    square, slope = (lambda x: (x + 2.0) ** 2), (lambda x: 2.0 * (x + 2.0))
+    found.update([Seen(16.0, 0.04, square, slope)])
+
+    def misfit(state: np.ndarray) -> float:
+        away = state - mean
+        return float(away @ np.linalg.solve(cov, away) + (16.0 - square(state[0])) ** 2 / 0.04)
+
+    best = minimize(misfit, mean, tol=1e-14, method="Nelder-Mead", options={"maxiter": 4000}).x
+    np.testing.assert_allclose(found.means[0], best, atol=2e-3)
+    assert abs(best[0] - 1.92) < 0.1, "the slope at the prediction leads to 2.98"
+
+
+def test_a_bent_process_is_linearised_where_the_marks_show_that_it_was() -> None:
+    """The mean is the one that follows from the most probable state before and after, by SciPy."""
+    point = Point([0.2], bend=1.5)
+    found = HypothesisFilter(point)
+    found.predict(0.5)
+    found.update([Seen(2.5, 1e-4)])
+    _, (prior,) = point.prior(1.0)
+
+    def misfit(before_and_push: np.ndarray) -> float:
+        before, push = before_and_push[:2], before_and_push[2]
+        after = point.moved(before, 0.5) + 0.2 * push * np.array([0.125, 0.5])
+        return float(before @ np.linalg.solve(prior, before) + push**2 + (2.5 - after[0]) ** 2 / 1e-4)
+
+    best = minimize(misfit, np.zeros(3), tol=1e-14, method="Nelder-Mead", options={"maxiter": 8000}).x
+    expected = point.moved(best[:2], 0.5) + 0.2 * best[2] * np.array([0.125, 0.5])
+    np.testing.assert_allclose(found.mean, expected, atol=0.03)
+    once = point.linearize(np.zeros(2), 0.5)
+    assert abs((once.matrix @ best[:2])[1] - expected[1]) > 0.5, "linearised at the prediction it would be far off"

@@ -1,0 +1,151 @@
+"""The tissue as a process model: derivatives by finite differences, noise by draws, parts by their rules."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, node_forces
+from estimators.core.disturbances import Disturbances
+from estimators.core.tissue import SOURCES, TissueProcess
+from tests.estimators.core.bodies import cable
+
+DT = 1.0 / 30.0
+
+
+@pytest.fixture(scope="module")
+def process() -> TissueProcess:
+    return TissueProcess(four_mass_phantom(), OUTER)
+
+
+def swung(process: TissueProcess, seed: int = 1) -> np.ndarray:
+    """A state away from rest: 2 mm, 0.1 m/s, 2 m/s² and a discrepancy of one standard deviation."""
+    rng, state = np.random.default_rng(seed), process.prior(0.01)[0].copy()
+    for name, scale in (("position", 2e-3), ("velocity", 0.1), ("force", 2.0), ("discrepancy", 1.0)):
+        own = process.parts[name]
+        state[own] += scale * rng.normal(size=own.stop - own.start)
+    return state
+
+
+def test_the_parts_make_up_the_state(process: TissueProcess) -> None:
+    ends = [(part.start, part.stop) for part in process.parts.values()]
+    assert list(process.parts) == ["position", "velocity", "force", "discrepancy"]
+    assert ends[0][0] == 0
+    assert ends[-1][1] == process.n
+    assert all(a[1] == b[0] for a, b in pairwise(ends))
+
+
+def test_the_derivative_is_that_of_the_motion(process: TissueProcess) -> None:
+    """Beside the turn of dashpots, which is of second order, to three hundredths of the largest entry of each block."""
+    state = swung(process)
+    found = process.linearize(state, DT)
+    np.testing.assert_allclose(found.mean, process.moved(state, DT), rtol=1e-12)
+    columns = []
+    for k in range(process.n):
+        step = np.zeros(process.n)
+        step[k] = 1e-6
+        columns.append((process.moved(state + step, DT) - process.moved(state - step, DT)) / 2e-6)
+    exact = np.array(columns).T
+    for rows in process.parts.values():
+        for own in process.parts.values():
+            scale = np.abs(exact[rows, own]).max()
+            np.testing.assert_allclose(found.matrix[rows, own], exact[rows, own], atol=0.03 * scale + 1e-12)
+
+
+def test_unknown_forces_move_the_marked_nodes_as_accelerations(process: TissueProcess) -> None:
+    """1 m/s² on M1 alone: velocity after a millisecond."""
+    network, state = process.network, process.prior(0.01)[0].copy()
+    place = network.coordinates("M1")
+    at = OUTER.index("M1")
+    state[process.parts["force"].start + network.dim * at] = 1.0
+    moved = process.moved(state, 1e-3)[process.parts["velocity"]]
+    still = process.moved(process.prior(0.01)[0], 1e-3)[process.parts["velocity"]]
+    pushed = (moved - still) / 1e-3
+    assert pushed[place.start] == pytest.approx(1.0, rel=0.02)
+    pushed[place.start] = 0.0
+    assert np.abs(pushed).max() < 0.02
+
+
+def test_noise_is_that_of_its_source(process: TissueProcess) -> None:
+    """Over a millisecond white noise has moved velocities alone, by w² t; each other source its own states."""
+    found = process.linearize(process.prior(0.01)[0], 1e-3)
+    white = found.noises[SOURCES.index("white")]
+    own = process.parts["velocity"]
+    np.testing.assert_allclose(np.diag(white)[own], 1e-3, rtol=0.05)
+    assert np.abs(white[process.parts["force"]]).max() == 0.0
+    for source, lasting in (("short", process.disturbances.short_s), ("slow", process.disturbances.slow_s)):
+        grown = np.diag(found.noises[SOURCES.index(source)])[process.parts["force"]]
+        np.testing.assert_allclose(grown[grown > 0.0], 1.0 - np.exp(-2e-3 / lasting), rtol=0.01)
+    grown = np.diag(found.noises[SOURCES.index("discrepancy")])[process.parts["discrepancy"]]
+    np.testing.assert_allclose(grown, 1.0 - np.exp(-2e-3 / process.discrepancy.lasting_s), rtol=1e-9)
+
+
+def test_noise_over_a_frame_is_that_of_many_draws(process: TissueProcess) -> None:
+    """Covariance of 20,000 ends under white noise held over a 48th of the frame, moved by the derivative."""
+    rng, n = np.random.default_rng(3), process.parts["velocity"].stop // 2
+    start, steps = process.prior(0.01)[0], 48
+    T = process.linearize(start, DT / steps).matrix[: 2 * n, : 2 * n]
+    states = np.zeros((20_000, 2 * n))
+    for _ in range(steps):
+        pushed = states.copy()
+        pushed[:, n:] += np.sqrt(DT / steps) * rng.normal(size=(len(states), n))
+        states = pushed @ T.T
+    found = process.linearize(start, DT).noises[0][: 2 * n, : 2 * n]
+    drawn = states.T @ states / len(states)
+    for rows in (slice(0, n), slice(n, 2 * n)):
+        np.testing.assert_allclose(found[rows, rows], drawn[rows, rows], atol=0.1 * np.abs(drawn[rows, rows]).max())
+
+
+def test_strengths_by_mode() -> None:
+    """Of a soft body as stated; a led node is led in every mode."""
+    network = four_mass_phantom()
+    found = TissueProcess(network, OUTER, led=("M3",), disturbances=Disturbances(bent=0.0))
+    rows = found.variances(0.02)
+    d = found.disturbances
+    assert rows.shape == (9, len(SOURCES))
+    np.testing.assert_allclose(np.unique(rows[:, 1]), np.square([d.calm_m_s2, d.poke_m_s2, d.led_m_s2]))
+    np.testing.assert_allclose(rows[:, 2], d.led_m_s2**2)
+    np.testing.assert_allclose(np.unique(rows[:, 3]), np.square(d.slow_m_s2))
+    np.testing.assert_allclose(rows[:, 4], 0.02**2)
+    assert found.rates.shape == (9, 9)
+    np.testing.assert_allclose(found.rates.sum(axis=1), 0.0, atol=1e-12)
+
+
+def test_a_stiff_body_is_pushed_harder() -> None:
+    """Its slowest oscillation a hundred times as fast: forces that bend it as far are ten thousand times as strong."""
+    network = four_mass_phantom()
+    stiff = MassSpringNetwork(
+        **{
+            name: getattr(network, name)
+            for name in (*("names", "positions", "masses", "fixed", "drag", "friction", "springs"), "rest_lengths")
+        },
+        stiffness=1e4 * network.stiffness,
+        damping=network.damping,
+        gravity=network.gravity,
+    )
+    soft, hard = (TissueProcess(one, OUTER).variances(0.0)[1, 1] for one in (network, stiff))
+    assert hard / soft == pytest.approx(1e8, rel=0.2)
+
+
+def test_slow_forces_act_on_marked_nodes_and_on_all_of_a_cable() -> None:
+    """The hidden mass of the phantom is inside; no node of a cable is."""
+    phantom = TissueProcess(four_mass_phantom(), OUTER)
+    at = list(phantom.network.free).index(phantom.network.index(HIDDEN))
+    state = phantom.prior(0.0)[0]
+    slow = slice(phantom.parts["force"].start + 2 * len(OUTER), phantom.parts["force"].stop)
+    own = phantom.parts["velocity"].start + 2 * at
+    assert np.abs(phantom.linearize(state, 1e-3).matrix[own, slow]).max() < 1e-5
+    network = cable(8)
+    hanging = TissueProcess(network, [network.names[k] for k in (1, 2, 6, 7)])
+    slow = slice(hanging.parts["force"].start + 3 * 4, hanging.parts["force"].stop)
+    own = hanging.parts["velocity"].start + 3 * 3
+    assert np.abs(hanging.linearize(hanging.prior(0.0)[0], 1e-3).matrix[own, slow]).max() > 1e-4
+
+
+def test_a_body_without_anchors_is_weightless() -> None:
+    """Nobody says what holds it: at rest as drawn it stays."""
+    network = cable(4, held=False)
+    process = TissueProcess(network, network.names)
+    state = process.prior(0.0)[0]
+    np.testing.assert_allclose(process.moved(state, 0.1), state, atol=1e-12)
+    assert np.abs(node_forces(network, network.positions, np.zeros_like(network.positions))).max() > 0.01
