@@ -37,7 +37,7 @@ from estimators.tissue.prediction import (
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
 from estimators.tissue.start import after_divergence, forget, restart_from_marks, restart_from_shape
-from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, outliers_of, stack_marks
+from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
 
 Place: TypeAlias = tuple[Floats, Floats] | None
 
@@ -82,7 +82,6 @@ class TissueFilter:
         self._before_s = self._refuted_s = -np.inf
         self._outlying: dict[str, Outlying] = {}
         self._seen_s: dict[str, float] = {}
-        self._seen: dict[str, tuple[float, Floats]] = {}
         self._marked, self.target = tuple(marked), target_map(network, target, self.model.offset_rows)
         self._places = {name: network.coordinates(name) for name in (network.names[i] for i in network.free)}
         self._rest = rest_shape(network)
@@ -96,7 +95,6 @@ class TissueFilter:
         driven = [node for node in marked if (node,) != self.target.point.nodes]
         self._driven = frozenset(driven)
         self.open_loop = OpenLoopCovariance(network, self.target.point, driven, self.settings.quiet.white)
-        self._outliers = outliers_of(network, self._rest, self.settings)
         self.marks_scale, self.model_error = (
             VarianceScale(asked.marks_bounds),
             ModelError(self.model, self.settings, marked),
@@ -119,7 +117,6 @@ class TissueFilter:
             mixture_state(self.mixture),
             self.health,
             self._seen_s.copy(),
-            self._seen.copy(),
             self._outlying.copy(),
             self.rejected.copy(),
             self._updated_s,
@@ -135,7 +132,7 @@ class TissueFilter:
         """Set the state back to a snapshot."""
         restore_mixture(self.mixture, then.mixture)
         self.time_s, self.health = then.time_s, then.health
-        self._seen_s, self._seen, self._outlying = then.seen_s.copy(), then.seen.copy(), then.outlying.copy()
+        self._seen_s, self._outlying = then.seen_s.copy(), then.outlying.copy()
         self.rejected, self._before_s = then.rejected.copy(), then.before_s
         self._updated_s, self._refuted_s, self.open_loop.cov = then.updated_s, then.refuted_s, then.open_loop_cov
         self.marks_scale.scale, self.marks_scale.information = then.marks_scale
@@ -264,7 +261,7 @@ class TissueFilter:
             self._start(self.time_s, accepted, stacked)
             self.model_error.learn(accepted, self.mixture, None)
             return self._estimate(self.time_s, len(accepted), found.nis)
-        self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
+        self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared)
         self.log_likelihood += self.mixture.log_likelihood
         nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mu)
         if self.settings.marks_bounds != (1.0, 1.0):
@@ -273,7 +270,6 @@ class TissueFilter:
         if now.status is Status.DIVERGED and not now.innovations:
             self._refuted(self.time_s, accepted, stacked)
         self._seen_s |= dict.fromkeys((mark.node for mark in accepted), self.time_s)
-        self._seen |= {mark.node: (self.time_s, mark.position) for mark in accepted}
         self.model_error.learn(accepted, self.mixture, found.nis)
         shares = information_shares(accepted, found, float(np.trace(self.target.cov(self.mixture.P))))
         estimate = self._estimate(self.time_s, len(accepted), found.nis)
@@ -314,7 +310,7 @@ class TissueFilter:
         """Start from the first marks, or again from those after a loss."""
         self.repairs["restarted"] += int(self.health.since_s is not None)
         restart_from_marks(self.mixture, self.model, self.settings, marks, stacked=stacked)
-        self._seen_s, self._seen = dict.fromkeys(self._marked, time_s), {m.node: (time_s, m.position) for m in marks}
+        self._seen_s = dict.fromkeys(self._marked, time_s)
         self.health = after_frame(self.health, time_s, 0.0, 0, self.settings)
 
     def _refuted(self, time_s: float, marks: Sequence[MarkMeasurement], stacked: StackedMarks) -> None:
@@ -322,8 +318,8 @@ class TissueFilter:
         again = time_s - self._refuted_s <= self.settings.lost_s
         linear, self._refuted_s = self.mixture.move.linear is not None, time_s
         self.repairs["restarted" if again or linear else "inflated"] += 1
-        own, then = (self.mixture, self.model, self.settings), (time_s, self._seen) if linear else None
-        after_divergence(own, marks, stacked, earlier=then, again=again, start_cov=self._start_cov)
+        own = self.mixture, self.model, self.settings
+        after_divergence(own, marks, stacked, linear=linear, again=again, start_cov=self._start_cov)
 
     def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
         """Mean [m], (dim,), and covariance [m²], (dim, dim), of a point of the tissue, as the target's are reported."""

@@ -49,8 +49,7 @@ class Snapshot:
 
     time_s, updated_s: of the state, of the last update [s], None before the first
     before_s, refuted_s: of the frame before that of the last update, of the last divergence [s], -inf for none
-    seen_s, seen, outlying: by node, when its mark was last taken in [s], that time and where [m], and what was seen of
-        it beyond the gate
+    seen_s, outlying: by node, when its mark was last taken in [s], and what was seen of it beyond the gate
     rejected: counts by node or `fix`; open_loop_cov: state of the open loop's covariance
     marks_scale: factor on the marks' variances and the information behind it; log_likelihood: of the last marks
     shown: of the model's error
@@ -60,7 +59,6 @@ class Snapshot:
     mixture: MixtureState
     health: Health
     seen_s: dict[str, float]
-    seen: dict[str, tuple[float, Floats]]
     outlying: dict[str, Outlying]
     rejected: Counter[str]
     updated_s: float | None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,27 +27,6 @@ from estimators.tissue.update import StackedMarks
 
 LONG_RUN = 50.0
 """Longest stays in a mode after which the odds are those of the long run: exp(-50) is rounding."""
-
-Earlier = tuple[float, Mapping[str, tuple[float, Floats]]]
-"""A time [s], and by node when its mark was last seen before [s] and where [m], (dim,)."""
-
-
-def mark_speeds(
-    marks: Sequence[MarkMeasurement], time_s: float, earlier: Mapping[str, tuple[float, Floats]], acceleration: float
-) -> tuple[Floats, Floats]:
-    """Speeds of marks since they were seen earlier, by coordinate [m/s], and their variances [m²/s²], (m,) each.
-
-    By two-point differencing. earlier: by node, the time [s] and the place [m], (dim,); of a mark without one
-    the variance is infinite. acceleration: standard deviation of what is not known of it in between [m/s²]. Source:
-    [barshalom2001], section 5.5.3.
-    """
-    values, variances = [], []
-    for mark in marks:
-        then_s, place = earlier.get(mark.node, (-np.inf, mark.position))
-        dt = time_s - then_s if then_s < time_s else np.inf
-        values.append((mark.position - place) / dt)
-        variances.append((0.5 * acceleration * dt) ** 2 + 2.0 * np.diag(mark.total_cov) / dt**2)
-    return np.concatenate(values), np.concatenate(variances)
 
 
 def restart_from_shape(
@@ -105,8 +84,6 @@ def restart_from_marks(
     marks: Sequence[MarkMeasurement],
     *,
     stacked: StackedMarks,
-    inflation: float = 1.0,
-    speeds: tuple[Floats, Floats] | None = None,
     unseen_s: float | None = None,
 ) -> None:
     """Set every mode to the tissue at rest with its marked nodes fixed where they are seen.
@@ -115,7 +92,6 @@ def restart_from_marks(
     go along straight lines where the tissue turns. The shape in which it rests with the marked nodes fixed at z is a
     nonlinear estimate with the gain G = d(shape)/dz; its error is (I - G H) times that of the start, less G times that
     of the marks, and so are its covariance (Joseph's form) and columns.
-    inflation: factor on the covariance of the start; speeds: of the marks, None: the tissue is at rest
     unseen_s: time of unseen pokes that makes the start uncertain [s]; None: lost_s
     """
     network, places = model.network, {mark.node: mark.position for mark in marks}
@@ -127,7 +103,7 @@ def restart_from_marks(
         return
     own = settings if unseen_s is None else replace(settings, lost_s=unseen_s)
     slow = mixture.x[model.slow], mixture.P[model.slow, model.slow]
-    held = _held(model, own, shape, stacked=stacked, inflation=inflation, speeds=speeds, slow=slow)
+    held = _held(model, own, shape, stacked=stacked, slow=slow)
     mixture.restart(*held)
 
 
@@ -137,11 +113,9 @@ def _held(
     shape: Floats,
     *,
     stacked: StackedMarks,
-    inflation: float,
-    speeds: tuple[Floats, Floats] | None,
     slow: tuple[Floats, Floats],
 ) -> tuple[Floats, Floats, Floats]:
-    """Mean, covariance and columns of the tissue in a shape in which marks hold it, at rest or with their speeds."""
+    """Mean, covariance and columns of the tissue at rest in a shape in which marks hold it."""
     network, rows = model.network, stacked.rows
     mean, cov = _at_rest(model, settings, shape, slow)
     K = stiffness_matrix(network, shape)
@@ -151,17 +125,11 @@ def _held(
     G[others] = -np.linalg.solve(K[np.ix_(others, others)], K[np.ix_(others, rows)])
     keep = np.eye(model.dim_x)
     keep[:, rows] -= G
-    P = within_reach(inflation * keep @ cov @ keep.T + G @ stacked.R @ G.T, network)
+    P = within_reach(keep @ cov @ keep.T + G @ stacked.R @ G.T, network)
     P[model.slow, model.slow] = slow[1]
     columns = model.resting_columns(shape, rows)
     if stacked.shared is not None:
         columns -= G @ stacked.shared
-    if speeds is not None and (known := np.isfinite(speeds[1])).any():
-        half = network.n_state // 2
-        values, variances, on = speeds[0][known], speeds[1][known], half + np.asarray(rows)[known]
-        gain = np.linalg.solve(P[np.ix_(on, on)] + np.diag(variances), P[on]).T
-        mean = mean + gain @ values
-        P = P - gain @ P[on]
     return mean, 0.5 * (P + P.T), columns
 
 
@@ -170,23 +138,22 @@ def after_divergence(
     marks: Sequence[MarkMeasurement],
     stacked: StackedMarks,
     *,
-    earlier: Earlier | None,
+    linear: bool,
     again: bool,
     start_cov: Floats,
 ) -> None:
     """Inflate the state by start_cov (dim_x, dim_x) after a divergence; restart from the marks after another one.
 
     The first may have come of an impulse: the tissue is about where it was estimated. After the second nothing is kept
-    but that the tissue rests as the marks hold it; of a stiff or large body, whose earlier marks are given, always, for
-    straight lines to far marks would stretch links, and it then moves as the marks did since they were seen before.
+    but that the tissue rests as the marks hold it; of a stiff or large body, whose motion is linear, always, for
+    straight lines to far marks would stretch links.
     """
     mixture, model, settings = belief
-    if earlier is not None:
-        speeds = mark_speeds(marks, *earlier, settings.leading.poke)
+    if linear:
         unseen_s = settings.confirm_s  # it was seen a frame ago
-        restart_from_marks(mixture, model, settings, marks, stacked=stacked, speeds=speeds, unseen_s=unseen_s)
+        restart_from_marks(mixture, model, settings, marks, stacked=stacked, unseen_s=unseen_s)
     elif again:
-        restart_from_marks(mixture, model, settings, marks, stacked=stacked, inflation=settings.inflation**2)
+        restart_from_marks(mixture, model, settings, marks, stacked=stacked)
     else:
         inflate(mixture, settings.inflation * start_cov, stacked)
 

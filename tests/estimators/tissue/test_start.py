@@ -7,7 +7,7 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, NetworkError, node_forces, reaches, rest_shape, state_matrix
 from estimators import FilterSettings, MarkMeasurement, Status, TissueFilter, accumulated_noise, mean_bounds
-from estimators.tissue.start import mark_speeds, restart_from_marks
+from estimators.tissue.start import restart_from_marks
 from estimators.tissue.update import stack_marks
 
 MARK_SD = 4.14e-3
@@ -174,15 +174,6 @@ def test_first_marks_in_a_shape_without_rest_are_taken_in_as_any_others(phantom,
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + 1e-3**2 * np.eye(2))
     np.testing.assert_allclose(tissue.mixture.x, x + K @ (z - H @ x), rtol=0, atol=1e-10)
     np.testing.assert_allclose(tissue.mixture.P, P - K @ H @ P, rtol=0, atol=1e-10)
-
-
-def test_speeds_of_marks_are_of_two_points():
-    """(0.03, 0) m in 0.1 s; what 2 m/s² could do in half of it, 0.1 m/s, and twice 1 mm of noise over it. By hand."""
-    marks = [MarkMeasurement(node, np.array([0.05, 0.02]), 1e-6 * np.eye(2)) for node in ("seen", "new", "now")]
-    earlier = {"seen": (0.9, np.array([0.02, 0.02])), "now": (1.0, np.array([0.0, 0.0]))}
-    values, variances = mark_speeds(marks, 1.0, earlier, 2.0)
-    np.testing.assert_allclose(values, [0.3, 0.0, 0.0, 0.0, 0.0, 0.0], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(variances, [0.01 + 2e-4] * 2 + [np.inf] * 4, rtol=1e-9)
 
 
 def test_what_was_seen_a_moment_ago_starts_less_uncertain(phantom, rest_state, marks_of):
