@@ -134,7 +134,7 @@ OFF: Mapping[str, Changes] = {
         ERROR + ".learn": lambda old: lambda self, marks, mixture, nis: old(self, marks, mixture, nis and 0.0),
         **_value(ERROR + ".start", lambda *_: None),
     },
-    "refuted": _value(ERROR + ".status", lambda _self, of_health: of_health),
+    "refuted": _value(ERROR + ".status", lambda _self, of_health, *_: of_health),
     "memory by swings": _settings(remember_swings=0.0),
     "Scales": _value("tissue.model_error.likeliest_scales", lambda *_, **__: Scales()),
     "led_inflation": _settings(led_inflation=np.inf),
