@@ -257,6 +257,36 @@ def _distance(y, innovation_cov):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def with_outliers(x, P, z, H, R, C, width, variance, log_odds):  # type: ignore[no-untyped-def]
+    """R (m, m) with `variance` added to those parts of z, `width` coordinates each, that are likelier so.
+
+    C (m, r): columns of the innovation's common errors. Also the log of the odds of these parts, and by how much the
+    log determinants of their innovation covariances grew.
+    """
+    widened_R, taken, widened = R, 0.0, 0.0
+    for start in range(0, len(z), width):
+        own = slice(start, start + width)
+        h = np.ascontiguousarray(H[own])
+        S = h @ P @ h.T + C[own] @ C[own].T + R[own, own]
+        y = z[own] - h @ x
+        if not chol_lower(S)[1]:  # the update says so
+            continue
+        distance = squared_mahalanobis(y, S)
+        if not distance > -2.0 * log_odds:  # no other covariance makes up for its odds
+            continue
+        W = S + variance * np.eye(width)
+        grown = np.linalg.slogdet(W)[1] - np.linalg.slogdet(S)[1]
+        if distance > squared_mahalanobis(y, W) + grown - 2.0 * log_odds:
+            if taken == 0.0:
+                widened_R = R.copy()
+            for i in range(start, start + width):
+                widened_R[i, i] += variance
+            taken += log_odds
+            widened += grown
+    return widened_R, taken, widened
+
+
+@njit(cache=True, nogil=True)
 def measured(P, H):  # type: ignore[no-untyped-def]
     """H P (m, n) and H P H' (m, m); of many measurements by those states alone that H depends on."""
     m, n = H.shape

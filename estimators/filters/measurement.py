@@ -1,9 +1,10 @@
-"""Of the errors of a measurement, what is beside its noise: those that several have in common."""
+"""Of the errors of a measurement, what is beside its noise: those that several have in common, and outliers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,17 @@ from estimators.arrays import Floats
 
 REMEMBERED_S = 5.0
 """For so long innovations tell of common errors [s]; choice: with 60 s errors and coverage are the same."""
+
+
+class Outliers(NamedTuple):
+    """What a part of a measurement, `width` coordinates that come together, may be besides what it claims to be.
+
+    variance: added to that of its noise, in the units of z squared; log_odds: log of how often that is so
+    """
+
+    width: int
+    variance: float
+    log_odds: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)

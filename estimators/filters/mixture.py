@@ -24,8 +24,9 @@ from estimators.filters.kernels import (
     schmidt_update,
     symmetric_points_each,
     with_columns,
+    with_outliers,
 )
-from estimators.filters.measurement import CommonErrors
+from estimators.filters.measurement import CommonErrors, Outliers
 from estimators.filters.motion import Cycle, ModeBeliefs, Move, Transition
 from estimators.filters.noise_level import NoiseLevel
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter
@@ -214,11 +215,14 @@ class InteractingMixture(filterpy.IMMEstimator):
     def _compute_mixing_probabilities(self) -> None:
         self._odds_ahead, self.cbar, self.omega = self.chain.ahead(self._ahead)
 
-    def update_linear(self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None) -> None:
+    def update_linear(
+        self, z: Floats, H: Floats, R: Floats, shared: Floats | None = None, outliers: Outliers | None = None
+    ) -> None:
         """Take in z = H x + noise of covariance R: z (m,), H (m, dim_x), R (m, m).
 
         Raises CovarianceError where the innovation of any mode has no finite likelihood; then no mode has changed.
         shared: what the directions of the columns, each by one standard deviation, move z itself by, (m, r)
+        outliers: None, or what else a part of z may be: each mode takes for that what it cannot explain
         """
         self._relinearise(z, H, R)
         moved = np.zeros((len(z), self.columns.shape[2])) if shared is None else shared
@@ -227,15 +231,18 @@ class InteractingMixture(filterpy.IMMEstimator):
         n, updates, logs, covs = self.considered * moved.shape[1], [], [], []
         errors = self.common_errors.moved_by(moved[:, :n])
         told = (errors.mean, errors.root)
-        for f, columns in zip(self.filters, self.columns, strict=True):
-            found = schmidt_update(f.x, f.P, z, H, R, columns[:, :n], moved[:, :n], self.added_share, *told)
+        for f, columns, own in zip(self.filters, self.columns, innovation_columns, strict=True):
+            R_own, log_odds, widened = R, 0.0, 0.0
+            if outliers is not None:
+                R_own, log_odds, widened = with_outliers(f.x, f.P, z, H, R, own, *outliers)
+            found = schmidt_update(f.x, f.P, z, H, R_own, columns[:, :n], moved[:, :n], self.added_share, *told)
             *gained, nis, log_det, definite, own_nis, own_log_det, cov = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
             if not isfinite(nis + log_det + own_nis + own_log_det):
                 raise CovarianceError(f"innovation: expected a finite likelihood, found {nis} and {log_det}")
-            updates.append((*gained, nis, log_det))
-            logs.append(-0.5 * (own_nis + own_log_det))
+            updates.append((*gained, nis - 2.0 * log_odds + widened, log_det - widened))
+            logs.append(log_odds - 0.5 * (own_nis + own_log_det))
             covs.append(cov)
         # nothing changes before the update of every mode is known to succeed
         columns = np.empty_like(self.columns)

@@ -37,7 +37,7 @@ from estimators.tissue.prediction import (
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot, all_or_nothing, mixture_state, restore_mixture, unchanged
 from estimators.tissue.start import after_divergence, forget, restart_from_marks, restart_from_shape
-from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, stack_marks
+from estimators.tissue.update import StackedMarks, check_marks, information_shares, innovation, outliers_of, stack_marks
 
 Place: TypeAlias = tuple[Floats, Floats] | None
 
@@ -95,6 +95,7 @@ class TissueFilter:
         driven = [node for node in marked if (node,) != self.target.point.nodes]
         self._driven = frozenset(driven)
         self.open_loop = OpenLoopCovariance(network, self.target.point, driven, self.settings.quiet.white)
+        self._outliers = outliers_of(network, self._rest, self.settings)
         self.marks_scale, self.model_error = (
             VarianceScale(asked.marks_bounds),
             ModelError(self.model, self.settings, marked),
@@ -261,7 +262,7 @@ class TissueFilter:
             self._start(self.time_s, accepted, stacked)
             self.model_error.learn(accepted, self.mixture, None)
             return self._estimate(self.time_s, len(accepted), found.nis)
-        self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared)
+        self.mixture.update_linear(stacked.z, stacked.H(self.model.dim_x), stacked.R, stacked.shared, self._outliers)
         self.log_likelihood += self.mixture.log_likelihood
         nis, blow = min(f.nis for f in self.mixture.filters), self.settings.blow_share(self.mixture.mu)
         if self.settings.marks_bounds != (1.0, 1.0):

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.filters.kernels import block_contributions, inverse_nis_gain, nis_left
+from estimators.filters.measurement import Outliers
 from estimators.filters.mixture import InteractingMixture
 from estimators.process.process_model import TissueModel
 from estimators.process.target import TargetMap
 from estimators.tissue.estimate import CommonShift, MarkMeasurement
+from estimators.tissue.settings import FilterSettings
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +56,16 @@ class Innovation:
         """What one shift of all marks explains of it."""
         dim = len(self.gain)
         return CommonShift(len(self.y) // dim, *nis_left(self.y, self.S_inv, dim))
+
+
+def outliers_of(network: MassSpringNetwork, rest: Floats, settings: FilterSettings) -> Outliers | None:
+    """What a mark may be besides the node's: anything within the extent of the tissue at rest, (n_nodes, dim) [m].
+
+    None where no blows are expected: then the gate decides what is an outlier, by all modes at once.
+    """
+    if not settings.strikes:
+        return None
+    return Outliers(network.dim, float(np.ptp(rest, axis=0).max()) ** 2, float(np.log(settings.outlier_odds)))
 
 
 def check_marks(marks: Sequence[MarkMeasurement], coordinates: Mapping[str, slice], model: TissueModel) -> None:

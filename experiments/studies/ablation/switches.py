@@ -19,8 +19,10 @@ from unittest.mock import patch
 import numpy as np
 
 from estimators import AssociatedEstimate, FilterSettings
+from estimators.filters.measurement import Outliers
 from estimators.filters.opinions import Scales
 from estimators.tissue.gate import Gated
+from estimators.tissue.update import outliers_of
 
 ROOT = Path(__file__).parents[3]
 WHOLE, TOGETHER = "whole filter", " + "
@@ -112,6 +114,12 @@ def _without_simulation(of_target: Any) -> Any:
     return alone
 
 
+def _always_outliers(network: Any, rest: Any, settings: FilterSettings) -> Outliers | None:
+    if settings.led is not None or settings.one_of:
+        return outliers_of(network, rest, settings)
+    return Outliers(network.dim, float(np.ptp(rest, axis=0).max()) ** 2, float(np.log(settings.outlier_odds)))
+
+
 def _by_mixture(mixture: Any, place: slice, shared: Any, _settings: Any) -> Any:
     columns = mixture.mean_columns[place]
     own = columns if shared is None else columns + shared
@@ -153,7 +161,10 @@ OFF: Mapping[str, Changes] = {
     },
     "softened links": _value("tissue.model.as_stiff_as_known", lambda network, _sd: network),
     "led mode": _property(SETTINGS + ".may_be_led", False),
-    "struck mode": _property(SETTINGS + ".strikes", False),
+    "struck mode": {
+        **_property(SETTINGS + ".strikes", False),
+        **_value("tissue.filter.outliers_of", _always_outliers),
+    },
     "MANY_BLOWS": _value("tissue.health.MANY_BLOWS", np.inf),
     "calm": _settings(calm_s=1.5),
     "ModeChain.begun": _value("tissue.prediction.onset_of", lambda *_: None),
@@ -167,6 +178,7 @@ OFF: Mapping[str, Changes] = {
         "association.identity.AssociationFilter.update",
         lambda self, marks: AssociatedEstimate(self.tissue.update(marks), tuple(marks)),
     ),
+    "with_outliers": _value("tissue.filter.outliers_of", lambda *_: None),
     "gate_marks": _value("tissue.filter.gate_marks", _all_accepted),
     "gate_start": _value("tissue.filter.gate_start", _all_accepted),
     "confirmed": _value("tissue.gate.confirmed", lambda *_: False),

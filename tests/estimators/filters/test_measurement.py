@@ -1,9 +1,12 @@
-"""What innovations tell of errors that measurements have in common: conditioning of normal distributions."""
+"""Errors that measurements have in common, and outliers: conditioning of normal distributions, SciPy's densities."""
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
-from estimators.filters.measurement import REMEMBERED_S, CommonErrors
+from estimators import InteractingMixture, UnscentedKalmanFilter
+from estimators.filters.kernels import with_outliers
+from estimators.filters.measurement import REMEMBERED_S, CommonErrors, Outliers
 
 SHARED = np.array([[0.4, 0.0, -0.2], [0.1, 0.0, 0.5]])
 """Of the three errors the second moves no measurement."""
@@ -69,3 +72,64 @@ def test_it_is_forgotten_in_time_however_that_is_cut():
     assert once.mean[0] == pytest.approx(np.exp(-2.0 / REMEMBERED_S) * told.mean[0])
     np.testing.assert_allclose(told.later(1e3).cov, known().cov, atol=1e-12)
     np.testing.assert_allclose(told.later(1e3).mean, 0.0, atol=1e-12)
+
+
+X, P = np.zeros(4), np.diag([4.0, 1.0, 2.0, 0.5]) + 0.1
+H, R = np.eye(4), 0.1 * np.eye(4) + 0.01
+NONE = np.zeros((4, 0))
+ODDS, VARIANCE = np.log(1e-3), 900.0
+
+
+def by_density(y: np.ndarray, columns: np.ndarray) -> list[bool]:
+    """Which of both halves are likelier by odds of 1e-3 and a standard deviation of 30 more."""
+    S = P + R + columns @ columns.T
+    told = []
+    for own in (slice(0, 2), slice(2, 4)):
+        as_said = multivariate_normal(np.zeros(2), S[own, own]).logpdf(y[own])
+        besides = multivariate_normal(np.zeros(2), S[own, own] + VARIANCE * np.eye(2)).logpdf(y[own])
+        told.append(bool(ODDS + besides > as_said))
+    return told
+
+
+@pytest.mark.parametrize("columns", [NONE, np.array([[3.0], [-1.0], [0.0], [2.0]])], ids=["alone", "with columns"])
+def test_what_is_likelier_so_is_an_outlier(columns):
+    """300 draws, half of them far off in a part: as densities have it; R and its logarithms, to rounding."""
+    rng, counts = np.random.default_rng(0), np.zeros(3, dtype=int)
+    for k in range(300):
+        z = rng.multivariate_normal(np.zeros(4), P + R) * (1.0 + 6.0 * (k % 2))
+        outlying = by_density(z, columns)
+        widened, log_odds, grown = with_outliers(X, P, z, H, R, columns, 2, VARIANCE, ODDS)
+        np.testing.assert_allclose(widened, R + VARIANCE * np.diag(np.repeat(outlying, 2)), rtol=1e-14)
+        assert log_odds == pytest.approx(sum(outlying) * ODDS)
+        S = P + R + columns @ columns.T
+        parts = [S[a : a + 2, a : a + 2] for a, one in zip((0, 2), outlying, strict=True) if one]
+        logs = [np.linalg.slogdet(part + VARIANCE * np.eye(2))[1] - np.linalg.slogdet(part)[1] for part in parts]
+        assert grown == pytest.approx(sum(logs), abs=1e-9)
+        counts[sum(outlying)] += 1
+    assert (counts > 5).all()
+
+
+def test_a_mode_is_as_likely_as_its_outliers_are():
+    """One mode is right, one is 100 beside: an outlier to it, so that its odds fall by 1e-3 and a density, no further.
+
+    Its state is that of the textbook's update with the wider R, its distance by how much that is less than its peak.
+    """
+    filters = []
+    for mean in (0.0, 100.0):
+        f = UnscentedKalmanFilter(1, lambda points, _dt: points)
+        f.x, f.P, f.Q = np.array([mean]), np.eye(1), np.zeros((1, 1))
+        filters.append(f)
+    mixture = InteractingMixture(filters, np.array([0.2, 0.8]), np.zeros((2, 2)))
+    z, noise = np.array([0.5]), 0.25 * np.eye(1)
+    mixture.update_linear(z, np.eye(1), noise, outliers=Outliers(1, VARIANCE, ODDS))
+    right = multivariate_normal(0.0, 1.25).pdf(0.5)
+    wrong = 1e-3 * multivariate_normal(100.0, 1.25 + VARIANCE).pdf(0.5)
+    expected = np.array([0.2 * right, 0.8 * wrong])
+    np.testing.assert_allclose(mixture.mu, expected / expected.sum(), rtol=1e-9)
+    assert mixture.log_likelihood == pytest.approx(np.log(expected.sum()), rel=1e-12)
+    gain = 1.0 / (1.25 + VARIANCE)
+    np.testing.assert_allclose(mixture.filters[1].x, 100.0 + gain * (0.5 - 100.0), rtol=1e-12)
+    np.testing.assert_allclose(mixture.filters[1].P, 1.0 - gain, rtol=1e-9)
+    peak = multivariate_normal(0.0, 1.25).logpdf(0.0)
+    assert mixture.filters[1].nis == pytest.approx(2.0 * (peak - np.log(wrong)), rel=1e-12)
+    assert mixture.filters[0].nis == pytest.approx(0.25 / 1.25, rel=1e-12)

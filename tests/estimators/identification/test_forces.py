@@ -163,7 +163,7 @@ def test_pokes_of_a_stiff_body_are_not_taken_for_noise(driven):
 
     By the noise that such a body is given where nobody tuned it, three times what acts, it would not be.
     """
-    network, rng = replace(chain(), damping=np.full(3, 14.0)), np.random.default_rng(6)
+    network, rng = replace(chain(), damping=np.full(3, 30.0)), np.random.default_rng(6)
     assert TissueFilter(network, "far", ("near", "far"), SETTINGS).model.stiff
     forces = MASS * WHITE * np.sqrt(120.0) * rng.normal(size=(3 * 120, 2, 2))
     forces[180:216, 0, 0] += 5.0 * MASS * np.sin(np.linspace(0.0, np.pi, 36))

@@ -182,7 +182,7 @@ def test_levels_are_searched_without_a_strain_too(pair, monkeypatch, higher):
     """By the levels before a strain is the likelier, 12.8 and 9.4; each by its own levels it is not where `higher`."""
     monkeypatch.setitem(WAYS, False, (WAYS[False][0], 40.0 if higher else 19.0))
     monkeypatch.setattr(noise_levels._Passes, "__call__", two_ways)
-    stiff = replace(pair, damping=np.full(3, 14.0))
+    stiff = replace(pair, damping=np.full(3, 30.0))
     marks = [MarkMeasurement(node, stiff.positions[stiff.index(node)], SD**2 * np.eye(2)) for node in ("near", "far")]
     found = tune_noise(stiff, [(k / 15.0, marks) for k in range(10)], ("near", "far"), "far")
     place, height = WAYS[not higher]
@@ -201,7 +201,7 @@ def test_how_far_springs_of_a_stiff_body_may_be_off_is_found(pair, driven, off, 
 
     By the levels that act. A strain of 1 % where there is none would be 1 mm at once, twice what the marks scatter.
     """
-    stiff, rng = replace(pair, damping=np.full(3, 14.0)), np.random.default_rng(7)
+    stiff, rng = replace(pair, damping=np.full(3, 30.0)), np.random.default_rng(7)
     start = pack(pair.positions[1:3], np.zeros((2, 2)))
     states = driven(stiff, start, 0.2 * WHITE * np.sqrt(120.0) * rng.normal(size=(3 * 120, 2, 2)))[::8]
     frames = []
