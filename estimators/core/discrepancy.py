@@ -112,7 +112,7 @@ class LevelPosterior:
         innovation, S : (m,), (m, m)
             Of all that was observed, at the present level.
         fresh : (m, m)
-            Covariance of what the discrepancy adds anew in this frame, at level 1.
+            Covariance of what is new in the discrepancy in this frame, at level 1.
         groups : sequence of (k, dim) int
             For each name the rows that are withheld with it, its own first.
         """

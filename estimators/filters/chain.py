@@ -54,7 +54,7 @@ class ModeChain:
     def ahead(self, dt: float) -> tuple[Floats, Floats, Floats]:
         """Odds of the states dt [s] later, (n_states,), and of the modes; and the mixing weights.
 
-        Weights (n_modes, n_modes): of the belief in i now in that in j then.
+        Weights (n_modes, n_modes): of the posterior of mode i now in the prior of mode j then.
         """
         M = self._transition(dt)
         states = np.maximum(self.odds @ M, LEAST)

@@ -107,7 +107,7 @@ class InteractingMixture(filterpy.IMMEstimator):
         self.chain.set_mode_odds(odds)
 
     def restart(self, mean: Floats, cov: Floats, columns: Floats | None = None) -> None:
-        """Give every mode the same belief: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
+        """Give every mode the same Gaussian: mean (dim_x,), cov (dim_x, dim_x), columns (dim_x, r).
 
         The odds of the modes stay. Without columns, those of the first mode.
         """

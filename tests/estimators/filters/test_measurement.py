@@ -83,12 +83,12 @@ ODDS, VARIANCE = np.log(1e-3), 900.0
 def by_density(y: np.ndarray, columns: np.ndarray) -> list[bool]:
     """Which of both halves are likelier by odds of 1e-3 and a standard deviation of 30 more."""
     S = P + R + columns @ columns.T
-    told = []
+    outlying = []
     for own in (slice(0, 2), slice(2, 4)):
         as_said = multivariate_normal(np.zeros(2), S[own, own]).logpdf(y[own])
         besides = multivariate_normal(np.zeros(2), S[own, own] + VARIANCE * np.eye(2)).logpdf(y[own])
-        told.append(bool(ODDS + besides > as_said))
-    return told
+        outlying.append(bool(ODDS + besides > as_said))
+    return outlying
 
 
 @pytest.mark.parametrize("columns", [NONE, np.array([[3.0], [-1.0], [0.0], [2.0]])], ids=["alone", "with columns"])
