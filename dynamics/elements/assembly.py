@@ -1,4 +1,4 @@
-"""Elements of all kinds assembled over the free coordinates of a mesh."""
+"""Elements of all kinds assembled over the free coordinates of a mesh; those of a network by one kernel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from dynamics.arrays import Floats
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
 from dynamics.elements.springs import Springs
+from dynamics.forces.kernels import NodeConstants, Packed, linearised
 from dynamics.network.mass_spring import MassSpringNetwork
+
+COMPILED = (Springs, Weight, Resistance)
+"""Kinds whose forces one kernel adds up."""
 
 
 class Assembly:
@@ -25,6 +29,7 @@ class Assembly:
     free : (n_free,) int
         Nodes that move.
     elements : sequence of ForceElement
+        Constants of springs, weights and resistances are read now, those of other kinds at each call.
 
     Attributes
     ----------
@@ -39,6 +44,9 @@ class Assembly:
         place[free] = np.arange(len(free))
         self.n = len(free) * self.dim
         self._entries = [self._of_tangents(place[element.nodes]) for element in self.elements]
+        self._place = np.where(place < 0, -1, self.dim * place)
+        self._packed = _packed(positions.shape, self.elements)
+        self._others = [k for k, element in enumerate(self.elements) if type(element) not in COMPILED]
 
     @classmethod
     def of_network(cls, network: MassSpringNetwork) -> Assembly:
@@ -53,11 +61,20 @@ class Assembly:
 
     def force(self, q: Floats, v: Floats) -> Floats:
         """Force on the free coordinates [N], (n,), at q [m] and v [m/s], (n,)."""
+        total: Floats = linearised(q, v, self.positions, self._place, *self._packed, False)[0]
+        return total + self._of_others(q, v) if self._others else total
+
+    def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        """`force`, and dense stiffness and damping as `tangents`, (n, n) each."""
+        total, K, C = linearised(q, v, self.positions, self._place, *self._packed, True)
+        if not self._others:
+            return total, K, C
         x, u = self._all(q, v)
-        total = np.zeros_like(x)
-        for element in self.elements:
-            np.add.at(total, element.nodes, element.force(x[element.nodes], u[element.nodes]))
-        return total[self.free].ravel()
+        for k in self._others:
+            element, (kept, rows, columns) = self.elements[k], self._entries[k]
+            for matrix, blocks in zip((K, C), element.tangents(x[element.nodes], u[element.nodes]), strict=True):
+                np.add.at(matrix, (rows, columns), blocks.ravel()[kept])
+        return total + self._of_others(q, v), K, C
 
     def tangents(self, q: Floats, v: Floats) -> tuple[csr_array, csr_array]:
         """Stiffness [N/m] and damping [N s/m]: minus the derivatives of `force` by q and v, (n, n) each."""
@@ -69,6 +86,13 @@ class Assembly:
         rows, columns = (np.concatenate([entry[k] for entry in self._entries]) for k in (1, 2))
         shape = (self.n, self.n)
         return tuple(csr_array((np.concatenate(v), (rows, columns)), shape=shape) for v in values)
+
+    def _of_others(self, q: Floats, v: Floats) -> Floats:
+        x, u = self._all(q, v)
+        total = np.zeros_like(x)
+        for element in (self.elements[k] for k in self._others):
+            np.add.at(total, element.nodes, element.force(x[element.nodes], u[element.nodes]))
+        return total[self.free].ravel()
 
     def _all(self, q: Floats, v: Floats) -> tuple[Floats, Floats]:
         x, u = self.positions.copy(), np.zeros_like(self.positions)
@@ -84,3 +108,18 @@ class Assembly:
         columns = np.broadcast_to(coordinates[:, None, None, :, :], shape).ravel()
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
         return kept, rows[kept], columns[kept]
+
+
+def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
+    """The constants of all compiled kinds, of nodes by node: (n_nodes, dim) is the shape of their positions."""
+    ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
+    weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
+    for element in elements:
+        if type(element) is Springs:
+            ends.append(element.nodes)
+            springs.append(np.stack(element.constants, axis=1))
+        elif type(element) is Weight:
+            np.add.at(weight, element.nodes[:, 0], element.weight)
+        elif type(element) is Resistance:
+            np.add.at(of_nodes, element.nodes[:, 0], np.stack(element.constants, axis=1))
+    return Packed(np.concatenate(ends), np.concatenate(springs), of_nodes, weight)

@@ -11,10 +11,10 @@ from dynamics.arrays import Floats
 from dynamics.forces.kernels import (
     KINDS,
     OF_SPRINGS,
-    SLIP_VELOCITY,
     NodeConstants,
     node_resistance,
     resistance_by_log_constants,
+    resistance_by_square,
 )
 from dynamics.network.mass_spring import MassSpringNetwork
 
@@ -77,9 +77,9 @@ class Resistance:
         n, _, dim = v.shape
         speed = v[:, 0]
         square = np.einsum("nd,nd->n", speed, speed)
-        falling = self.constants.friction / (square + SLIP_VELOCITY**2) ** 1.5
+        by_square = resistance_by_square(square, self.constants)
         by_velocity = self._resistance(v)[:, None, None] * np.eye(dim)
-        by_velocity = by_velocity - falling[:, None, None] * speed[:, :, None] * speed[:, None, :]
+        by_velocity = by_velocity + 2.0 * by_square[:, None, None] * speed[:, :, None] * speed[:, None, :]
         return np.zeros((n, 1, dim, 1, dim)), by_velocity[:, None, :, None, :]
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:

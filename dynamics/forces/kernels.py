@@ -122,6 +122,12 @@ def node_resistance(square: Numbers, c: NodeConstants) -> Floats:
 
 
 @register_jitable
+def resistance_by_square(square: Numbers, c: NodeConstants) -> Floats:
+    """Derivative of the resistance by the square of the velocity [N s³/m³]."""
+    return -0.5 * c.friction / (square + SLIP_VELOCITY * SLIP_VELOCITY) ** 1.5
+
+
+@register_jitable
 def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConstants:
     """Derivatives of the resistance by the logarithm of each constant [N s/m]."""
     return NodeConstants(
@@ -307,6 +313,18 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
     return np.ascontiguousarray(start.T)
 
 
+@register_jitable
+def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
+    """Add the entry of coordinates a and b of what acts between two nodes; i, j: their places, -1 of an anchor's."""
+    if i >= 0:
+        matrix[i + a, i + b] += entry
+    if j >= 0:
+        matrix[j + a, j + b] += entry
+    if i >= 0 and j >= 0:
+        matrix[i + a, j + b] -= entry
+        matrix[j + a, i + b] -= entry
+
+
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] by the free coordinates into arrays (n_half, n_half).
@@ -349,17 +367,67 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
                 k, c = along * shared, damping * shared
                 if a == b:
                     k += across
-                if place[i] >= 0:
-                    K[place[i] + a, place[i] + b] += k
-                    C[place[i] + a, place[i] + b] += c
-                if place[j] >= 0:
-                    K[place[j] + a, place[j] + b] += k
-                    C[place[j] + a, place[j] + b] += c
-                if place[i] >= 0 and place[j] >= 0:
-                    K[place[i] + a, place[j] + b] -= k
-                    C[place[i] + a, place[j] + b] -= c
-                    K[place[j] + a, place[i] + b] -= k
-                    C[place[j] + a, place[i] + b] -= c
+                _add_pair(K, place[i], place[j], a, b, k)
+                _add_pair(C, place[i], place[j], a, b, c)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_slopes):  # type: ignore[no-untyped-def]
+    """Force (n,) [N] on the free coordinates, and minus its derivatives by them [N/m] and by their rates [N s/m].
+
+    q, v: (n,) free coordinates and their rates; nodes, place: as `runge_kutta` and `tangents` take them
+    springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
+    Differs from `tangents`: the stiffness is that of the motion, with dashpots that turn, and friction that falls.
+    """
+    n_nodes, dim = nodes.shape
+    p = Packed(springs, of_springs, of_nodes, weight)
+    x, u = nodes.copy(), np.zeros((n_nodes, dim))
+    size = len(q) if with_slopes else 0
+    force, K, C = np.zeros(len(q)), np.zeros((size, size)), np.zeros((size, size))
+    for i in range(n_nodes):
+        if place[i] < 0:
+            continue
+        node, square = _of_node(p, i), 0.0
+        for d in range(dim):
+            x[i, d], u[i, d] = q[place[i] + d], v[place[i] + d]
+            square += u[i, d] * u[i, d]
+        resistance = node_resistance(square, node)
+        for a in range(dim):
+            force[place[i] + a] = weight[i, a] - resistance * u[i, a]
+            if with_slopes:
+                C[place[i] + a, place[i] + a] += resistance
+                for b in range(dim):
+                    C[place[i] + a, place[i] + b] += 2.0 * resistance_by_square(square, node) * u[i, a] * u[i, b]
+    along, turning = np.empty(dim), np.empty(dim)
+    for s in range(springs.shape[0]):
+        i, j = springs[s, 0], springs[s, 1]
+        spring, square, rate = _of_spring(p, s), SHORTEST * SHORTEST, 0.0
+        for d in range(dim):
+            along[d], turning[d] = x[j, d] - x[i, d], u[j, d] - u[i, d]
+            square += along[d] * along[d]
+        length = np.sqrt(square)
+        for d in range(dim):
+            along[d] /= length
+            rate += turning[d] * along[d]
+        tension = spring_tension(length, rate, spring)
+        for d in range(dim):
+            turning[d] -= rate * along[d]
+            if place[i] >= 0:
+                force[place[i] + d] += tension * along[d]
+            if place[j] >= 0:
+                force[place[j] + d] -= tension * along[d]
+        if not with_slopes:
+            continue
+        across = tension / length
+        stretching, damping = tension_by_length(length, rate, spring), tension_by_rate(length, rate, spring)
+        for a in range(dim):
+            for b in range(dim):
+                k = ((stretching - across) * along[b] + damping / length * turning[b]) * along[a]
+                if a == b:
+                    k += across
+                _add_pair(K, place[i], place[j], a, b, k)
+                _add_pair(C, place[i], place[j], a, b, damping * along[a] * along[b])
+    return force, K, C
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)

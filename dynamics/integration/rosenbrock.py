@@ -14,10 +14,7 @@ import numpy as np
 
 from dynamics.arrays import Floats
 from dynamics.elements.assembly import Assembly
-
-GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
-TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
-"""The stability function in powers of the resolvent A = 1 / (1 - gamma h J): TWICE A² + ONCE A."""
+from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_state, first_stage, second_stage
 
 SHORTEST_SHARE = 1.0 / 128.0
 """Of the whole way, the shortest step, however large its error [1]; numerical."""
@@ -61,51 +58,24 @@ class Rosenbrock:
 
         Without derivatives `by_state` is empty, for a fraction of the time.
         """
-        n, M, B = len(self.masses), self.masses, self.basis
+        M, B, rates, n = self.masses, self.basis, self.rates, len(self.masses)
         h = longest = dt / max(1, int(np.ceil(dt / longest_s - 1e-9)))
         done, moves = 0.0, []
         while done < dt * (1.0 - 1e-9):
             h = min(h, dt - done)
-            q, v, f = state[:n], state[n : 2 * n], state[2 * n :]
-            force = self.assembly.force(q, v)
-            K, C = (matrix.toarray() for matrix in self.assembly.tangents(q, v))
+            force, K, C = self.assembly.linearised(state[:n], state[n : 2 * n])
             while True:
-                g = GAMMA * h
-                S = np.linalg.inv(np.diag(M) + g * C + g * g * K)
-                kept = 1.0 / (1.0 + g * self.rates)
-                first_f = -self.rates * f * kept
-                first = _resolved(S, K, M, g, v, force / M + B @ (f + g * first_f))
-                middle = state[: 2 * n] + h * first
-                f_middle = f + h * first_f
-                second_f = (-self.rates * f_middle - 2.0 * first_f) * kept
-                pull = self.assembly.force(middle[:n], middle[n:]) / M + B @ (f_middle + g * second_f)
-                second = _resolved(S, K, M, g, middle[n:] - 2.0 * first[:n], pull - 2.0 * first[n:])
-                error = float(np.abs(0.5 * h * (first + second)[:n]).max())
+                S, first, first_f, middle = first_stage(state, h, force, K, C, M, B, rates)
+                pull = self.assembly.force(middle[:n], middle[n:])
+                moved, error = second_stage(state, h, first, first_f, middle, pull, S, K, M, B, rates)
                 if error < self.tolerance_m or h <= SHORTEST_SHARE * dt:
                     break
                 h *= 0.5
-            moved = state[: 2 * n] + 1.5 * h * first + 0.5 * h * second
-            state = np.concatenate([moved, f + 1.5 * h * first_f + 0.5 * h * second_f])
-            by_state = self._by_state(S, K, g, kept) if derivatives else np.empty((0, 0))
-            moves.append(Move(h, state, by_state, TWICE * kept**2 + ONCE * kept))
+            state = moved
+            derivative = by_state(h, S, K, M, B, rates) if derivatives else np.empty((0, 0))
+            kept = 1.0 / (1.0 + GAMMA * h * rates)
+            moves.append(Move(h, state, derivative, TWICE * kept**2 + ONCE * kept))
             done += h
             if error < 0.1 * self.tolerance_m:
                 h = min(2.0 * h, longest)
         return moves
-
-    def _by_state(self, S: Floats, K: Floats, g: float, kept: Floats) -> Floats:
-        """Derivative of coordinates and velocities after a step by the state before, (2 n, n_state)."""
-        n, M, B = len(self.masses), self.masses, self.basis
-        A = np.empty((2 * n, 2 * n))
-        A[n:, :n], A[n:, n:] = -g * (S @ K), S * M
-        A[:n] = g * A[n:]
-        A[:n, :n] += np.eye(n)
-        by_f = A[:, n:] @ B
-        fading = g * kept * (TWICE * (A @ by_f + by_f * kept) + ONCE * by_f)
-        return np.hstack([TWICE * (A @ A) + ONCE * A, fading])
-
-
-def _resolved(S: Floats, K: Floats, M: Floats, g: float, of_q: Floats, of_v: Floats) -> Floats:
-    """(1 - g J)^-1 of rates of coordinates and velocities, (n,) each, as one vector (2 n,)."""
-    speed = S @ (M * of_v - g * (K @ of_q))
-    return np.concatenate([of_q + g * speed, speed])

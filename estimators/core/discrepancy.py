@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Floats
+from estimators.core.kernels import withheld_log_likelihoods
 
 JITTER = 1e-6
 """Variance added to places that are held, by the field's own [1]; numerical."""
@@ -116,22 +117,9 @@ class LevelPosterior:
         groups : sequence of (k, dim) int
             For each name the rows that are withheld with it, its own first.
         """
-        level = self.level
-        for k, other in enumerate(self.levels):
-            W = np.linalg.inv(S + (other**2 - level**2) * fresh)
-            self.log_weights[k] += self.prior.weight * withheld_log_likelihood(W, innovation, groups)
+        other = (self.levels**2 - self.level**2)[:, None, None]
+        rows = np.concatenate([group.ravel() for group in groups])
+        ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
+        found = withheld_log_likelihoods(S + other * fresh, innovation, rows, ends, own)
+        self.log_weights = self.log_weights + self.prior.weight * found
         self.log_weights -= np.logaddexp.reduce(self.log_weights)
-
-
-def withheld_log_likelihood(W: Floats, innovation: Floats, groups: Sequence[NDArray[np.int64]]) -> float:
-    """Sum over names of the log-likelihood of one as all but its group predict it; W: inverse of S, (m, m).
-
-    The error of the rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
-    """
-    total, weighted = 0.0, W @ innovation
-    for group in groups:
-        rows, own = group.ravel(), group.shape[1]
-        cov = np.linalg.inv(W[np.ix_(rows, rows)])
-        error, cov = (cov @ weighted[rows])[:own], cov[:own, :own]
-        total -= 0.5 * float(error @ np.linalg.solve(cov, error) + np.linalg.slogdet(cov)[1])
-    return total

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement
@@ -31,8 +30,10 @@ class Places:
         dim = len(marks[0].position)
         self.names = tuple(mark.node for mark in marks)
         self.value = np.concatenate([mark.position for mark in marks])
-        self.cov: Floats = block_diag(*(mark.cov for mark in marks)) + _of_shared(marks)
         self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
+        self.cov = _of_shared(marks)
+        for mark, own in zip(marks, self.blocks, strict=True):
+            self.cov[own, own] += mark.cov
         self._rows = np.vstack([maps[mark.node] for mark in marks])
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
@@ -42,12 +43,12 @@ class Places:
 
 def _of_shared(marks: Sequence[MarkMeasurement]) -> Floats:
     """Covariance of what the errors that all marks share move them by, (m, m); marks without move by none."""
-    n = max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
-    moved = []
-    for mark in marks:
-        rows = np.zeros((len(mark.position), n)) if mark.shared is None else mark.shared
-        if rows.shape[1] != n:
-            raise ValueError(f"mark {mark.node} shared: expected {n} directions, found {rows.shape[1]}")
-        moved.append(rows)
-    columns = np.vstack(moved)
+    dim, n = len(marks[0].position), max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
+    columns = np.zeros((len(marks) * dim, n))
+    for k, mark in enumerate(marks):
+        if mark.shared is None:
+            continue
+        if mark.shared.shape[1] != n:
+            raise ValueError(f"mark {mark.node} shared: expected {n} directions, found {mark.shared.shape[1]}")
+        columns[k * dim : (k + 1) * dim] = mark.shared
     return np.asarray(columns @ columns.T)

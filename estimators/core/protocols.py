@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+import numpy as np
 
 from estimators.arrays import Floats
 
@@ -19,13 +21,16 @@ class Transition:
         The state that follows the reference, as `ProcessModel.moved`.
     matrix : (n, n)
         Derivative of the state that follows by the state before.
-    noises : (n_noises, n, n)
-        Covariance of the process noise of each source at unit variance.
+    noises : (n_noises, m, m)
+        Covariance of the process noise of each source at unit variance, in the first m states, n or fewer.
+    independent : (n_independent, n)
+        Variances of further sources, whose noise is independent in each state, at unit variance.
     """
 
     mean: Floats
     matrix: Floats
     noises: Floats
+    independent: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
 
 class ProcessModel(Protocol):
@@ -60,7 +65,10 @@ class ProcessModel(Protocol):
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_noises); level: of the discrepancy."""
+        """Variance of each source of noise in each mode, (n_modes, n_sources), those of `Transition.noises` first.
+
+        level: of the discrepancy
+        """
 
     def moved(self, state: Floats, dt: float) -> Floats:
         """The state (n,) that follows after dt [s] without noise."""

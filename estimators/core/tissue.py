@@ -14,6 +14,7 @@ from dynamics.integration.rosenbrock import Rosenbrock
 from estimators.arrays import Floats
 from estimators.core.discrepancy import Discrepancy, factor, matern
 from estimators.core.disturbances import Disturbances
+from estimators.core.kernels import along_steps
 from estimators.core.protocols import Transition
 
 LONGEST_S = 1.0 / 60.0
@@ -32,7 +33,7 @@ RANK = 20
 """Functions of a slow force at most, by each axis; numerical."""
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy")
-"""Sources of noise, in the order of `Transition.noises`."""
+"""Sources of noise, in the order of `Transition`; the last is independent in each state."""
 
 
 class TissueProcess:
@@ -97,6 +98,8 @@ class TissueProcess:
         self.rates = self.disturbances.rates
         self.tolerance = np.full(self.n, np.inf)
         self.tolerance[:n] = TOLERANCE * self.extent_m
+        self._driving = np.full(n_f, SOURCES.index("slow") - 1)
+        self._driving[:n_short] = np.where(self._is_led, SOURCES.index("led"), SOURCES.index("short")) - 1
         self._raised = self.disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
         self._start_cov = self._prior_of_motion(matern(apart, 0.5 * self.extent_m))
 
@@ -178,32 +181,22 @@ class TissueProcess:
     def linearize(self, state: Floats, dt: float) -> Transition:
         """The motion over dt [s], linearised step by step along it."""
         moving, start = self.parts["velocity"].stop, self.parts["discrepancy"].start
-        n = moving // 2
-        columns = self._columns()
-        T, noises = np.eye(start), np.zeros((len(SOURCES), self.n, self.n))
-        driven = noises[:-1, :start, :start]
         moves = self._stepper.moves(state[:start], dt, LONGEST_S)
-        last = np.eye(moving)[:, n:]
-        for k, move in enumerate(moves):
-            step = np.zeros((start, start))
-            step[:moving] = move.by_state
-            step[moving:, moving:] = np.diag(move.fading)
-            T = step @ T
-            if k:
-                driven[:] = step @ driven @ step.T
-            first = move.by_state[:, n:moving]
-            for moved in (first, first + last, last):  # Simpson's rule over when it acts in the step
-                driven[0, :moving, :moving] += move.step_s / 6.0 * moved @ moved.T
-            for source, name in enumerate(SOURCES[1:-1], start=1):
-                own = columns[name]
-                driven[source, own, own] += 1.0 - move.fading[own - moving] ** 2
-        fading = self._fading(dt)
-        matrix = np.zeros((self.n, self.n))
-        matrix[:start, :start] = T
-        own = columns["discrepancy"]
-        matrix[own, own] = fading
-        noises[-1, own, own] = self.fresh(dt)
-        return Transition(np.concatenate([moves[-1].state, fading * state[start:]]), matrix, noises)
+        motion, force, noises = along_steps(
+            np.array([move.by_state for move in moves]),
+            np.array([move.fading for move in moves]),
+            np.array([move.step_s for move in moves]),
+            self._driving,
+            len(SOURCES) - 2,
+        )
+        fading = np.full(self.n, self._fading(dt))
+        fading[moving:start] = force
+        matrix = np.diag(fading)
+        matrix[:moving, :start] = motion
+        independent = np.zeros((1, self.n))
+        independent[0, start:] = self.fresh(dt)
+        mean = np.concatenate([moves[-1].state, fading[start:] * state[start:]])
+        return Transition(mean, matrix, noises, independent)
 
     def _fading(self, dt: float) -> float:
         return float(np.exp(-dt / self.discrepancy.lasting_s))

@@ -1,0 +1,75 @@
+"""Compiled algebra of the implicit step of second order: its two stages and its derivative.
+
+Letters as in `dynamics.integration.rosenbrock`: J the derivative of the rates, g = gamma h, S = (M + g C + g² K)^-1,
+with which (1 - g J)^-1 is applied to rates of coordinates and velocities.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
+TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
+"""The stability function in powers of the resolvent A = 1 / (1 - gamma h J): TWICE A² + ONCE A."""
+
+
+@njit(cache=True, nogil=True)
+def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
+    """(1 - g J)^-1 of rates of coordinates and velocities, (n,) each, as one vector (2 n,)."""
+    speed = S @ (M * of_v - g * (K @ of_q))
+    return np.concatenate((of_q + g * speed, speed))
+
+
+@njit(cache=True, nogil=True)
+def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
+    """S, the first stage of motion (2 n,) and of accelerations (n_f,), and where it leads in h, (2 n,)."""
+    n, g = len(M), GAMMA * h
+    matrix = np.diag(M) + g * C + g * g * K
+    is_finite = np.isfinite(matrix).all()
+    S = np.linalg.inv(matrix if is_finite else np.eye(n))
+    if not is_finite:  # where the state is not: the caller sees it in the moved state
+        S[:] = np.nan
+    v, f = state[n : 2 * n], state[2 * n :]
+    faded = -rates * f / (1.0 + g * rates)
+    stage = _resolved(S, K, M, g, v, force / M + B @ (f + g * faded))
+    return S, stage, faded, state[: 2 * n] + h * stage
+
+
+@njit(cache=True, nogil=True)
+def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
+    """The state after the step, and the largest difference of its two stages in any coordinate [m].
+
+    force: at `middle`, where the first stage leads
+    """
+    n, g = len(M), GAMMA * h
+    f = state[2 * n :]
+    second_f = (-rates * (f + h * first_f) - 2.0 * first_f) / (1.0 + g * rates)
+    pull = force / M + B @ (f + h * first_f + g * second_f)
+    second = _resolved(S, K, M, g, middle[n:] - 2.0 * first[:n], pull - 2.0 * first[n:])
+    moved = np.empty_like(state)
+    moved[: 2 * n] = state[: 2 * n] + 1.5 * h * first + 0.5 * h * second
+    moved[2 * n :] = f + 1.5 * h * first_f + 0.5 * h * second_f
+    return moved, np.abs(0.5 * h * (first + second)[:n]).max()
+
+
+@njit(cache=True, nogil=True)
+def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
+    """Derivative of coordinates and velocities after a step by the state before, (2 n, n_state)."""
+    n, g = len(M), GAMMA * h
+    kept = 1.0 / (1.0 + g * rates)
+    X, Y = -g * (S @ K), S * M
+    lower = np.hstack((X, Y))  # rows of velocities in A; those of coordinates are g times them, and 1
+    A = np.vstack((g * lower, lower))
+    for i in range(n):
+        A[i, i] += 1.0
+    by_f = Y @ B
+    twice, twice_by_f = lower @ A, g * (X @ by_f) + Y @ by_f
+    fading = g * kept
+    speed = np.hstack((TWICE * twice + ONCE * lower, fading * (TWICE * (twice_by_f + by_f * kept) + ONCE * by_f)))
+    found = np.vstack((g * speed, speed))
+    found[:n, : 2 * n] += TWICE * A[:n]
+    found[:n, 2 * n :] += TWICE * g * fading * by_f
+    for i in range(n):
+        found[i, i] += ONCE
+    return found

@@ -1,0 +1,54 @@
+"""Compiled sums of the unified filter: motion and noise of several steps together, and withheld likelihoods."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, nogil=True)
+def along_steps(by_states, fadings, steps_s, sources, n_sources):  # type: ignore[no-untyped-def]
+    """Derivative of the end by the start (2 n, m), how much forces fade (n_f,), and noises (1 + n_sources, m, m).
+
+    The m states are n places and velocities each, and n_f forces that only fade. Noises are of unit variance: white
+    one of velocities, then that of forces, each of one of the sources (n_f,).
+    by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
+    """
+    n_steps, moving, m = by_states.shape
+    half = moving // 2
+    motion, force = np.eye(moving, m), np.ones(m - moving)  # derivatives of the end by what is after a step
+    noises = np.zeros((1 + n_sources, m, m))
+    for step in range(n_steps - 1, -1, -1):
+        driven = np.vstack((motion[:, moving:], np.diag(force))) * np.sqrt(1.0 - fadings[step] ** 2)
+        for source in range(n_sources):
+            own = driven[:, sources == source]
+            noises[1 + source] += own @ own.T
+        before = np.ascontiguousarray(motion[:, :moving]) @ by_states[step]
+        before[:, moving:] += motion[:, moving:] * fadings[step]
+        # Simpson's rule over when white noise acts in the step: F F' + (F + L) (F + L)' + L L', first and last
+        first, last = before[:, half:moving], motion[:, half:moving]
+        acted = np.hstack((np.sqrt(2.0) * first + np.sqrt(0.5) * last, np.sqrt(1.5) * last))
+        noises[0, :moving, :moving] += steps_s[step] / 6.0 * (acted @ acted.T)
+        motion, force = before, force * fadings[step]
+    return motion, force, noises
+
+
+@njit(cache=True, nogil=True)
+def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
+    """For each S (k, m, m) the sum over groups of the log-likelihood of some rows as all but the group predict them.
+
+    With W = S^-1 the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
+    rows (any,), ends (n_groups,): the rows of a group up to where it ends; own (n_groups,): how many count, the first
+    """
+    totals = np.zeros(len(S))
+    for k in range(len(S)):
+        W = np.linalg.inv(S[k])
+        weighted, start = W @ innovation, 0
+        for group in range(len(ends)):
+            g, d = rows[start : ends[group]], own[group]
+            cov = np.linalg.inv(W[g][:, g])
+            error = (cov @ weighted[g])[:d]
+            counted = np.ascontiguousarray(cov[:d, :d])
+            totals[k] -= 0.5 * (error @ np.linalg.solve(counted, error) + np.log(np.linalg.det(counted)))
+            start = ends[group]
+    return totals
