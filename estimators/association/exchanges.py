@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.filters.kernels import ambiguous_exchanges, association_costs
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.filter import TissueFilter
+from estimators.tissue.target_filter import TargetFilter
 
 Names = tuple[int, ...]
 
@@ -25,22 +25,19 @@ class InterchangeableMarks:
     nodes: those that are in a group of two or more; own: their names as they are
     """
 
-    def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
+    def __init__(self, tissue: TargetFilter, groups: Iterable[Collection[str]]) -> None:
         kinds = [tuple(group) for group in groups if len(group) > 1]
         self.nodes = tuple(node for group in kinds for node in group)
         self.own: Names = tuple(range(len(self.nodes)))
         kind = np.array([k for k, group in enumerate(kinds) for _ in group])
         self._pairs = np.triu(kind[:, None] == kind[None, :], 1)
         self._place = {node: i for i, node in enumerate(self.nodes)}
-        network = tissue.model.network
-        states = range(network.n_state)
-        self._rows = np.array([states[network.coordinates(node)] for node in self.nodes], dtype=np.int64)
 
     def by_node(self, names: Names) -> dict[str, str]:
         """The node that a mark named after each node is on."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
-    def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
+    def costs(self, tissue: TargetFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
         """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
 
         As -log of a density. Nothing for a mark that is not seen. starting: by where nodes may be at a start.
@@ -53,9 +50,7 @@ class InterchangeableMarks:
             beliefs = [tissue.expected_at_rest(node) for node in self.nodes]
             means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
         else:
-            poked, rows = tissue.mixture.filters[-1], self._rows
-            columns = tissue.mixture.columns[-1][rows]
-            means, covs = poked.x[rows], poked.P[rows[:, :, None], rows[:, None, :]] + columns @ columns.swapaxes(1, 2)
+            means, covs = tissue.expected_of(self.nodes)
         z, R = np.array([mark.position for mark in seen]), np.array([mark.total_cov for mark in seen])
         costs[:, [self._place[mark.node] for mark in seen]] = association_costs(means, covs, z, R)
         return costs

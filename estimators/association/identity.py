@@ -13,8 +13,8 @@ from estimators.association.exchanges import InterchangeableMarks, Names, rename
 from estimators.association.settings import IdentitySettings
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.filter import Snapshot, TissueFilter
-from estimators.tissue.health import Health, diverged
+from estimators.tissue.health import diverged
+from estimators.tissue.target_filter import Restored, TargetFilter
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Hypothesis:
     names: Names
     ahead: float
     since_s: float
-    state: Snapshot
+    state: Restored
     estimate: TargetEstimate
 
 
@@ -78,7 +78,7 @@ class AssociationFilter:
     """
 
     def __init__(
-        self, tissue: TissueFilter, groups: Iterable[Collection[str]], settings: IdentitySettings | None = None
+        self, tissue: TargetFilter, groups: Iterable[Collection[str]], settings: IdentitySettings | None = None
     ) -> None:
         self.tissue = tissue
         self.settings = IdentitySettings() if settings is None else settings
@@ -138,7 +138,7 @@ class AssociationFilter:
             self.same_names = same and self._updated(replace(same, ahead=same.ahead - log_likelihood), marks)
         best = _best(hypotheses)
         if try_all and not (best.ahead > self.settings.decisive and best.estimate.status is not Status.DIVERGED):
-            nothing = replace(start, ahead=best.ahead, state=replace(before, health=Health()))
+            nothing = replace(start, ahead=best.ahead, state=before.without_marks())
             self._restart(hypotheses, nothing, marks, beside=not starting)
         return self._decided(hypotheses, marks)
 

@@ -76,7 +76,7 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
     "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng),
     "particles": lambda problem: ParticleFilter(*problem.physics, rng=problem.rng),
     "unified": lambda problem: UnifiedFilter(
-        problem.network, problem.target, problem.marked, led=problem.settings.led_nodes
+        *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration
     ),
     "smoother": lambda problem: FixedIntervalSmoother(
         *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration, fixes=problem.fixes

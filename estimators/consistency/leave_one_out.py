@@ -9,11 +9,12 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
+from estimators.core.choice import filter_of
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.target import TargetPoint
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target_filter import TargetFilter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +51,7 @@ class LeaveOneOut:
         if len(marked) < 2:
             raise ValueError(f"marked: expected two or more nodes, found {len(marked)}")
         self.tissue, *others = (
-            TissueFilter(network, node, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
+            filter_of(network, node, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
             for node in (target, *marked)
         )
         self.without = dict(zip(marked, others, strict=True))
@@ -91,7 +92,7 @@ class LeaveOneOut:
         return replace(estimate, cov=None if estimate.cov is None else self.scale * estimate.cov)
 
 
-def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
+def _with_calibration(other: TargetFilter, mark: MarkMeasurement) -> Floats:
     """What an error of the calibration adds to the variance of its mark about a filter's target [m²], (dim, dim).
 
     Where the filter considers it, its own error comes from the same: columns C and the mark's F add
@@ -101,6 +102,6 @@ def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
         return np.zeros_like(mark.cov)
     added = mark.shared @ mark.shared.T
     if other.n_calibration:
-        columns = other.target.linear(other.mixture.mean_columns)[:, -other.n_calibration :]
+        columns = other.by_calibration
         added += columns @ mark.shared.T + mark.shared @ columns.T
     return added

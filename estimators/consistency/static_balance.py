@@ -37,7 +37,7 @@ from dynamics import (
 from estimators.arrays import Floats
 from estimators.process.process_model import LOOSE, ForceMode
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.filter import TissueFilter
+from estimators.tissue.target_filter import TargetFilter
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +88,14 @@ class StaticBalance:
 
     def __init__(
         self,
-        tissue: TissueFilter,
+        tissue: TargetFilter,
         uncertainty: ParameterUncertainty | None = None,
         calibration: Calibration | None = None,
         settings: BalanceSettings = BALANCE,
     ) -> None:
-        self._network: MassSpringNetwork = tissue.model.network
+        self._network: MassSpringNetwork = tissue.network
         # a hand that leads holds a body for as long as it likes, and links turn
-        self._of = None if tissue.settings.led is not None else tissue.settings.poked
+        self._of = None if tissue.may_be_led else tissue.settings.poked
         self._often = tissue.settings.poked_s / (tissue.settings.poked_s + tissue.settings.between_s)
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()

@@ -3,6 +3,7 @@
 What may enter: another process model or observation, in a file of its own that satisfies the protocols.
 """
 
+from estimators.core.choice import filter_of
 from estimators.core.discrepancy import Discrepancy, LevelPosterior
 from estimators.core.disturbances import Disturbances
 from estimators.core.filter import HypothesisFilter
@@ -22,4 +23,5 @@ __all__ = [
     "TissueProcess",
     "Transition",
     "UnifiedFilter",
+    "filter_of",
 ]

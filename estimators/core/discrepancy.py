@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.core.kernels import withheld_log_likelihoods
+from estimators.process.target import TargetPoint
 
 JITTER = 1e-6
 """Variance added to places that are held, by the field's own [1]; numerical."""
@@ -115,11 +117,53 @@ class LevelPosterior:
         fresh : (m, m)
             Covariance of what is new in the discrepancy in this frame, at level 1.
         groups : sequence of (k, dim) int
-            For each name the rows that are withheld with it, its own first.
+            For each name the rows that are withheld with it, its own first; without any nothing is learnt.
         """
+        if not groups:
+            return
         other = (self.levels**2 - self.level**2)[:, None, None]
         rows = np.concatenate([group.ravel() for group in groups])
         ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
         found = withheld_log_likelihoods(S + other * fresh, innovation, rows, ends, own)
         self.log_weights = self.log_weights + self.prior.weight * found
         self.log_weights -= np.logaddexp.reduce(self.log_weights)
+
+
+@dataclass(frozen=True, slots=True)
+class WithheldGroups:
+    """Marks that are withheld together: those nearer to each other than the target is to any mark.
+
+    The target is hidden among no marks that are so near.
+
+    Attributes
+    ----------
+    near : mapping of str to tuple of str
+        By node of each mark, those of the others that are near it.
+    """
+
+    near: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint) -> WithheldGroups:
+        """Of marks on these nodes of a network."""
+        places = {name: network.positions[network.index(name)] for name in marked}
+        nodes = [network.positions[network.index(name)] for name in point.nodes]
+        where = np.average(nodes, axis=0, weights=point.weights)
+        reach = 0.99 * min(float(np.linalg.norm(place - where)) for place in places.values())
+        return cls(
+            {
+                name: tuple(
+                    other for other, there in places.items() if other != name and np.linalg.norm(there - place) < reach
+                )
+                for name, place in places.items()
+            }
+        )
+
+    def __call__(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
+        """For each mark the rows that are withheld with it, (k, dim), its own first."""
+        rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
+        return [
+            np.array([rows[name], *(rows[other] for other in self.near[name] if other in rows)])
+            for name in names
+            if name in self.near
+        ]

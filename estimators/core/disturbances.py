@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.arrays import Floats
+from estimators.tissue.settings import FilterSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,11 @@ class Disturbances:
     smooth: float = 0.25
     bent: float = 0.1
 
+    @classmethod
+    def of(cls, settings: FilterSettings) -> Disturbances:
+        """Pokes as strong and as lasting as the settings say."""
+        return cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
+
     def raised(self, returning_m_s2: float) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
         return max(1.0, self.bent * returning_m_s2 / self.poke_m_s2)
@@ -62,6 +69,11 @@ class Disturbances:
     def short_m_s2(self) -> tuple[float, float, float]:
         """Strengths of short forces: calm, poked, led [m/s²]."""
         return self.calm_m_s2, self.poke_m_s2, self.led_m_s2
+
+    @property
+    def calm_modes(self) -> NDArray[np.bool_]:
+        """Modes without a short force, (n_modes,)."""
+        return np.tile([True, False, False], len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:

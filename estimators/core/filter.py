@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
+from estimators.core.innovations import Innovations, Outliers, are_same, each_alone, joined, named, together
+from estimators.core.kernels import without_outliers
+from estimators.core.moments import mixed, of_each, propagated, several
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
 DISCREPANCY = "discrepancy"
@@ -23,52 +26,40 @@ choice."""
 LINEARISATIONS = 10
 """Of a transition and of an observation in a frame, at most: a stiff, thin body that turns needs many; numerical."""
 
+LEAST_STEP = 0.125
+"""Share of a Gauss-Newton step that is tried last [1]; numerical."""
+
 CURVED = 0.1
 """Standard deviations of an observation by which it may differ from its linearisation [1]; numerical."""
-
-AT_A_TIME = 2**15
-"""Entries of covariances that stay in the cache; numerical."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Prior:
-    """Hypotheses before a transition: means (k, n), covs (k, n, n), over dt [s]."""
+    """Hypotheses before a transition: means (k, n), covs (k, n, n), over dt [s]; kick (n,): added at its end."""
 
     means: Floats
     covs: Floats
     dt: float
+    kick: Floats | float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Innovations:
-    """What was observed, less what each hypothesis predicted.
+class FilterState:
+    """The whole state of a `HypothesisFilter` at one time; arrays are its own."""
 
-    Attributes
-    ----------
-    y, S : (k, m), (k, m, m)
-        Innovation and its covariance.
-    H, PH : (1, m, n) or (k, m, n), (k, n, m)
-        Derivative of the observation by the state, once where it is the same for all hypotheses, and P H'.
-    root, white : (k, m, m), (k, m)
-        Inverse of the lower Cholesky factor of S, and that times the innovation.
-    log_det : (k,)
-        Logarithm of the determinant of S.
-    """
-
-    y: Floats
-    S: Floats
-    H: Floats
-    PH: Floats
-    root: Floats
-    white: Floats
-    log_det: Floats
-
-    @property
-    def nis(self) -> Floats:
-        """Normalised innovation squared, (k,)."""
-        return np.asarray((self.white**2).sum(axis=1))
+    means: Floats
+    covs: Floats
+    weights: Floats
+    log_levels: Floats | None
+    before: _Prior | None
+    transition: Transition | None
+    reference: Floats
+    dt: float
+    log_likelihood: float
+    outlying: NDArray[np.bool_]
+    found: Innovations | None
 
 
 class HypothesisFilter:
@@ -85,6 +76,10 @@ class HypothesisFilter:
         Of the discrepancy; without one its level is 1.
     groups : callable, optional
         Of names and their blocks of rows: for each name the rows that are withheld with it, (k, dim).
+    outliers : Outliers, optional
+        Prior of outliers; without one there are none.
+    considered : (n_considered,) int
+        States that no observation corrects, though their error counts: Schmidt's filter [schmidt1966].
 
     Attributes
     ----------
@@ -92,13 +87,25 @@ class HypothesisFilter:
         The hypotheses; `covs` is overwritten by each step.
     log_likelihood : float
         Of the last observations.
+    outlying : (n_names,) bool
+        Which of the last observations are outliers by the most probable hypothesis.
+    found : Innovations or None
+        Of the last update.
     """
 
     def __init__(
-        self, process: ProcessModel, level: LevelPosterior | None = None, groups: Groups | None = None
+        self,
+        process: ProcessModel,
+        level: LevelPosterior | None = None,
+        groups: Groups | None = None,
+        *,
+        outliers: Outliers | None = None,
+        considered: NDArray[np.int64] | Sequence[int] = (),
     ) -> None:
-        self.process, self.level, self._groups = process, level, groups or _each
+        self.process, self.level, self._groups, self._outliers = process, level, groups or each_alone, outliers
+        self._considered = np.asarray(considered, dtype=np.int64)
         self._before: _Prior | None = None
+        self._latest: tuple[Sequence[Observation], Innovations] | None = None
         self._transition: Transition | None = None
         self._reference = np.empty(0)
         self.restart()
@@ -109,7 +116,40 @@ class HypothesisFilter:
         k = len(covs)
         self.means, self.covs, self.weights = np.tile(mean, (k, 1)), covs.copy(), np.full(k, 1.0 / k)
         self._mixed = np.empty_like(covs)
-        self._before, self.log_likelihood, self._dt = None, 0.0, 0.0
+        self._before, self._latest, self.log_likelihood, self._dt = None, None, 0.0, 0.0
+        self.outlying = np.zeros(0, dtype=bool)
+        self.found: Innovations | None = None
+
+    def state(self) -> FilterState:
+        """The whole state now, for `resume`."""
+        before = self._before
+        return FilterState(
+            self.means,
+            self.covs.copy(),
+            self.weights,
+            None if self.level is None else self.level.log_weights.copy(),
+            None if before is None else replace(before, covs=before.covs.copy()),
+            self._transition,
+            self._reference,
+            self._dt,
+            self.log_likelihood,
+            self.outlying,
+            self.found,
+        )
+
+    def resume(self, state: FilterState) -> None:
+        """Set the state back."""
+        self.means, self.covs, self.weights = state.means, state.covs.copy(), state.weights
+        if self.level is not None and state.log_levels is not None:
+            self.level.log_weights = state.log_levels.copy()
+        self._before, self._transition, self._reference = state.before, state.transition, state.reference
+        self._dt, self.log_likelihood, self._latest = state.dt, state.log_likelihood, None
+        self.outlying, self.found = state.outlying, state.found
+
+    @property
+    def variances(self) -> Floats:
+        """Variance of each source of noise in each mode now, (n_modes, n_sources)."""
+        return self.process.variances(self._level)
 
     @property
     def mean(self) -> Floats:
@@ -119,13 +159,19 @@ class HypothesisFilter:
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
         means = self.means @ rows.T
-        covs = rows @ self.covs @ rows.T
-        mean = self.weights @ means
-        apart = means - mean
-        return mean, np.einsum("k,kij->ij", self.weights, covs + apart[:, :, None] * apart[:, None, :])
+        seen = np.flatnonzero(rows.any(axis=0))
+        covs = rows[:, seen] @ self.covs[:, seen[:, None], seen] @ rows[:, seen].T
+        return mixed(self.weights, means, covs)
 
-    def predict(self, dt: float) -> None:
-        """Move all hypotheses by dt [s], more than 0."""
+    def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
+        """Mean (n,) and covariance (n, n) of the state with other weights of the modes, (n_modes,)."""
+        return mixed(weights, self.means, self.covs)
+
+    def predict(self, dt: float, kick: Floats | None = None) -> None:
+        """Move all hypotheses by dt [s], more than 0.
+
+        kick: what a known force adds to the state meanwhile, (n,): half of it at the start, half at the end
+        """
         joint = self.weights[:, None] * expm(self.process.rates * dt)
         weights = joint.sum(axis=0)
         shares = joint / weights
@@ -134,21 +180,26 @@ class HypothesisFilter:
         means = shares.T @ self.means
         covs = self._mixed
         np.matmul(shares.T, self.covs.reshape(len(covs), -1), out=covs.reshape(len(covs), -1))
-        for some in _several(covs):
+        for some in several(covs):
             apart = np.sqrt(shares.T[some, :, None]) * (self.means - means[some, None])
             covs[some] += apart.swapaxes(1, 2) @ apart
         if self.level is not None:
             self.level.forget(dt)
-        self.weights, self._before, self._dt = weights, _Prior(means, covs, dt), dt
+        half = 0.0 if kick is None else 0.5 * kick
+        means = means + half
+        self.weights, self._before, self._dt = weights, _Prior(means, covs, dt, half), dt
         self._move(self._before, weights @ means)
 
     def _move(self, before: _Prior, reference: Floats, error: Floats | None = None) -> None:
         found = self.process.linearize(reference, before.dt)
-        self.means = found.mean + (before.means - reference) @ found.matrix.T
-        _propagate(before.covs, found, self.process.variances(self._level), self.covs)
+        self.means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
+        propagated(before.covs, found, self.variances, self.covs)
         if error is not None:
-            self.covs += np.outer(error, error)
-        self._transition, self._reference = found, reference
+            alike = np.zeros_like(error)
+            for own in self.process.parts.values():
+                alike[own] = (error[own] ** 2).mean() if error[own].size else 0.0
+            np.einsum("kii->ki", self.covs)[:] += alike
+        self._transition, self._reference, self._latest = found, reference, None
 
     @property
     def _level(self) -> float:
@@ -156,136 +207,114 @@ class HypothesisFilter:
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
         """Of each hypothesis, linearised at these states, (k, n), its mean where there are none."""
-        value, R = _together(observations)
-        points = self.means if points is None else points
-        linear = [[one.linearize(point) for one in observations] for point in points]
-        derivatives = [[matrix for _, matrix in row] for row in linear]
-        if all(one is first for row in derivatives for one, first in zip(row, derivatives[0], strict=True)):
-            del derivatives[1:]
-        H = np.array([row[0] if len(row) == 1 else np.vstack(row) for row in derivatives])
-        predicted = np.array([np.concatenate([place for place, _ in row]) for row in linear])
-        y = value - predicted - _of_each(H, self.means - points)
-        PH = self.covs @ H.swapaxes(1, 2)
-        S = H @ PH + R
+        if points is None and self._latest is not None and are_same(self._latest[0], observations):
+            return self._latest[1]
+        value, R = together(observations)
+        linear = [[one.linearize(at) for one in observations] for at in (self.means if points is None else points)]
+        predicted = np.array([joined([place for place, _ in row]) for row in linear])
+        matrices = [[matrix for _, matrix in row] for row in linear]
+        if all(are_same(row, matrices[0]) for row in matrices):  # linear: the products are those of all hypotheses
+            del matrices[1:]
+        H = np.array([joined(row) for row in matrices])
+        y = value - predicted if points is None else value - predicted - of_each(H, self.means - points)
+        seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that it depends on
+        HP = H[:, :, seen] @ self.covs[:, seen]
+        S = HP @ H.swapaxes(1, 2) + R
+        logs, outlying = np.log(self.weights + 1e-300), np.zeros((len(y), 0), dtype=bool)
+        if self._outliers is not None:
+            names, blocks = named(observations)
+            ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)
+            outlying, added = without_outliers(y, S, ends, densities, self._outliers.far_m2)
+            logs += added
         factors = np.linalg.cholesky(S)
         root = np.linalg.inv(factors)
-        log_det = 2.0 * np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(axis=1)
-        return Innovations(y, S, H, PH, root, _of_each(root, y), log_det)
+        white = of_each(root, y)
+        nis = (white * white).sum(axis=1)
+        logs -= 0.5 * nis + np.log(factors.diagonal(0, 1, 2)).sum(axis=1)
+        found = Innovations(y, S, H, HP, root, white, nis, logs, outlying)
+        if points is None:
+            self._latest = observations, found
+        return found
 
     def update(self, observations: Sequence[Observation]) -> float:
         """Take in all that was observed at this time; the least normalised innovation squared of any hypothesis."""
-        off, found = np.inf, self.innovations(observations)
-        for _ in range(LINEARISATIONS - 1):
-            off = self._relinearised(found, off)
-            if off <= 1.0:
-                break
-            found = self.innovations(observations)
-        for _ in range(LINEARISATIONS):
-            gains = found.PH @ found.root.swapaxes(1, 2)
-            means = self.means + _of_each(gains, found.white)
-            if self._is_linear(observations, found, means):
+        found = self._fitted(observations)
+        for left in reversed(range(LINEARISATIONS)):
+            gains = found.root @ found.HP
+            means = self.means + of_each(gains.swapaxes(1, 2), found.white)
+            if not left or self._is_linear(observations, found, means):
                 break
             found = self.innovations(observations, means)
-        nis = found.nis
         if self.level is not None:
             self._weigh_levels(self.level, observations, found)
-        logs = np.log(self.weights + 1e-300) - 0.5 * (nis + found.log_det + len(found.y[0]) * np.log(2.0 * np.pi))
+        logs = found.logs - 0.5 * len(found.y[0]) * np.log(2.0 * np.pi)
         self.log_likelihood = float(np.logaddexp.reduce(logs))
-        for some in _several(self.covs):
-            self.covs[some] -= gains[some] @ gains[some].swapaxes(1, 2)
+        for some in several(self.covs):
+            self.covs[some] -= gains[some].swapaxes(1, 2) @ gains[some]
+        if len(own := self._considered):
+            self.covs[:, own[:, None], own] += (gains[:, :, own].swapaxes(1, 2)) @ gains[:, :, own]
+            means[:, own] = self.means[:, own]
         self.means, self.weights = means, np.exp(logs - self.log_likelihood)
-        self._before = None
-        return float(nis.min())
+        self._before, self._latest, self.found = None, None, found
+        self.outlying = found.outlying[int(np.argmax(self.weights))]
+        return float(found.nis.min())
 
-    def _relinearised(self, found: Innovations, previous: float) -> float:
-        """Error of the linearised transition at the smoothed mean of the hypotheses, by the tolerance.
+    def _fitted(self, observations: Sequence[Observation]) -> Innovations:
+        """Innovations, the transition linearised about the state before it that fits the prior and the observations.
 
-        Where it is more than 1 the transition is linearised again there, and half-way there where the error is more
-        than the previous one: a damped Gauss-Newton step. The error itself counts as process noise.
+        By Gauss-Newton steps of the hypothesis that is the most probable at first, each halved until the state fits
+        better than before. The error at the end of the last step counts as process noise, of each part of the state by
+        its mean square: where else the transition is bent is not known.
         """
-        before, transition = self._before, self._transition
-        if before is None or transition is None or not np.isfinite(self.process.tolerance).any():
-            return 0.0
-        logs = np.log(self.weights + 1e-300) - 0.5 * (found.nis + found.log_det)
-        weights = np.exp(logs - logs.max())
-        weights /= weights.sum()
-        solved = _of_each(found.root.swapaxes(1, 2), found.white)
-        back = _of_each(found.H.swapaxes(1, 2), solved) @ transition.matrix
-        smoothed = weights @ (before.means + _of_each(before.covs, back))
-        linear = transition.mean + transition.matrix @ (smoothed - self._reference)
-        moved = self.process.moved(smoothed, before.dt)
-        off = float((np.abs(moved - linear) / self.process.tolerance).max())
-        if not np.isfinite(moved).all() or off <= 1.0:
-            return 0.0
-        self._move(before, smoothed if off <= previous else 0.5 * (self._reference + smoothed), moved - linear)
-        return off
+        found, before = self.innovations(observations), self._before
+        if before is None or not np.isfinite(self.process.tolerance).any():
+            return found
+        value, best = together(observations)[0], int(np.argmax(found.logs))
+        prior, P, dual = before.means[best], before.covs[best], np.zeros(len(before.means[best]))
+
+        def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
+            """Twice the negative log of the posterior of a start, prior + P dual, but for a constant; inf of none."""
+            if not np.isfinite(end).all():
+                return np.inf
+            y = counted * (value - joined([one.linearize(end + before.kick)[0] for one in observations]))
+            return float(dual @ (start - prior) + y @ np.linalg.solve(noise, y))
+
+        for _ in range(LINEARISATIONS - 1):
+            transition, start = self._transition, self._reference
+            assert transition is not None  # there is one after a prior
+            by_start = found.H[best % len(found.H)] @ transition.matrix
+            wanted = by_start.T @ (found.root[best].T @ found.white[best])
+            step = prior + P @ wanted - start
+            step[self._considered] = 0.0
+            end = self.process.moved(start + step, before.dt)
+            error = end - transition.mean - transition.matrix @ step
+            if (np.abs(error) <= self.process.tolerance).all():
+                break
+            weighing = found.S[best] - by_start @ P @ by_start.T, found.y[best] != 0.0  # outliers have no innovation
+            now, share = misfit(start, dual, transition.mean, *weighing), 1.0
+            while share and misfit(start + share * step, dual + share * (wanted - dual), end, *weighing) >= now:
+                share = 0.5 * share if share > LEAST_STEP else 0.0
+                end = self.process.moved(start + share * step, before.dt)
+            dual = dual + share * (wanted - dual)
+            self._move(before, start + share * step, error if np.isfinite(error).all() else None)
+            found = self.innovations(observations)
+            if not share:
+                break
+        return found
 
     def _is_linear(self, observations: Sequence[Observation], found: Innovations, means: Floats) -> bool:
         """Whether the observations at the updated means are as their linearisation says."""
         best = int(np.argmax(self.weights))
-        value, R = _together(observations)
-        there = np.concatenate([one.linearize(means[best])[0] for one in observations])
+        value, R = together(observations)
+        there = joined([one.linearize(means[best])[0] for one in observations])
         linear = value - found.y[best] + found.H[best % len(found.H)] @ (means[best] - self.means[best])
-        return bool(np.all(np.abs(there - linear) <= CURVED * np.sqrt(R.diagonal())))
+        is_out = found.y[best] == 0.0 if found.outlying[best].any() else False
+        return bool(np.all((np.abs(there - linear) <= CURVED * np.sqrt(R.diagonal())) | is_out))
 
     def _weigh_levels(self, level: LevelPosterior, observations: Sequence[Observation], found: Innovations) -> None:
         """By the hypothesis that is most probable now."""
-        best = int(np.argmax(np.log(self.weights + 1e-300) - 0.5 * (found.nis + found.log_det)))
+        best = int(np.argmax(found.logs))
         own = found.H[best % len(found.H)][:, self.process.parts[DISCREPANCY]]
-        names: list[str] = []
-        blocks: list[slice] = []
-        start = 0
-        for one in observations:
-            names += one.names
-            blocks += [slice(block.start + start, block.stop + start) for block in one.blocks]
-            start += len(one.value)
+        names, blocks = named(observations)
         fresh = self.process.fresh(self._dt) * (own @ own.T)
         level.update(found.y[best], found.S[best], fresh, self._groups(names, blocks))
-
-
-def _each(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-    """Each name is withheld by itself."""
-    return [np.arange(block.start, block.stop)[None] for block in blocks]
-
-
-def _together(observations: Sequence[Observation]) -> tuple[Floats, Floats]:
-    """Values one after the other, (m,), and the covariance of their errors, (m, m)."""
-    if len(observations) == 1:
-        return observations[0].value, observations[0].cov
-    return np.concatenate([one.value for one in observations]), block_diag(*(one.cov for one in observations))
-
-
-def _several(covs: Floats) -> list[slice]:
-    """Slices of so many covariances (k, n, n) as are worked on at a time."""
-    step = max(1, AT_A_TIME // covs[0].size)
-    return [slice(k, k + step) for k in range(0, len(covs), step)]
-
-
-def _propagate(before: Floats, transition: Transition, variances: Floats, after: Floats) -> None:
-    """Write T P T' and the noise of sources of variances (k, n_sources) into `after`, for each P before, (k, n, n).
-
-    Last states that only fade, each by itself, are not multiplied out, nor are last columns of zeros in the others.
-    """
-    T, (n_noises, m, _) = transition.matrix, transition.noises.shape
-    noises, fading = transition.noises.reshape(n_noises, -1), T.diagonal()
-    acting = T != 0.0
-    np.fill_diagonal(acting, False)
-    r = int(np.flatnonzero(acting.any(axis=1)).max(initial=-1)) + 1
-    c = max(r, int(np.flatnonzero(acting.any(axis=0)).max(initial=-1)) + 1)
-    rows, fading, faded = T[:r, :c], fading[r:], np.outer(fading[r:], fading[r:])
-    for some in _several(before):
-        P, moved = before[some], after[some]
-        half = rows @ P[:, :c]
-        corner = 0.5 * (half[:, :, :c] @ rows.T)
-        np.add(corner, corner.swapaxes(1, 2), out=moved[:, :r, :r])
-        np.multiply(half[:, :, r:], fading, out=moved[:, :r, r:])
-        moved[:, r:, :r] = moved[:, :r, r:].swapaxes(1, 2)
-        np.multiply(P[:, r:, r:], faded, out=moved[:, r:, r:])
-        moved[:, :m, :m] += (variances[some, :n_noises] @ noises).reshape(-1, m, m)
-    if len(transition.independent):
-        np.einsum("kii->ki", after)[:] += variances[:, n_noises:] @ transition.independent
-
-
-def _of_each(matrices: Floats, vectors: Floats) -> Floats:
-    """Each matrix (k, m, n), or the one, times each vector (k, n)."""
-    return np.asarray((matrices @ vectors[..., None])[..., 0])

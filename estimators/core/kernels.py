@@ -19,12 +19,17 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources):  # type: ignor
     motion, force = np.eye(moving, m), np.ones(m - moving)  # derivatives of the end by what is after a step
     noises = np.zeros((1 + n_sources, m, m))
     for step in range(n_steps - 1, -1, -1):
-        driven = np.vstack((motion[:, moving:], np.diag(force))) * np.sqrt(1.0 - fadings[step] ** 2)
-        for source in range(n_sources):
-            own = driven[:, sources == source]
-            noises[1 + source] += own @ own.T
-        before = np.ascontiguousarray(motion[:, :moving]) @ by_states[step]
-        before[:, moving:] += motion[:, moving:] * fadings[step]
+        if step == n_steps - 1:  # nothing follows
+            for f in range(m - moving):
+                noises[1 + sources[f], moving + f, moving + f] = 1.0 - fadings[step, f] ** 2
+            before = by_states[step].copy()
+        else:
+            driven = np.vstack((motion[:, moving:], np.diag(force))) * np.sqrt(1.0 - fadings[step] ** 2)
+            for source in np.unique(sources):
+                own = driven[:, sources == source]
+                noises[1 + source] += own @ own.T
+            before = np.ascontiguousarray(motion[:, :moving]) @ by_states[step]
+            before[:, moving:] += motion[:, moving:] * fadings[step]
         # Simpson's rule over when white noise acts in the step: F F' + (F + L) (F + L)' + L L', first and last
         first, last = before[:, half:moving], motion[:, half:moving]
         acted = np.hstack((np.sqrt(2.0) * first + np.sqrt(0.5) * last, np.sqrt(1.5) * last))
@@ -52,3 +57,46 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
             totals[k] -= 0.5 * (error @ np.linalg.solve(counted, error) + np.log(np.linalg.det(counted)))
             start = ends[group]
     return totals
+
+
+@njit(cache=True, nogil=True)
+def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
+    """Which blocks each hypothesis takes for outliers, (k, n_blocks), and what their log-densities add, (k,).
+
+    y (k, m), S (k, m, m): innovations and covariances, in which outliers are set to nothing of variance `far`
+    ends (n_blocks,): rows of a block up to where it ends; logs (n_blocks,): log-density of each as an outlier
+
+    The block that the others contradict most goes first, until none is more probable as an outlier. With W = S^-1 the
+    error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
+    """
+    n_blocks = len(ends)
+    out, added = np.zeros((len(y), n_blocks), dtype=np.bool_), np.zeros(len(y))
+    for k in range(len(y)):
+        for _ in range(n_blocks):
+            W = np.linalg.inv(S[k])
+            weighted = W @ y[k]
+            most, worst, first = 0.0, -1, 0
+            for block in range(n_blocks):
+                rows = slice(first, ends[block])
+                first = ends[block]
+                if out[k, block] or not np.isfinite(logs[block]):
+                    continue
+                own = np.ascontiguousarray(weighted[rows])
+                information = np.ascontiguousarray(W[rows, rows])
+                misfit = own @ np.linalg.solve(information, own)
+                gain = logs[block] + 0.5 * (
+                    misfit - np.log(np.linalg.det(information)) + len(own) * np.log(2.0 * np.pi)
+                )
+                if gain > most:
+                    most, worst = gain, block
+            if worst < 0:
+                break
+            first = 0 if worst == 0 else ends[worst - 1]
+            out[k, worst] = True
+            added[k] += logs[worst] + 0.5 * (ends[worst] - first) * np.log(2.0 * np.pi * far)
+            for row in range(first, ends[worst]):
+                y[k, row] = 0.0
+                S[k, row, :] = 0.0
+                S[k, :, row] = 0.0
+                S[k, row, row] = far
+    return out, added

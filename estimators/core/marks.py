@@ -19,6 +19,8 @@ class Places:
         One or more.
     maps : mapping of str to (dim, n)
         Place of each point by the state.
+    calibration : slice, optional
+        States of the errors that marks share, where these are the same in every frame; else they are new in each.
 
     Attributes
     ----------
@@ -26,23 +28,30 @@ class Places:
         Places one after the other [m], and the covariance of their errors [m²].
     """
 
-    def __init__(self, marks: Sequence[MarkMeasurement], maps: Mapping[str, Floats]) -> None:
+    def __init__(
+        self, marks: Sequence[MarkMeasurement], maps: Mapping[str, Floats], calibration: slice | None = None
+    ) -> None:
         dim = len(marks[0].position)
         self.names = tuple(mark.node for mark in marks)
         self.value = np.concatenate([mark.position for mark in marks])
         self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
-        self.cov = _of_shared(marks)
+        shared = _shared(marks)
+        self._rows = np.vstack([maps[mark.node] for mark in marks])
+        self.cov = np.zeros((len(self.value), len(self.value)))
+        if calibration is None:
+            self.cov += shared @ shared.T
+        elif shared.shape[1]:
+            self._rows[:, calibration] = shared
         for mark, own in zip(marks, self.blocks, strict=True):
             self.cov[own, own] += mark.cov
-        self._rows = np.vstack([maps[mark.node] for mark in marks])
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted places (m,) at a state (n,), and their derivative (m, n)."""
         return self._rows @ state, self._rows
 
 
-def _of_shared(marks: Sequence[MarkMeasurement]) -> Floats:
-    """Covariance of what the errors that all marks share move them by, (m, m); marks without move by none."""
+def _shared(marks: Sequence[MarkMeasurement]) -> Floats:
+    """What the errors that all marks share move them by, (m, n_shared); marks without move by none."""
     dim, n = len(marks[0].position), max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
     columns = np.zeros((len(marks) * dim, n))
     for k, mark in enumerate(marks):
@@ -51,4 +60,4 @@ def _of_shared(marks: Sequence[MarkMeasurement]) -> Floats:
         if mark.shared.shape[1] != n:
             raise ValueError(f"mark {mark.node} shared: expected {n} directions, found {mark.shared.shape[1]}")
         columns[k * dim : (k + 1) * dim] = mark.shared
-    return np.asarray(columns @ columns.T)
+    return columns

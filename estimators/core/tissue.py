@@ -16,12 +16,13 @@ from estimators.core.discrepancy import Discrepancy, factor, matern
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
 from estimators.core.protocols import Transition
+from estimators.core.statics import Statics, StaticStates
 
 LONGEST_S = 1.0 / 60.0
 """Longest step [s]; numerical."""
 
-TOLERANCE = 1e-3
-"""Error of a step, and of a linearised frame, by the body's extent [1]; numerical."""
+TOLERANCE, STEP_TOLERANCE = 1e-3, 1e-4
+"""Error of a linearised frame, and of a step, by the body's extent [1]; numerical."""
 
 FLAT = 1e-3
 """A body of less extent in a direction, by its largest, is thin there [1]; choice."""
@@ -32,12 +33,12 @@ START = (0.02, 0.001, 0.5)
 RANK = 20
 """Functions of a slow force at most, by each axis; numerical."""
 
-SOURCES = ("white", "short", "led", "slow", "discrepancy")
-"""Sources of noise, in the order of `Transition`; the last is independent in each state."""
+SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
+"""Sources of noise, in the order of `Transition`; the last two are independent in each state."""
 
 
 class TissueProcess:
-    """The state of a network under unknown forces: position, velocity, force and discrepancy.
+    """The state of a network under unknown forces: position, velocity, force, discrepancy, and errors that last.
 
     Force is an acceleration of each marked node, then the slow field; the discrepancy is in standard deviations at
     level 1. A point of the body is its position and its discrepancy together: `places`.
@@ -52,6 +53,8 @@ class TissueProcess:
         Those of the marked nodes that are led all the time.
     disturbances, discrepancy
         Priors.
+    statics : Statics, optional
+        Errors that last: of constants, calibration, fixes, the target's offset; none where it is not given.
     elements : sequence of ForceElement
         Those that act besides the network's own springs, resistance and weight.
     """
@@ -64,6 +67,7 @@ class TissueProcess:
         led: Sequence[str] = (),
         disturbances: Disturbances | None = None,
         discrepancy: Discrepancy | None = None,
+        statics: Statics | None = None,
         elements: Sequence[ForceElement] = (),
     ) -> None:
         self.network, self.disturbances = network, disturbances or Disturbances()
@@ -87,14 +91,17 @@ class TissueProcess:
         self._is_led = np.repeat([name in led for name in marked], dim)
         fading: Floats = np.full(n_f, self.disturbances.slow_s, dtype=float)
         fading[:n_short] = self.disturbances.short_s
-        self._stepper = Rosenbrock(assembly, masses, basis, fading, TOLERANCE * self.extent_m)
+        self._stepper = Rosenbrock(assembly, masses, basis, fading, STEP_TOLERANCE * self.extent_m)
         field = self.discrepancy.field(places, network.positions[network.fixed])
         self._field = np.kron(field, np.eye(dim))
         n_d = self._field.shape[1]
         bounds = np.cumsum([0, n, n, n_f, n_d])
         names = ("position", "velocity", "force", "discrepancy")
         self.parts = {name: slice(int(a), int(b)) for name, a, b in zip(names, bounds, bounds[1:], strict=False)}
-        self.n, self._n_short = int(bounds[-1]), n_short
+        self._lasting, last = StaticStates(statics or Statics(), network), int(bounds[-1])
+        self.parts |= {name: slice(last + own.start, last + own.stop) for name, own in self._lasting.parts.items()}
+        self.n, self._n_short = last + self._lasting.n, n_short
+        self.considered = last + np.flatnonzero(self._lasting.considered)
         self.rates = self.disturbances.rates
         self.tolerance = np.full(self.n, np.inf)
         self.tolerance[:n] = TOLERANCE * self.extent_m
@@ -145,7 +152,14 @@ class TissueProcess:
             by_name = dict(zip(SOURCES, variances, strict=True))
             for name, columns in self._columns().items():
                 cov[sources[columns], sources[columns]] = by_name[name]
+        lasting = sources[self._behind :]
+        covs[:, lasting, lasting] = self._lasting.sd**2
         return mean, covs
+
+    @property
+    def _behind(self) -> int:
+        """Where the states of errors that last begin."""
+        return self.n - self._lasting.n
 
     def _columns(self) -> dict[str, NDArray[np.int64]]:
         """States that each source but white noise drives."""
@@ -155,18 +169,19 @@ class TissueProcess:
             "short": short[~self._is_led],
             "led": short[self._is_led],
             "slow": force[self._n_short :],
-            "discrepancy": np.arange(self.parts["discrepancy"].start, self.n),
+            "discrepancy": np.arange(self.n)[self.parts["discrepancy"]],
         }
 
     def variances(self, level: float) -> Floats:
         """Variance of each source in each mode, (n_modes, n_sources).
 
-        Of white noise [(m/s²)²/Hz], of forces [(m/s²)²], of the discrepancy in squares of its level [1].
+        Of white noise [(m/s²)²/Hz], of forces [(m/s²)²], of the discrepancy in squares of its level [1]; 1 of errors
+        that last.
         """
         d, raised = self.disturbances, self._raised
         calm, poke, led = d.short_m_s2
         rows = [
-            (d.white, short, max(short, raised * led), raised * slow, level)
+            (d.white, short, max(short, raised * led), raised * slow, level, 1.0)
             for slow in d.slow_m_s2
             for short in (calm, raised * poke, raised * led)
         ]
@@ -174,9 +189,10 @@ class TissueProcess:
 
     def moved(self, state: Floats, dt: float) -> Floats:
         """The state (n,) after dt [s] without noise."""
-        start = self.parts["discrepancy"].start
+        start, behind = self.parts["discrepancy"].start, self._behind
         last = self._stepper.moves(state[:start], dt, LONGEST_S, derivatives=False)[-1]
-        return np.concatenate([last.state, self._fading(dt) * state[start:]])
+        lasting = self._lasting.fading(dt) * state[behind:]
+        return np.concatenate([last.state, self._fading(dt) * state[start:behind], lasting])
 
     def linearize(self, state: Floats, dt: float) -> Transition:
         """The motion over dt [s], linearised step by step along it."""
@@ -187,14 +203,18 @@ class TissueProcess:
             np.array([move.fading for move in moves]),
             np.array([move.step_s for move in moves]),
             self._driving,
-            len(SOURCES) - 2,
+            len(SOURCES) - 3,
         )
-        fading = np.full(self.n, self._fading(dt))
-        fading[moving:start] = force
+        fading, behind = np.full(self.n, self._fading(dt)), self._behind
+        fading[moving:start], fading[behind:] = force, self._lasting.fading(dt)
         matrix = np.diag(fading)
         matrix[:moving, :start] = motion
-        independent = np.zeros((1, self.n))
-        independent[0, start:] = self.fresh(dt)
+        constants = self.parts.get("constants")
+        if constants is not None:
+            matrix[:moving, constants] = self._lasting.moved_by_constants(state[:moving], moves)
+        independent = np.zeros((2, self.n))
+        independent[0, start:behind] = self.fresh(dt)
+        independent[1, behind:] = (1.0 - fading[behind:] ** 2) * self._lasting.sd**2
         mean = np.concatenate([moves[-1].state, fading[start:] * state[start:]])
         return Transition(mean, matrix, noises, independent)
 

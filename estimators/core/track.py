@@ -1,55 +1,80 @@
-"""The target of a tissue from its marks, by the unified filter: gate, start and status."""
+"""The target of a tissue from its marks, by the unified filter: start, outliers, health, prediction."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from dynamics import MassSpringNetwork
+from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.core.discrepancy import Discrepancy, LevelPosterior
+from estimators.core.ahead import AheadTables
+from estimators.core.discrepancy import Discrepancy
 from estimators.core.disturbances import Disturbances
-from estimators.core.filter import HypothesisFilter
+from estimators.core.filter import FilterState
 from estimators.core.marks import Places
-from estimators.core.tissue import TissueProcess
-from estimators.process.target import TargetMap, TargetPoint, target_map
-from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-
-GATE = 1e-5
-"""Probability of a mark as far away as it was seen, by the hypothesis nearest to it, below which it is rejected [1];
-choice."""
+from estimators.core.posterior import TissuePosterior
+from estimators.filters.unscented import CovarianceError
+from estimators.process.known_force import ForceHistory, KnownForce
+from estimators.process.open_loop_cov import OpenLoopCovariance
+from estimators.process.target import TargetPoint
+from estimators.tissue.estimate import (
+    CommonShift,
+    GaussianMixture,
+    MarkMeasurement,
+    Status,
+    TargetEstimate,
+    checked_measurement,
+)
+from estimators.tissue.gate import Outlying, confirmed
+from estimators.tissue.health import Health, after_frame
+from estimators.tissue.settings import FilterSettings
+from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.25
-"""After so long without a mark that passes the gate, while some are seen, the filter begins again [s]; choice."""
+"""After so long in which every mark is an outlier the filter begins again [s]; choice."""
 
-SETTLED_S, LOST_S, FORGET_S = 0.5, 1.0, 5.0
-"""An estimate is INITIALISING for so long; without marks the target is LOST after so long, and the filter begins again
-after so long [s]; choice."""
+MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
+"""Longest step of a prediction without marks, and under a known force [s]; numerical. Up to marks there is one step."""
+
+FIX = "fix"
+"""Name of a direct sighting of the target."""
 
 
-class UnifiedFilter:
-    """Where the target is, from marks on the tissue.
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterSnapshot:
+    """The whole state of a `UnifiedFilter` at one time."""
+
+    time_s: float | None
+    filter: FilterState | None
+    health: Health
+    refuted_s: float
+    far_fix: Outlying | None
+    seen_s: dict[str, float]
+    updated_s: float | None
+    rejected: Counter[str]
+    repairs: Counter[str]
+    open_loop_cov: Floats
+    log_likelihood: float
+
+    def without_marks(self) -> FilterSnapshot:
+        """The same before any mark was seen."""
+        return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None)
+
+
+class UnifiedFilter(TissuePosterior):
+    """Where the target is, from marks on the tissue; parameters as `TissuePosterior` has them.
 
     The same filter for every body: no setting depends on its stiffness or size but by `Disturbances.raised`.
 
-    Parameters
-    ----------
-    network : MassSpringNetwork
-    target : str or TargetPoint
-    marked : sequence of str
-        Nodes whose marks are measured.
-    led : sequence of str
-        Those of them that are led all the time.
-    disturbances, discrepancy
-        Priors of unknown forces, and of what the model leaves out.
-
     Attributes
     ----------
-    time_s : float or None
-        Of the state; None before the first frame.
+    rejected, repairs : Counter
+        Marks taken for outliers by node; restarts.
+    log_likelihood : float
+        Of the last marks.
     """
 
     def __init__(
@@ -57,25 +82,63 @@ class UnifiedFilter:
         network: MassSpringNetwork,
         target: str | TargetPoint,
         marked: Sequence[str],
+        settings: FilterSettings | None = None,
         *,
-        led: Sequence[str] = (),
+        uncertainty: ParameterUncertainty | None = None,
+        n_calibration: int = 0,
         disturbances: Disturbances | None = None,
         discrepancy: Discrepancy | None = None,
     ) -> None:
-        if not marked:
-            raise ValueError("marked: expected one free node or more, found none")
-        self.process = TissueProcess(network, marked, led=led, disturbances=disturbances, discrepancy=discrepancy)
-        self.target = target_map(network, target)
-        self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}
-        self._near = _withheld_together(network, marked, self.target.point)
-        self._begin()
-        self.time_s: float | None = None
+        super().__init__(
+            network,
+            target,
+            marked,
+            settings,
+            uncertainty=uncertainty,
+            n_calibration=n_calibration,
+            disturbances=disturbances,
+            discrepancy=discrepancy,
+        )
+        driven = [node for node in marked if (node,) != self.target.point.nodes]
+        self._driven = frozenset(driven)
+        self.open_loop = OpenLoopCovariance(network, self.target.point, driven, FilterSettings().quiet.white)
+        self.log_likelihood = 0.0
+        self.rejected, self.repairs = Counter[str](), Counter[str]()
+        self._updated_s: float | None = None
+        self._refuted_s = -np.inf
+        self._far_fix: Outlying | None = None
+        self._nis = 0.0
+        self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])
 
-    def _begin(self) -> None:
-        self.level = LevelPosterior(self.process.discrepancy)
-        self.filter = HypothesisFilter(self.process, self.level, self._groups)
-        self._began_s: float | None = None
-        self._seen_s = self._refuted_s = -np.inf
+    def _restart(self, repair: str) -> None:
+        self.begin()
+        self._refuted_s = -np.inf
+        self.repairs[repair] += 1
+
+    def snapshot(self) -> FilterSnapshot:
+        """The whole state now, for `restore`."""
+        return FilterSnapshot(
+            self.time_s,
+            self.filter.state(),
+            self.health,
+            self._refuted_s,
+            self._far_fix,
+            self._seen_s.copy(),
+            self._updated_s,
+            self.rejected.copy(),
+            self.repairs.copy(),
+            self.open_loop.cov,
+            self.log_likelihood,
+        )
+
+    def restore(self, then: FilterSnapshot) -> None:
+        """Set the state back to a snapshot."""
+        self.begin() if then.filter is None else self.filter.resume(then.filter)
+        self._far_fix = then.far_fix
+        self.time_s, self.health, self._refuted_s = then.time_s, then.health, then.refuted_s
+        self._seen_s, self._updated_s = then.seen_s.copy(), then.updated_s
+        self.rejected, self.repairs = then.rejected.copy(), then.repairs.copy()
+        self.open_loop.cov, self.log_likelihood = then.open_loop_cov, then.log_likelihood
 
     def run(
         self,
@@ -89,96 +152,199 @@ class UnifiedFilter:
             advance(k / len(frames))
             yield [estimate]
 
-    def predict(self, time_s: float) -> None:
-        """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite."""
+    @all_or_nothing
+    def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
+        """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
+
+        push: a known force, such as a needle's
+        """
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
-        if self.time_s is not None and time_s > self.time_s and self._began_s is not None:
-            if time_s - self.time_s > FORGET_S:
-                self._begin()
-            else:
-                self.filter.predict(time_s - self.time_s)
-        self.time_s = time_s
+        if self._moved(time_s, push, np.inf):
+            self.health = replace(self.health, status=Status.LOST)
 
+    def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
+        """Move the state to this time [s]; whether it was forgotten on the way, for it would say nothing any more."""
+        dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
+        is_forgotten = dt > max(self.settings.forget_s, self.settings.lost_s)
+        if is_forgotten:
+            self._restart("forgotten")
+        elif dt > 0.0:
+            self._advance(time_s - dt, dt, push, longest_s)
+        self.time_s = time_s
+        return is_forgotten
+
+    def _advance(self, time_s: float, dt: float, push: ForceHistory | None, longest_s: float) -> None:
+        known = None if push is None else KnownForce(push, self.network, time_s)
+        masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
+        n = max(1, int(np.ceil(dt / (longest_s if known is None else PUSHED_S) - 1e-9)))
+        for _ in range(n):
+            kick = None
+            if known is not None:
+                known.step(dt / n)
+                velocity, kick = self.process.parts["velocity"], np.zeros(self.process.n)
+                force = known.forces(self.filter.mean[None, : velocity.stop]).ravel()
+                kick[velocity] = force / masses * (dt / n)
+            self.filter.predict(dt / n, kick)
+
+    def _ahead(self, time_s: float, push: ForceHistory | None = None) -> None:
+        if self.time_s is None or not self.time_s <= time_s < np.inf:
+            raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
+        self._moved(time_s, push, MIX_S)
+
+    def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
+        """The target at a later time [s] given the marks until now, such as when the needle arrives; the state stays.
+
+        push: as for `predict`. Raises ValueError before the first frame, and for a time that is past or not finite.
+        """
+        now = self.snapshot()
+        try:
+            self._ahead(time_s, push)
+            return self._estimate(time_s, 0, None)
+        finally:
+            self.restore(now)
+
+    def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
+        """As `predict_at`, of each mode of then by itself."""
+        now = self.snapshot()
+        try:
+            self._ahead(time_s, push)
+            rows, own = self.rows_of(self.target), self.filter
+            return GaussianMixture(own.weights, own.means @ rows.T + self.target.constant, rows @ own.covs @ rows.T)
+        finally:
+            self.restore(now)
+
+    def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """The target at later times [s], (k,), that rise: means [m] (k, dim), covs [m²] (k, dim, dim); the state stays.
+
+        Raises ValueError as `predict_at` does, and for times that go back.
+        """
+        now = self.snapshot()
+        try:
+            found = []
+            for time_s in np.asarray(times_s, dtype=float).tolist():
+                self._ahead(time_s)
+                found.append(self.place_of(self.target))
+        finally:
+            self.restore(now)
+        return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
+
+    def tables(self, n_times: int, cycle_s: float) -> AheadTables:
+        """Of the target's path at so many times, cycle_s [s] apart."""
+        return AheadTables.of(self, n_times, cycle_s)
+
+    @all_or_nothing
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks seen at the state's time, any number of them, and estimate the target.
 
-        Raises ValueError for a mark that is not on a free node or has another dimension.
+        Raises ValueError for a mark that is not on a free node or has another dimension, CovarianceError where the
+        marks leave no finite state.
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
-        for mark in marks:
-            if mark.node not in self._maps or len(mark.position) != self.process.network.dim:
-                raise ValueError(f"mark {mark.node}: expected a free node and {self.process.network.dim} coordinates")
-        kept = self._gated(marks)
-        nis = None
-        if kept:
-            nis = self.filter.update([Places(kept, self._maps)])
-            self._began_s = self.time_s if self._began_s is None else self._began_s
-            self._seen_s, self._refuted_s = self.time_s, -np.inf
-        mean, cov = self.place_of(self.target)
-        return TargetEstimate(self.time_s, mean, cov, self._status(), len(kept), nis, self._poked())
+        self.check(marks)
+        dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
+        self._updated_s = self.time_s
+        starting = self.health.since_s is None or self.health.status is Status.LOST
+        if marks and starting and self.health.since_s is not None:
+            self._restart("restarted")
+        taken, nis, shift = self._taken(marks, starting=starting)
+        self.health = after_frame(self.health, self.time_s, nis, len(taken) * self.network.dim, self.settings)
+        if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
+            taken, nis = self._again(marks)
+        self.rejected.update(mark.node for mark in marks if mark not in taken)
+        covs = {mark.node: mark.total_cov for mark in taken if mark.node in self._driven}
+        self.open_loop.take(min(dt, self.settings.forget_s), covs)
+        self._seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
+        estimate = self._estimate(self.time_s, len(taken), None if nis is None else self._nis)
+        return replace(estimate, information_share=self.shares(marks) if marks else {}, shift=shift)
 
-    def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
-        """Mean (dim,) [m] and covariance (dim, dim) [m²] of a point of the tissue."""
-        mean, cov = self.filter.moments(self.process.places(point.matrix))
-        return mean + point.constant, cov + point.point.sd_m**2 * np.eye(len(mean))
-
-    def _gated(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
-        """Marks that some hypothesis explains; all of them at a start."""
-        if not marks or self._began_s is None or self.time_s is None:
-            return list(marks)
-        places = Places(marks, self._maps)
-        found = self.filter.innovations([places])
-        bound = chi2.isf(GATE, self.process.network.dim)
-        kept = []
-        for mark, rows in zip(marks, places.blocks, strict=True):
-            y, S = found.y[:, rows], found.S[:, rows, rows]
-            if float(np.einsum("kd,kd->k", y, np.linalg.solve(S, y[..., None])[..., 0]).min()) <= bound:
-                kept.append(mark)
-        if kept:
-            return kept
+    def _taken(
+        self, marks: Sequence[MarkMeasurement], *, starting: bool
+    ) -> tuple[list[MarkMeasurement], float | None, CommonShift | None]:
+        """The marks that are no outliers, taken in, their NIS, and what one shift of all explains."""
+        self.log_likelihood = 0.0
+        if not marks or self.time_s is None:
+            return [], None, None
+        places = self.places(marks)
+        y, S = self.innovation(places)
+        shift = None if starting else self.shift(y, S)
+        nis = self._observed(places)
+        kept = np.repeat(~self.filter.outlying, self.network.dim)
+        self._nis = float(y[kept] @ np.linalg.solve(S[np.ix_(kept, kept)], y[kept]))
+        self.log_likelihood = 0.0 if starting else self.filter.log_likelihood
+        taken = self._inliers(marks)
+        if taken:
+            self._refuted_s = -np.inf
+            return taken, nis, shift
         self._refuted_s = self.time_s if self._refuted_s == -np.inf else self._refuted_s
         if self.time_s - self._refuted_s < REFUTED_S:
-            return []
-        self._begin()
-        return list(marks)
+            return [], None, shift
+        self.health = Health(Status.DIVERGED, self.time_s, self.time_s)
+        return *self._again(marks), shift
 
-    def _status(self) -> Status:
-        if self._began_s is None or self.time_s is None:
-            return Status.INITIALISING
-        unseen_s = self.time_s - self._seen_s
-        if unseen_s > LOST_S:
-            return Status.LOST
-        if self._refuted_s > -np.inf:
-            return Status.DIVERGED
-        if self.time_s - self._began_s < SETTLED_S:
-            return Status.INITIALISING
-        return Status.TRACKING if unseen_s == 0.0 else Status.COASTING
+    def _again(self, marks: Sequence[MarkMeasurement]) -> tuple[list[MarkMeasurement], float | None]:
+        """Begin again, at these marks; those of them that are no outliers, and their NIS."""
+        self._restart("restarted")
+        nis = self._observed(self.places(marks))
+        taken = self._inliers(marks)
+        return taken, nis if taken else None
 
-    def _poked(self) -> float:
-        """Probability that a short force acts."""
-        by_mode = self.filter.weights.reshape(-1, 3)
-        return float(by_mode[:, 1:].sum())
+    def _observed(self, places: Places) -> float:
+        try:
+            nis = self.filter.update([places])
+        except np.linalg.LinAlgError:
+            raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
+        if not self.is_finite:
+            raise CovarianceError("mean and covariance of the tissue: expected finite, found otherwise")
+        return nis
 
-    def _groups(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-        rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
-        return [
-            np.array([rows[name], *(rows[other] for other in self._near.get(name, ()) if other in rows)])
-            for name in names
-        ]
+    def _inliers(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
+        return [mark for mark, out in zip(marks, self.filter.outlying, strict=True) if not out]
 
+    @all_or_nothing
+    def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
+        """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
 
-def _withheld_together(
-    network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint
-) -> dict[str, tuple[str, ...]]:
-    """For each mark the others that are nearer to it than the target is to any mark: it is hidden among none such."""
-    places = {name: network.positions[network.index(name)] for name in marked}
-    where = np.average([network.positions[network.index(name)] for name in point.nodes], axis=0, weights=point.weights)
-    reach = min(float(np.linalg.norm(place - where)) for name, place in places.items())
-    return {
-        name: tuple(
-            other for other, there in places.items() if other != name and np.linalg.norm(there - place) < 0.99 * reach
+        One beyond the gate is rejected, but the next one there is taken in. Raises ValueError for another dimension,
+        for numbers that are not finite, and for a covariance that is none.
+        """
+        if self.time_s is None:
+            raise ValueError("fix: expected predict(time_s) before, found no time")
+        dim = self.network.dim
+        if np.shape(position) != (dim,) or np.shape(cov) != (dim, dim):
+            found = f"{np.shape(position)}, {np.shape(cov)}"
+            raise ValueError(f"fix: expected shapes {(dim,)} and {(dim, dim)}, found {found}")
+        place, R = checked_measurement(FIX, position, cov)
+        rows = self.rows_of(self.target)
+        bias = self.process.parts.get("bias")
+        if bias is not None:
+            rows[:, bias] = np.eye(dim)
+        seen = Places([MarkMeasurement(FIX, place - self.target.constant, R)], {FIX: rows})
+        mean, P = self.filter.moments(rows)
+        y = seen.value - mean
+        nis = float(y @ np.linalg.solve(P + R, y))
+        before, now = self._far_fix, Outlying(self.time_s, self.time_s, place, R)
+        self._far_fix = None
+        if nis <= self.settings.gate or (before is not None and confirmed(before, now, self.settings)):
+            self._observed(seen)
+        else:
+            self._far_fix = now
+            self.rejected[FIX] += 1
+        return self._estimate(self.time_s, 0, nis)
+
+    def _estimate(self, time_s: float, marks_used: int, nis: float | None) -> TargetEstimate:
+        mean, cov = self.place_of(self.target)
+        tissue_m2, open_loop_m2 = self.tissue_m2(cov), float(np.trace(self.open_loop.target_cov))
+        unseen_s = np.inf if self.seen_s is None else time_s - self.seen_s
+        return TargetEstimate(
+            time_s=time_s,
+            mean=mean,
+            cov=cov,
+            status=self.health.status,
+            marks_used=marks_used,
+            nis=nis,
+            poked=float(self.filter.weights[~self.process.disturbances.calm_modes].sum()),
+            model_only=unseen_s > self.settings.lost_s or tissue_m2 > self._model_only_m2,
+            gain=None if open_loop_m2 <= 0.0 else 1.0 - tissue_m2 / open_loop_m2,
         )
-        for name, place in places.items()
-    }

@@ -12,21 +12,13 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dynamics import all_positions, rest_shape
+from dynamics import rest_shape
 from estimators.arrays import Floats
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
 from estimators.threads import one_blas_thread
-from estimators.tissue.fast_prediction import (
-    FastPredictionTables,
-    MomentsNow,
-    fast_prediction_tables,
-    forced_cov,
-    moments_ahead,
-    moments_now,
-    times_until,
-)
-from estimators.tissue.filter import TissueFilter
+from estimators.tissue.fast_prediction import fast_prediction_tables
+from estimators.tissue.target_filter import PathTables, TargetFilter, times_until
 
 TURNED = 0.35
 """Angle by which a spring may be turned from its direction at rest for the tables to hold [rad]; measured:
@@ -118,9 +110,9 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
     return TargetPath(one.times_s, mean, cov, PathParts(weights, means, covs))
 
 
-def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
+def path_reach_s(tissue: TargetFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
     """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
-    network = tissue.model.network
+    network = tissue.network
     rest = tissue.target.position(rest_shape(network)[network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
     return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
@@ -131,12 +123,12 @@ def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
-def path_by_tables(tables: FastPredictionTables, tissue: TissueFilter) -> TargetPath:
+def path_by_tables(tables: PathTables, tissue: TargetFilter) -> TargetPath:
     """The path in parts, at all times of the tables; raises ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
-def path_near_rest(tables: FastPredictionTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
+def path_near_rest(tables: PathTables, tissue: TargetFilter, times_s: Floats) -> TargetPath:
     """The path from the first of these times [s], (k,), or before, to the last: by tables as far as they hold.
 
     Else by the filter itself, at these times.
@@ -149,11 +141,11 @@ def path_near_rest(tables: FastPredictionTables, tissue: TissueFilter, times_s: 
     return _first_of_tables(tables, tissue, max(n, 2))
 
 
-_KEPT: WeakKeyDictionary[TissueFilter, FastPredictionTables] = WeakKeyDictionary()
+_KEPT: WeakKeyDictionary[TargetFilter, PathTables] = WeakKeyDictionary()
 """Tables of each filter that was asked for its path, as long as it lives."""
 
 
-def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
+def kept_path(tissue: TargetFilter, times_s: Floats) -> TargetPath:
     """As `path_near_rest`, by tables that are made where they are first needed, or reach farther, and kept."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
@@ -166,40 +158,19 @@ def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
 
 
 @one_blas_thread()
-def _first_of_tables(tables: FastPredictionTables, tissue: TissueFilter, n: int) -> TargetPath:
+def _first_of_tables(tables: PathTables, tissue: TargetFilter, n: int) -> TargetPath:
     """As `path_by_tables`, at the first n times."""
-    now = moments_now(tables, tissue)
-    whole, quiet = moments_ahead(tables, now), _quiet_part(tables, now)
-    means, covs, *part = (each[:n] for each in (*whole, *quiet))
-    times = now.time_s + tables.cycle_s * np.arange(n, dtype=np.float64)
+    times, means, covs, *part = (each[:n] for each in tables.parts(tissue))
     return TargetPath(times, means, covs, _parts(means, covs, *part))
 
 
-def _is_near_rest(tables: FastPredictionTables, tissue: TissueFilter) -> bool:
+def _is_near_rest(tables: PathTables, tissue: TargetFilter) -> bool:
     """Whether no spring is turned by more than `TURNED` from its direction at rest."""
-    network = tissue.model.network
-    half = network.n_state // 2
-    now = all_positions(network, tissue.mixture.x[:half].reshape(-1, network.dim))
-    i, j = network.springs.T
+    now = tissue.positions
+    i, j = tissue.network.springs.T
     springs, at_rest = now[j] - now[i], tables.shape[j] - tables.shape[i]
     lengths = np.linalg.norm(springs, axis=1) * np.linalg.norm(at_rest, axis=1)
     return bool(((springs * at_rest).sum(axis=1) >= np.cos(TURNED) * lengths).all())
-
-
-def _quiet_part(tables: FastPredictionTables, now: MomentsNow) -> tuple[Floats, Floats, Floats]:
-    """Probability that nobody pokes until each time, (k,), and mean [m] and covariance [m²] of the target then."""
-    own, staying = now.tables, tables.undisturbed
-    weights = staying @ now.odds
-    shares = staying / np.maximum(weights, np.finfo(float).tiny)[:, None]
-    first, second = (np.einsum("ks,s...->k...", shares, each) for each in (now.first, now.second))
-    away = np.einsum("kdi,ki->kd", own.quiet, first)
-    moments = np.einsum("kdi,kij,kej->kde", own.quiet, second, own.quiet, optimize=True)
-    noise = own.quiet_noise + (now.level - 1.0) * own.quiet_white
-    covs = moments - away[:, :, None] * away[:, None, :] + noise
-    if now.forced.shape[2]:
-        columns = np.einsum("kdi,ks,sir->kdr", own.quiet, shares, now.columns, optimize=True)
-        covs += forced_cov(columns, now.forced)
-    return weights, away + tables.target.position(tables.rest), covs
 
 
 def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:

@@ -50,12 +50,14 @@ class FilteredStep:
 
 
 class ForwardPass:
-    """A filter on its way through frames, with what a smoother needs of each.
+    """A filter on its way through frames, with what a smoother needs of each; raises TypeError for another filter.
 
     State: the filter and how often it was restarted.
     """
 
     def __init__(self, tissue: TissueFilter) -> None:
+        if not isinstance(tissue, TissueFilter):
+            raise TypeError(f"smoothing: expected a TissueFilter, found {type(tissue).__name__}")
         self.tissue = tissue
         self._restarts = 0
 

@@ -9,6 +9,7 @@ from estimators.tissue.filter import TissueFilter
 from estimators.tissue.health import Health, after_frame
 from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import Snapshot
+from estimators.tissue.target_filter import PathTables, TargetFilter
 
 __all__ = [
     "CommonShift",
@@ -17,9 +18,11 @@ __all__ = [
     "GaussianMixture",
     "Health",
     "MarkMeasurement",
+    "PathTables",
     "Snapshot",
     "Status",
     "TargetEstimate",
+    "TargetFilter",
     "TissueFilter",
     "after_frame",
     "fast_prediction_tables",

@@ -17,17 +17,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import DRIVEN, SAME_STEP, SLIP_VELOCITY, rest_shape, state_matrix
+from dynamics import DRIVEN, SLIP_VELOCITY, rest_shape, state_matrix
 from estimators.arrays import Floats
 from estimators.filters.chain import rising
 from estimators.filters.exponential import small_expm
 from estimators.process.target import TargetMap
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.prediction import onset_of, reported
+from estimators.tissue.target_filter import PathTables, Tabled, TargetFilter, times_until
 
 SPEEDS_M_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Typical speeds of the nodes for which tables are made, each twice the last; choice, its cost in docs/settings.md."""
@@ -88,12 +90,51 @@ class FastPredictionTables:
             self.made[level] = _tables(tissue, float(self.speeds[level]), self.shape, self.n_times)
         return self.made[level]
 
+    def ahead(self, tissue: TissueFilter, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+        """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target from now on.
 
-def fast_prediction_tables(tissue: TissueFilter, horizon_s: float, *, at_once: bool = True) -> FastPredictionTables:
-    """Tables of a filter, as far ahead as this [s]; its belief does not matter, its network and settings do.
+        push: a known force on the free nodes [N], held in each cycle ahead, (k - 1, n_free, dim)
+        """
+        now = moments_now(self, tissue)
+        times, means, covs = self._whole(now)
+        if push is not None:
+            forces = np.asarray(push, dtype=float)
+            if forces.size != now.tables.pushed.shape[1] or len(forces) != self.n_times - 1:
+                raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {forces.shape}")
+            means = means + (now.tables.pushed @ forces.ravel()).reshape(means.shape)
+        return times, means, covs
+
+    def parts(self, tissue: TissueFilter) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """As `ahead`, and the probability [1] (k,) that nobody pokes, with mean [m] and covariance [m²] if so."""
+        now = moments_now(self, tissue)
+        return (*self._whole(now), *self._quiet(now))
+
+    def _whole(self, now: MomentsNow) -> tuple[Floats, Floats, Floats]:
+        times = now.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
+        return times, *moments_ahead(self, now)
+
+    def _quiet(self, now: MomentsNow) -> tuple[Floats, Floats, Floats]:
+        own, staying = now.tables, self.undisturbed
+        weights = staying @ now.odds
+        shares = staying / np.maximum(weights, np.finfo(float).tiny)[:, None]
+        first, second = (np.einsum("ks,s...->k...", shares, each) for each in (now.first, now.second))
+        away = np.einsum("kdi,ki->kd", own.quiet, first)
+        moments = np.einsum("kdi,kij,kej->kde", own.quiet, second, own.quiet, optimize=True)
+        noise = own.quiet_noise + (now.level - 1.0) * own.quiet_white
+        covs = moments - away[:, :, None] * away[:, None, :] + noise
+        if now.forced.shape[2]:
+            columns = np.einsum("kdi,ks,sir->kdr", own.quiet, shares, now.columns, optimize=True)
+            covs += forced_cov(columns, now.forced)
+        return weights, away + self.target.position(self.rest), covs
+
+
+def fast_prediction_tables(tissue: TargetFilter, horizon_s: float, *, at_once: bool = True) -> PathTables:
+    """Tables of a filter, as far ahead as this [s]; its posterior does not matter, its network and settings do.
 
     at_once: for all speeds now, as a live loop needs it; if not, for each speed when it first occurs
     """
+    if not isinstance(tissue, TissueFilter):
+        return cast(Tabled, tissue).tables(times_until(horizon_s, tissue.settings.mix_s), tissue.settings.mix_s)
     model, settings = tissue.model, tissue.settings
     cycle = settings.mix_s
     n_times = times_until(horizon_s, cycle)
@@ -108,27 +149,12 @@ def fast_prediction_tables(tissue: TissueFilter, horizon_s: float, *, at_once: b
     return tables
 
 
-def times_until(seconds: float, cycle_s: float) -> int:
-    """How many times, cycle_s [s] apart from now on, reach so far ahead [s]."""
-    return int(np.ceil(seconds / cycle_s * (1.0 - SAME_STEP))) + 1
-
-
-def predict_fast(
-    tables: FastPredictionTables, tissue: TissueFilter, push: Floats | None = None
-) -> tuple[Floats, Floats, Floats]:
+def predict_fast(tables: PathTables, tissue: TargetFilter, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
     """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target from the filter's time on.
 
-    push: a known force on the free nodes [N], held in each cycle ahead, (k - 1, n_free, dim)
-    Raises ValueError before the filter's first frame and for a push of another shape.
+    push [N]: (k - 1, n_free, dim). Raises ValueError before the filter's first frame and for a push of another shape.
     """
-    now = moments_now(tables, tissue)
-    means, covs = moments_ahead(tables, now)
-    if push is not None:
-        forces = np.asarray(push, dtype=float)
-        if forces.size != now.tables.pushed.shape[1] or len(forces) != tables.n_times - 1:
-            raise ValueError(f"push: expected shape ({tables.n_times - 1}, n_free, dim), found {forces.shape}")
-        means = means + (now.tables.pushed @ forces.ravel()).reshape(means.shape)
-    return now.time_s + tables.cycle_s * np.arange(tables.n_times, dtype=np.float64), means, covs
+    return tables.ahead(tissue, push)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

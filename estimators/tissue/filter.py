@@ -22,12 +22,14 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.model import model_of
 from estimators.tissue.model_error import ModelError
 from estimators.tissue.prediction import (
+    MixtureViews,
     advance,
     expected_place,
     known_force,
     later_times,
     mixture_of_modes,
     place_and_cov,
+    places_under_force,
     reported,
     reported_place,
     target_by_modes,
@@ -42,7 +44,7 @@ from estimators.tissue.update import StackedMarks, check_marks, information_shar
 Place: TypeAlias = tuple[Floats, Floats] | None
 
 
-class TissueFilter:
+class TissueFilter(MixtureViews):
     """Position of the target: unscented filters of the tissue, quiet, poked and struck, mixed by the marks.
 
     target: the node that is meant, by name, or a point beside it or between several; as an attribute, its map from the
@@ -100,11 +102,6 @@ class TissueFilter:
             VarianceScale(asked.marks_bounds),
             ModelError(self.model, self.settings, marked),
         )
-
-    @property
-    def repairs(self) -> Counter[str]:
-        """Counts of repairs, by kind."""
-        return self.mixture.repairs
 
     @property
     def seen_s(self) -> float | None:
@@ -204,6 +201,10 @@ class TissueFilter:
         """
         own = None if shared is None else self.model.among_columns(shared)
         return expected_place(self.mixture, self._places[node], own, self.settings)
+
+    def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
+        """Places of free nodes [m], (n, dim), and their covariances [m²], (n, dim, dim), where forces act."""
+        return places_under_force(self.mixture, [self._places[node] for node in nodes])
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """As `expected`, [m] (dim,) and [m²] (dim, dim), had an impulse on the node followed just after its last mark.

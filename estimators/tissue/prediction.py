@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynamics import MassSpringNetwork, all_positions
 from estimators.arrays import Floats
 from estimators.filters.gaussians import corrected_each, evened_each, inflated_each, pooled_each
 from estimators.filters.kernels import mixed_each, with_columns
@@ -260,3 +262,53 @@ def expected_place(
     widest = max(possible, key=lambda mode: float(np.trace(mixture.filters[mode].P[place, place])))
     f, columns = mixture.filters[widest], mixture.columns[widest][place] + own
     return f.x[place].copy(), f.P[place, place] + columns @ columns.T
+
+
+def places_under_force(mixture: InteractingMixture, places: Sequence[slice]) -> tuple[Floats, Floats]:
+    """Means [m] (n, dim) and covariances [m²] (n, dim, dim) of coordinates by the mode of the strongest forces."""
+    forced, columns = mixture.filters[-1], mixture.columns[-1]
+    rows = np.array([range(len(forced.x))[place] for place in places], dtype=np.int64)
+    covs = forced.P[rows[:, :, None], rows[:, None, :]] + columns[rows] @ columns[rows].swapaxes(1, 2)
+    return forced.x[rows], covs
+
+
+class MixtureViews:
+    """What a filter shows of its model and mixture."""
+
+    model: TissueModel
+    settings: FilterSettings
+    mixture: InteractingMixture
+    target: TargetMap
+    n_calibration: int
+
+    @property
+    def network(self) -> MassSpringNetwork:
+        """The network that the model moves."""
+        return self.model.network
+
+    @property
+    def positions(self) -> Floats:
+        """Mean places of all nodes now [m], (n_nodes, dim)."""
+        network = self.network
+        return all_positions(network, self.mixture.x[: network.n_state // 2].reshape(-1, network.dim))
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the state is one of numbers: no mark would mend another."""
+        return all(bool(np.isfinite(one.x).all() and np.isfinite(one.P).all()) for one in self.mixture.filters)
+
+    @property
+    def by_calibration(self) -> Floats:
+        """How each error of the calibration, one standard deviation, moves the target [m], (dim, n_calibration)."""
+        columns = self.target.linear(self.mixture.mean_columns)
+        return columns[:, columns.shape[1] - self.n_calibration :]
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether the body may be led for as long as it likes: a stiff or large one."""
+        return self.settings.led is not None
+
+    @property
+    def repairs(self) -> Counter[str]:
+        """Counts of repairs, by kind."""
+        return self.mixture.repairs

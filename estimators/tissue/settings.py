@@ -76,6 +76,7 @@ class FilterSettings:
     remember_s: for so long innovations that exceed their covariance are remembered, at least [s]; choice
     remember_swings: so many of a stiff or large body's slowest oscillations they are remembered, where that is longer
         [1]; choice
+    unified: whether `UnifiedFilter` is used, which knows other priors of its own; source: the scene
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -113,6 +114,7 @@ class FilterSettings:
     refuting_inflation: float = 4.0
     remember_s: float = 0.5
     remember_swings: float = 0.5
+    unified: bool = False
 
     @property
     def strikes(self) -> bool:

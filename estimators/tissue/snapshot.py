@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
-from typing import Concatenate, ParamSpec, Protocol, TypeVar
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from estimators.arrays import Floats
 from estimators.filters.measurement import CommonErrors
@@ -69,6 +69,10 @@ class Snapshot:
     log_likelihood: float
     shown: Shown
 
+    def without_marks(self) -> Snapshot:
+        """The same before any mark was seen."""
+        return replace(self, health=Health())
+
 
 def mixture_state(mixture: InteractingMixture) -> MixtureState:
     """The state of a mixture, for `restore_mixture`; arrays are shared, for updates replace and never write them."""
@@ -101,10 +105,10 @@ def restore_mixture(mixture: InteractingMixture, state: MixtureState) -> None:
 class Restorable(Protocol):
     """What can be set back to a state that it had."""
 
-    def snapshot(self) -> Snapshot:
+    def snapshot(self) -> Any:
         """The whole state now."""
 
-    def restore(self, then: Snapshot) -> None:
+    def restore(self, then: Any) -> None:
         """Set the state back to a snapshot."""
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynamics import all_positions, unpack
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -101,8 +100,7 @@ def overlay_of(
 
 def node_places(line: Line) -> Floats:
     """Where the filter expects all nodes now [m], (n_nodes, dim)."""
-    network = line.scene.network
-    return all_positions(network, unpack(line.filter.mixture.x[: network.n_state], network.dim)[0])
+    return line.filter.positions
 
 
 def facts(estimate: TargetEstimate, n_measured: int) -> str:

@@ -87,7 +87,7 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
         )
     if before in ("tune", "track"):
         lines["identify"] = _unidentified(scene)
-    if before == "track":
+    if before == "track" and not scene.settings.unified:
         lines["tune"] = _untuned(scene)
     return {name: line for name, line in lines.items() if line is not None}
 

@@ -137,6 +137,8 @@ def tuned_scene(
     Raises InputError where the time is too short for anything.
     """
     scene = recording.scene
+    if scene.settings.unified:
+        raise InputError.at("scene.toml: filter.unified", "the usual filter: this one has no levels to tune", "true")
     try:
         found = tune_noise(
             scene.network,

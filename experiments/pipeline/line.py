@@ -23,7 +23,7 @@ from estimators import (
     MarkMeasurement,
     OpenLoop,
     TargetEstimate,
-    TissueFilter,
+    filter_of,
 )
 from estimators.tissue.model import MOST_STATES
 from experiments.arrays import Floats
@@ -128,7 +128,7 @@ class Line:
         settings = with_bias_of_fixes(scene.settings, fixes)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
         common = scene.network, scene.target.point, measured, settings
-        made = LeaveOneOut if check else TissueFilter
+        made = LeaveOneOut if check else filter_of
         filters = made(*common, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
         self.checks = filters if isinstance(filters, LeaveOneOut) else None
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
@@ -149,7 +149,7 @@ class Line:
     @property
     def is_finite(self) -> bool:
         """Whether the filter's state is one of numbers: no mark would mend another."""
-        return all(bool(np.isfinite(one.x).all() and np.isfinite(one.P).all()) for one in self.filter.mixture.filters)
+        return self.filter.is_finite
 
     @property
     def camera(self) -> PlaneCamera:

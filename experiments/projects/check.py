@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import vision
 from dynamics import ImplicitStepper, Oscillations, oscillations, rest_shape, stable_step
-from estimators import MarkMeasurement, TargetEstimate, resting_bound
+from estimators import MarkMeasurement, TargetEstimate, TissueFilter, resting_bound
 from estimators.process.linear_motion import is_linearised
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -112,23 +112,23 @@ def checked(
     estimate = _after_rest(
         line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
     )
-    settings, model = line.filter.settings, line.filter.model
+    tissue, settings = line.filter, line.filter.settings
     covs = {mark.node: mark.cov for mark in seen}
     quiet = resting_bound(network, covs, interval_s, settings.quiet)
     advance(0.8)
     pushed = resting_bound(network, covs, interval_s, settings.poked, poked=scene.measured_nodes)
     advance(1.0)
     at = target_map(network, scene.target.point)
-    implicit = is_linearised(model)
-    steps = ImplicitStepper(network).n_steps(interval_s) if implicit else model.stepper.n_steps(interval_s)
+    is_explicit = isinstance(tissue, TissueFilter) and not is_linearised(tissue.model)
+    stepper = tissue.model.stepper if isinstance(tissue, TissueFilter) and is_explicit else ImplicitStepper(network)
     return SceneCheck(
         path=path,
         scene=scene,
         rest=rest,
         motion=oscillations(network, rest),
         stable_s=stable_step(network),
-        step_s=interval_s / steps,
-        implicit=implicit,
+        step_s=interval_s / stepper.n_steps(interval_s),
+        implicit=not is_explicit,
         interval_s=interval_s,
         seen=seen,
         unfound=unfound,

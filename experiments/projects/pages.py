@@ -42,6 +42,7 @@ KEYS = {
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
     "scale_sd": "0 for the simulated camera; of a real one, how well its scale is known",
+    "unified": "docs/unified.md; false: the usual filter, whose noise levels softaim tune finds",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
 """Comment behind a key of scene.toml where it stands first."""
@@ -51,6 +52,7 @@ TABLES = {
     "[[mark]]": "Coloured spots, one to a node at most.",
     "[target]": "The hidden point that the needle is for.",
     "[reference]": "The camera's own motion; a [[reference.mark]] on an anchor or the rig shows it.",
+    "[filter]": "The filter that follows it.",
     "[[camera]]": "Squarely before the plane z = 0.",
 }
 """Comment above a table of scene.toml where it stands first."""
@@ -81,6 +83,11 @@ def scene_page(scene: Scene, heading: str, *, after: str = "") -> str:
 
 
 UNKNOWN = """
+# A table is still missing; a command writes it into a copy of this file:
+# [uncertainty], how well the constants are known: softaim identify
+"""
+
+UNTUNED = """
 # Two tables are still missing; commands write them into copies of this file:
 # [uncertainty], how well the constants are known: softaim identify
 # [filter], the noise levels of this tissue: softaim tune
@@ -161,11 +168,13 @@ def needle_page(of: Template) -> str:
 
 def steps_page(of: Template) -> str:
     """STEPS.md: what to type, in order, and why."""
-    film = of.believed.network.dim == 2
+    film, unified = of.believed.network.dim == 2, of.believed.settings.unified
     words = {
+        "noise": UNIFIED_NOISE if unified else TUNED_NOISE,
         "title": of.title,
         "target": of.believed.target.node,
         "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
+        "known": "identified.toml" if unified else "tuned.toml",
         "real": REAL_FILM if film else REAL_MARKS,
     }
     return _filled(STEPS, words)
@@ -193,6 +202,19 @@ REAL_MARKS = """\
 With a real body, recordings of a tracker take the place of step 2: folders with `scene.toml` and `marks.csv`
 (`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, those inside, too, as by CT or
 ultrasound; in `rec` those on the outside.
+"""
+
+TUNED_NOISE = """\
+Tuned before advice: levels that are too high make it wait, levels that are too low let it go too early.
+
+```sh
+softaim tune rec --scene identified.toml --out tuned.toml
+```
+"""
+
+UNIFIED_NOISE = """\
+Nothing to do: `scene.toml` asks for the unified filter (`[filter] unified = true`), which weighs its
+levels by the marks.
 """
 
 STEPS = """\
@@ -249,16 +271,11 @@ softaim identify calibration --scene rest.toml --out identified.toml
 
 ## 5. Its noise
 
-Tuned before advice: levels that are too high make it wait, levels that are too low let it go too early.
-
-```sh
-softaim tune rec --scene identified.toml --out tuned.toml
-```
-
+<noise>
 ## 6. Follow the target
 
 ```sh
-softaim track rec --scene tuned.toml --out track
+softaim track rec --scene <known> --out track
 ```
 
 `track/path.png` shows the target's path, true and estimated, with its ellipses.
@@ -266,7 +283,7 @@ softaim track rec --scene tuned.toml --out track
 ## 7. Ask for advice
 
 ```sh
-softaim advise rec --scene tuned.toml --needle needle.toml --out advice
+softaim advise rec --scene <known> --needle needle.toml --out advice
 ```
 
 `advice/advice.png` shows when to go, when to wait and when to realign.

@@ -15,22 +15,23 @@ from dynamics import NeedleMotion, sliding_friction
 from estimators import (
     AdviceSettings,
     Breathing,
-    FastPredictionTables,
     GaussianMixture,
     MarkMeasurement,
     OpenLoop,
+    PathTables,
     TargetEstimate,
+    TargetFilter,
     TargetPath,
-    TissueFilter,
     compliance,
     either_path,
     fast_prediction_tables,
+    filter_of,
     health_fault,
     path_reach_s,
     predict_fast,
 )
 from estimators.process.target import target_map
-from estimators.tissue.filter import Snapshot
+from estimators.tissue.target_filter import Restored
 from experiments.arrays import Floats
 from experiments.simulation.cases import way_m
 from experiments.simulation.world import World, needle_with
@@ -177,11 +178,11 @@ class Paper(Rest):
 class Warm:
     """A filter after the warm-up: its state, its last estimate, the breath; tables of policies, and of advice."""
 
-    tissue: TissueFilter
-    then: Snapshot
+    tissue: TargetFilter
+    then: Restored
     estimate: TargetEstimate
-    tables: FastPredictionTables
-    of_advice: FastPredictionTables
+    tables: PathTables
+    of_advice: PathTables
     breathing: Breathing
 
 
@@ -270,10 +271,10 @@ class Waiting(Ahead):
 
 
 @cache
-def _tables(model: bytes, ahead_s: float) -> FastPredictionTables:
+def _tables(model: bytes, ahead_s: float) -> PathTables:
     """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
-    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
+    tissue = filter_of(network, target, marked, settings, uncertainty=uncertainty)
     return fast_prediction_tables(tissue, ahead_s, at_once=False)
 
 
@@ -284,7 +285,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)
-    tissue, paper = TissueFilter(*own, uncertainty=given.uncertainty), Paper(world)
+    tissue, paper = filter_of(*own, uncertainty=given.uncertainty), Paper(world)
     model = pickle.dumps((*own, given.uncertainty))
     reach_s = path_reach_s(tissue, case.straight, case.plan.needle, case.plan.settings)
     tables, of_advice = _tables(model, horizon_s(world)), _tables(model, reach_s)

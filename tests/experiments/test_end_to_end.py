@@ -182,33 +182,6 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("file", "old", "new", "told"),
-    [
-        ("scene.toml", "stiffness_N_m", "stifness_N_m", "expected one of"),
-        ("scene.toml", 'node = "M1"', 'node = "M9"', 'no node named "M9"'),
-        ("scene.toml", "[target]", "[aim]", "expected"),
-        ("frames.csv", "2,0.066666667", "2,0.033333333", "exposure_s"),
-        ("frames.csv", "59,", "60,", "frame"),
-        ("video.avi", None, "no film", "expected a video"),
-    ],
-)
-def test_bad_recordings_are_one_line_and_nothing_is_written(recording, tmp_path, capfd, file, old, new, told):
-    folder = tmp_path / "bad"
-    folder.mkdir()
-    for source in recording.iterdir():
-        (folder / source.name).write_bytes(source.read_bytes())
-    text = new if old is None else (folder / file).read_text().replace(old, new, 1)
-    (folder / file).write_text(text)
-    assert softaim("track", folder, "--out", tmp_path / "out") == 2
-    fault = capfd.readouterr().err
-    assert fault.startswith("softaim: ")
-    assert fault.count("\n") == 1
-    assert told in fault
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
 def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, capfd):
     (tmp_path / "notes.txt").write_text("mine")
@@ -218,24 +191,6 @@ def test_a_folder_of_the_users_is_left_alone_without_force(recording, tmp_path, 
     assert softaim("track", recording, "--out", tmp_path, "--force") == 0
     assert (tmp_path / "notes.txt").read_text() == "mine"
     assert (tmp_path / "estimates.csv").exists()
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["simulate", "no-such-scenario"],
-        ["track", "no-such-recording"],
-        ["live", "--source", "no-such-film"],
-        ["live", "--source", "99", "--scene", "no-such-scene.toml"],
-    ],
-)
-def test_what_is_not_there_is_one_line(tmp_path, monkeypatch, capfd, words):
-    monkeypatch.chdir(tmp_path)
-    assert softaim(*words, "--out", "out") == 2
-    fault = capfd.readouterr().err
-    assert fault.startswith("softaim: ")
-    assert fault.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_help_loads_nothing_that_is_slow():
@@ -283,8 +238,8 @@ def test_both_filter_steps_do_the_same_work():
 @pytest.mark.slow
 @pytest.mark.parametrize(("scenario", "most"), [("quiet", 0.2), ("poked", 0.3)])
 def test_hidden_error_against_the_open_loop(scenario, most):
-    """A quick form of experiments/studies/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 6 s."""
-    runs = [run(scenario, seed, duration_s=6.0) for seed in (100, 101)]
+    """A quick form of experiments/studies/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 4 s."""
+    runs = [run(scenario, seed, duration_s=4.0) for seed in (100, 101)]
     ours, papers = (np.mean([r.errors[m].mean() for r in runs]) for m in (FILTER, OPEN_LOOP))
     assert ours < most * papers
     inside = np.mean([(r.nees < chi2.ppf(0.95, 2)).mean() for r in runs])

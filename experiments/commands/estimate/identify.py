@@ -57,6 +57,7 @@ def identify(
     def show() -> None:
         print_table(constants_table(report))
         print("\n".join(fit_lines(found, minutes)))
-        print(f"Scene in {out}; next: softaim tune REC --scene {out} --out tuned.toml")
+        ahead = "track REC" if found_scene.settings.unified else "tune REC --out tuned.toml"
+        print(f"Scene in {out}; next: softaim {ahead} --scene {out}")
 
     return Answer({"out": out, **report}, show)

@@ -60,6 +60,7 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
         strain_sd=usual.strain_sd if table.strain is None else table.strain,
         fix_bias=None if table.fix_bias_mm is None else FixBias(1e-3 * table.fix_bias_mm),
         marks_bounds=ADAPTED if table.adapt_marks else usual.marks_bounds,
+        unified=bool(table.unified),
     )
 
 
@@ -79,6 +80,8 @@ def filter_table(settings: FilterSettings) -> dict[str, float | bool | list[str]
         keys["fix_bias_mm"] = 1e3 * settings.fix_bias.sd_m
     if settings.marks_bounds != (1.0, 1.0):
         keys["adapt_marks"] = True
+    if settings.unified:
+        keys["unified"] = True
     if settings.led_nodes:
         keys["led_nodes"] = list(settings.led_nodes)
     return keys

@@ -197,7 +197,16 @@ class FilterTable(Strict):
     strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
     adapt_marks: bool = False
+    unified: bool = False
     led_nodes: list[Name] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_filter(self) -> FilterTable:
+        others = [key for key in ("white_m_s2_sqrt_hz", "strain") if getattr(self, key) is not None]
+        if self.unified and (others or self.adapt_marks):
+            found = [*others, "adapt_marks"][0]
+            raise ValueError(f"expected no levels of the usual filter with unified, found {found}")
+        return self
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune"]

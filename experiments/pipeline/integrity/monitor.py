@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from estimators import Doubt, DoubtSettings, MarkMeasurement, TargetEstimate, TissueFilter
+from estimators import Doubt, DoubtSettings, MarkMeasurement, TargetEstimate, TargetFilter
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 
@@ -22,11 +22,11 @@ class IntegrityMonitor:
     State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks.
     """
 
-    def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
+    def __init__(self, scene: Scene, tissue: TargetFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
         # a hand that leads a body moves all marks together
-        self.doubt = Doubt(DoubtSettings() if tissue.settings.led is None else DoubtSettings(together=0.0))
+        self.doubt = Doubt(DoubtSettings(together=0.0) if tissue.may_be_led else DoubtSettings())
         self._balance = balance_of(scene, tissue)
         self.tested_s: float | None = None
 

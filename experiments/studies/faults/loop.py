@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dynamics import NeedlePose
-from estimators import Insertion
+from estimators import Insertion, TissueFilter
 from experiments.pipeline.live.session import Session
 from experiments.studies.faults.judge import FOREVER, LASTS_S
 from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
@@ -57,7 +57,10 @@ def _displaced(by_m: float) -> Callable[[Session], None]:
 
     def upsets(session: Session) -> None:
         network = session.line.scene.network
-        mixture = session.line.filter.mixture
+        tissue = session.line.filter
+        if not isinstance(tissue, TissueFilter):
+            raise TypeError("displaced: expected the usual filter")
+        mixture = tissue.mixture
         by = np.where(np.arange(len(mixture.x)) < network.dim * len(network.free), by_m, 0.0)
         mixture.x = mixture.x + by
         for one in mixture.filters:

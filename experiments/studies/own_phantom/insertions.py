@@ -19,7 +19,8 @@ from experiments.simulation.simulate import simulate
 EVERY_S = 0.25
 """Between two insertions [s]: some 75 in a recording of 20 s, whose end no needle reaches; parameter of the study."""
 
-TUNED = "tuned.toml"
+LAST = ("tuned.toml", "identified.toml")
+"""The scene that the steps of a project end with: tuned where its filter has levels to tune."""
 
 
 def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -28,7 +29,8 @@ def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
     scenario = read_scenario(str(project / "scenario.toml")).model_copy(update={"seed": case["seed"]})
     with tempfile.TemporaryDirectory() as folder:
         simulate(scenario, Path(folder) / "rec")
-        recording = read_recording(Path(folder) / "rec", project / TUNED)
+        last = next(project / name for name in LAST if (project / name).exists())
+        recording = read_recording(Path(folder) / "rec", last)
         scene = recording.scene
         plan = read_needle(project / "needle.toml", scene.target.radius_m, scene.network.dim)
         rows = table(advise(recording, plan, every_s=EVERY_S))

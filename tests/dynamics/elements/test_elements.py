@@ -199,3 +199,28 @@ def test_tangents_of_a_chain_are_sparse(build, dim):
         for matrix in Assembly.of_network(chain).tangents(q, np.zeros_like(q)):
             assert matrix.shape == (n * dim, n * dim)
             assert matrix.nnz <= (3 * n - 2) * dim * dim
+
+
+class Hidden:
+    """An element whose kind no assembly knows."""
+
+    def __init__(self, element):
+        self.nodes, self.energy, self.force = element.nodes, element.energy, element.force
+        self.tangents, self.by_log_constants = element.tangents, element.by_log_constants
+
+
+@pytest.mark.parametrize("hidden", [(), (0,), (0, 1, 2)])
+@each_dim
+def test_compiled_and_other_elements_add_up(tangled, dim, hidden):
+    """The kernel of the kinds of a network, twice over, against the methods of each element."""
+    network = tangled(dim)
+    x, v = moved(network)
+    q, u = free_of(network, x), free_of(network, v)
+    elements = 2 * Assembly.of_network(network).elements
+    plain = Assembly(x, network.free, [Hidden(element) for element in elements])
+    mixed = Assembly(x, network.free, [Hidden(one) if k in hidden else one for k, one in enumerate(elements)])
+    force, K, C = mixed.linearised(q, u)
+    np.testing.assert_allclose(force, plain.force(q, u), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(force, mixed.force(q, u))
+    for found, expected in zip((K, C), plain.tangents(q, u), strict=True):
+        np.testing.assert_allclose(found, expected.toarray(), rtol=0, atol=1e-11 * np.abs(expected).max())

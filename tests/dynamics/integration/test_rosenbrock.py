@@ -153,6 +153,11 @@ def test_no_step_is_shorter_than_its_share(linear):
     assert len(moves) == 128
 
 
+def test_a_state_that_is_not_finite_is_no_error(linear):
+    stepper, _ = linear
+    assert not np.isfinite(end(stepper(LOOSE), np.full(15, np.nan), 0.1, 0.1)).any()
+
+
 def stepper_of(network, tolerance_m=LOOSE, fading_s=0.3):
     """All free coordinates have an acceleration of their own that fades."""
     masses = np.repeat(network.masses[network.free], network.dim)

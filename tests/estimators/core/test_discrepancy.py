@@ -42,18 +42,39 @@ def test_the_field_is_zero_where_the_body_is_held_and_whole_far_from_there() -> 
 def test_withheld_is_the_likelihood_of_each_group_given_all_others() -> None:
     """Of six places on a line, each withheld with its left neighbour: conditioned on the four others."""
     x = np.linspace(0.0, 1.0, 6)
-    S = matern(np.abs(x[:, None] - x), 0.5) + 0.01 * np.eye(6)
+    cov = matern(np.abs(x[:, None] - x), 0.5) + 0.01 * np.eye(6)
     y = np.random.default_rng(2).normal(size=6)
-    groups = [np.array([[k], [(k - 1) % 6]]) for k in range(6)]
-    total = 0.0
-    for group in groups:
-        own, others = group[0, 0], [k for k in range(6) if k not in group]
-        gain = np.linalg.solve(S[np.ix_(others, others)], S[others, own])
-        total += multivariate_normal.logpdf(y[own], gain @ y[others], S[own, own] - gain @ S[others, own])
-    constant = -0.5 * 6 * np.log(2.0 * np.pi)
-    rows, ends = np.concatenate(groups).ravel(), np.arange(2, 14, 2)
-    found = withheld_log_likelihoods(np.array([S, 4.0 * S]), y, rows, ends, np.ones(6, dtype=int))
-    assert found[0] + constant == pytest.approx(total, rel=1e-9)
+    groups = [(k, (k - 1) % 6) for k in range(6)]
+    found = withheld_log_likelihoods(
+        np.array([cov, 4.0 * cov]), y, np.ravel(groups), np.arange(2, 14, 2), np.ones(6, dtype=np.int64)
+    )
+    for S, log_likelihood in zip((cov, 4.0 * cov), found, strict=True):
+        total = 0.0
+        for group in groups:
+            own, others = group[0], [k for k in range(6) if k not in group]
+            gain = np.linalg.solve(S[np.ix_(others, others)], S[others, own])
+            total += multivariate_normal.logpdf(y[own], gain @ y[others], S[own, own] - gain @ S[others, own])
+        constant = -0.5 * 6 * np.log(2.0 * np.pi)
+        assert log_likelihood + constant == pytest.approx(total, rel=1e-9)
+
+
+def test_levels_are_weighed_by_how_each_mark_follows_from_those_outside_its_group() -> None:
+    """Groups of different size, of two coordinates; the covariance at each level from that at the present one."""
+    rng, prior = np.random.default_rng(3), Discrepancy(weight=1.0)
+    root, field = rng.normal(size=(2, 8, 8))
+    S, fresh, y = root @ root.T + np.eye(8), field @ field.T, rng.normal(size=8)
+    groups = [np.array([[0, 1]]), np.array([[2, 3], [0, 1]]), np.array([[4, 5], [6, 7]])]
+    posterior = LevelPosterior(prior)
+    level, expected = posterior.level, posterior.log_prior.copy()
+    posterior.update(y, S, fresh, groups)
+    for k, other in enumerate(prior.levels):
+        moved = S + (other**2 - level**2) * fresh
+        for group in groups:
+            own, others = group[0], np.setdiff1d(np.arange(8), group)
+            gain = np.linalg.solve(moved[np.ix_(others, others)], moved[np.ix_(others, own)]).T
+            cov = moved[np.ix_(own, own)] - gain @ moved[np.ix_(others, own)]
+            expected[k] += multivariate_normal.logpdf(y[own], gain @ y[others], cov)
+    np.testing.assert_allclose(posterior.log_weights, expected - np.logaddexp.reduce(expected), rtol=1e-9)
 
 
 @pytest.mark.parametrize("true", [0.003, 0.01, 0.03])

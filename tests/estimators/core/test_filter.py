@@ -9,6 +9,8 @@ from scipy.linalg import expm
 from scipy.optimize import minimize
 from scipy.stats import multivariate_normal
 
+from estimators.core import filter as core
+from estimators.core import moments
 from estimators.core.filter import HypothesisFilter
 from estimators.core.protocols import Transition
 
@@ -118,6 +120,9 @@ def test_modes_are_mixed_and_weighed_as_interacting_models() -> None:
     mean, cov = found.moments(np.eye(2))
     np.testing.assert_allclose(mean, mixed, rtol=1e-12)
     np.testing.assert_allclose(cov, spread, rtol=1e-9)
+    mean, cov = found.moments(np.array([[0.0, 2.0]]))
+    np.testing.assert_allclose(mean, 2.0 * mixed[1:], rtol=1e-12)
+    np.testing.assert_allclose(cov, 4.0 * spread[1:, 1:], rtol=1e-9)
 
 
 def test_a_mode_that_the_marks_refute_is_not_mixed_into_the_other() -> None:
@@ -149,6 +154,18 @@ def test_a_nonlinear_observation_is_taken_where_it_fits() -> None:
     assert abs(best[0] - 1.92) < 0.1, "the slope at the prediction leads to 2.98"
 
 
+def test_the_last_linearisation_allowed_is_the_one_that_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one alone: the extended filter, and its likelihood, by the slope at the prediction."""
+    monkeypatch.setattr(core, "LINEARISATIONS", 1)
+    found = HypothesisFilter(Point([0.3]))
+    mean, cov = found.means[0].copy(), found.covs[0].copy()
+    found.update([Seen(16.0, 0.04, lambda x: (x + 2.0) ** 2, lambda x: 2.0 * (x + 2.0))])
+    H = np.array([4.0, 0.0])
+    S = H @ cov @ H + 0.04
+    np.testing.assert_allclose(found.means[0], mean + cov @ H * 12.0 / S, rtol=1e-12)
+    assert found.log_likelihood == pytest.approx(multivariate_normal.logpdf(16.0, 4.0, S), rel=1e-9)
+
+
 def test_a_bent_process_is_linearised_where_the_marks_show_that_it_was() -> None:
     """The mean is the one that follows from the most probable state before and after, by SciPy."""
     point = Point([0.2], bend=1.5)
@@ -167,3 +184,129 @@ def test_a_bent_process_is_linearised_where_the_marks_show_that_it_was() -> None
     np.testing.assert_allclose(found.mean, expected, atol=0.03)
     once = point.linearize(np.zeros(2), 0.5)
     assert abs((once.matrix @ best[:2])[1] - expected[1]) > 0.5, "linearised at the prediction it would be far off"
+
+
+class Saturating(Point):
+    """A point whose place after a step is an arctangent of the place before: from afar, whole steps overshoot."""
+
+    def moved(self, state: np.ndarray, dt: float) -> np.ndarray:
+        return np.array([np.arctan(6.0 * (state[0] + 0.7)), state[1]])
+
+    def linearize(self, state: np.ndarray, dt: float) -> Transition:
+        matrix = np.diag([6.0 / (1.0 + 36.0 * (state[0] + 0.7) ** 2), 1.0])
+        return Transition(self.moved(state, dt), matrix, PUSHED[None])
+
+
+def test_a_step_of_the_linearisation_is_halved_until_it_fits_better() -> None:
+    """The slope is that at the place before that leads to what was seen, by the tangent."""
+    found = HypothesisFilter(Saturating([1e-3], bend=1.0))
+    found.predict(0.5)
+    found.update([Seen(0.5, 1e-4)])
+    slope = 6.0 / (1.0 + np.tan(0.5) ** 2)
+    assert found.found is not None
+    assert found.found.S[0, 0, 0] == pytest.approx(4.0 * slope**2, rel=0.03)
+    assert found.mean[0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_the_error_that_the_last_step_leaves_is_noise_of_all_states_of_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With one step allowed: two places that bend by different amounts, and both get the mean square."""
+    monkeypatch.setattr(core, "LINEARISATIONS", 2)
+
+    class Two(Point):
+        def moved(self, state: np.ndarray, dt: float) -> np.ndarray:
+            return state + np.array([0.1 * state[0] ** 2, 0.0])
+
+        def linearize(self, state: np.ndarray, dt: float) -> Transition:
+            return Transition(self.moved(state, dt), np.diag([1.0 + 0.2 * state[0], 1.0]), np.zeros((1, 2, 2)))
+
+    point = Two([1.0], bend=1.0)
+    point.parts = {"position": slice(0, 2)}
+    found = HypothesisFilter(point)
+    found.predict(0.5)
+    found.update([Seen(1.0, 1e-4)])
+    gain = 4.0 / (4.0 + 1e-4)
+    assert found.covs[0, 1, 1] == pytest.approx(1.0 + 0.5 * (0.1 * gain**2) ** 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("at_a_time", [1, 2**15])
+@pytest.mark.parametrize(("acting", "columns"), [(0, 0), (3, 5), (5, 3), (7, 7)])
+def test_covariances_are_propagated_by_the_whole_matrix(
+    acting: int, columns: int, at_a_time: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever rows and columns of the transition are zero beside its diagonal."""
+    monkeypatch.setattr(moments, "AT_A_TIME", at_a_time)
+    rng = np.random.default_rng(1)
+    T, roots = np.diag(rng.normal(size=7)), rng.normal(size=(4, 7, 7))
+    T[:acting, :columns] += rng.normal(size=(acting, columns))
+    covs, noises, independent, variances = roots @ roots.swapaxes(1, 2), roots[:2, :4, :4], rng.random((1, 7)), roots[0]
+    noises = noises + noises.swapaxes(1, 2)
+    variances = np.square(rng.normal(size=(4, 3)))
+    found = np.empty_like(covs)
+    moments.propagated(covs, Transition(np.zeros(7), T, noises, independent), variances, found)
+    for P, own, moved in zip(covs, variances, found, strict=True):
+        expected = T @ P @ T.T + own[2] * np.diag(independent[0])
+        expected[:4, :4] += own[0] * noises[0] + own[1] * noises[1]
+        np.testing.assert_allclose(moved, expected, atol=1e-12)
+
+
+class Constant(Seen):
+    """Has one derivative for all states, as marks have; that of `Seen` is made new for each."""
+
+    rows = np.array([[1.0, 0.0]])
+
+    def linearize(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return super().linearize(state)[0], self.rows
+
+
+def test_one_derivative_for_all_hypotheses_gives_what_one_for_each_gives() -> None:
+    rates = np.array([[-0.4, 0.4], [1.0, -1.0]])
+    one, each = HypothesisFilter(Point([0.1, 5.0], rates)), HypothesisFilter(Point([0.1, 5.0], rates))
+    for value in (0.3, 4.0, 4.2):
+        for found, kind in ((one, Constant), (each, Seen)):
+            found.predict(0.5)
+            found.update([kind(value, 0.04), kind(value + 0.1, 0.1)])
+    np.testing.assert_allclose(one.means, each.means, rtol=1e-12)
+    np.testing.assert_allclose(one.covs, each.covs, rtol=1e-9)
+    np.testing.assert_allclose(one.weights, each.weights, rtol=1e-9)
+
+
+class Speed(Constant):
+    """The velocity."""
+
+    rows = np.array([[0.0, 1.0]])
+
+    def linearize(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.rows @ state, self.rows
+
+
+def test_each_hypothesis_has_its_innovation() -> None:
+    """Of a bent observation by the slope at its own mean, and of states of which no observation sees all."""
+    rates = np.array([[-0.4, 0.4], [1.0, -1.0]])
+    found = HypothesisFilter(Point([0.1, 5.0], rates))
+    for value in (0.3, 4.0):
+        found.predict(0.5)
+        found.update([Seen(value, 0.04)])
+    assert np.ptp(found.means[:, 0]) > 1e-3
+    seen = found.innovations([Seen(9.0, 0.04, lambda x: x**2, lambda x: 2.0 * x), Speed(1.0, 0.5)])
+    for (x, v), P, y, S in zip(found.means, found.covs, seen.y, seen.S, strict=True):
+        H = np.diag([2.0 * x, 1.0])
+        np.testing.assert_allclose(y, [9.0 - x**2, 1.0 - v], rtol=1e-12)
+        np.testing.assert_allclose(S, H @ P @ H.T + np.diag([0.04, 0.5]), rtol=1e-12)
+
+
+def test_innovations_are_those_of_the_present_state() -> None:
+    """They are kept for the update of the same observations, and no longer."""
+    found, seen = HypothesisFilter(Point([0.3])), Seen(1.0, 0.04)
+    other = Seen(2.0, 0.04)
+    assert found.innovations([seen]) is found.innovations([seen])
+    assert found.innovations([other]).y[0, 0] == 2.0
+    prior = found.innovations([seen])
+    assert prior.y[0, 0] == 1.0
+    assert prior.S[0, 0, 0] == pytest.approx(4.04)
+    found.update([seen])
+    updated = found.innovations([seen])
+    assert updated.y[0, 0] == pytest.approx(1.0 - 4.0 / 4.04)
+    found.predict(0.5)
+    assert found.innovations([seen]).S[0, 0, 0] > updated.S[0, 0, 0] + 0.1
+    found.restart()
+    assert found.innovations([seen]).S[0, 0, 0] == pytest.approx(4.04)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN
-from estimators import MarkMeasurement
+from estimators import FilterSettings, MarkMeasurement
 from estimators.core import Places, UnifiedFilter
 from estimators.tissue.estimate import Status
 from experiments.simulation.bodies.zoo import make_body
@@ -124,7 +124,7 @@ def test_a_stiff_cable_that_swings_fast_does_not_run_away():
     """A few undamped linearisations leave springs at lengths that they cannot have, and the filter loses the cable."""
     body = make_body("cable-fast", 700)
     network, rng = body.network, np.random.default_rng(1)
-    unified = UnifiedFilter(network, body.hidden[0], body.marked, led=body.led)
+    unified = UnifiedFilter(network, body.hidden[0], body.marked, FilterSettings(led_nodes=tuple(body.led)))
     errors = []
     for t, places in zip(body.times_s[:34], body.positions, strict=False):
         unified.predict(float(t))

@@ -7,6 +7,7 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, node_forces
 from estimators.core.disturbances import Disturbances
+from estimators.core.kernels import along_steps
 from estimators.core.tissue import SOURCES, TissueProcess
 from tests.estimators.core.bodies import cable
 
@@ -52,6 +53,18 @@ def test_the_derivative_is_that_of_the_motion(process: TissueProcess) -> None:
             np.testing.assert_allclose(found.matrix[rows, own], exact[rows, own], atol=0.03 * scale + 1e-12)
 
 
+def test_a_frame_of_a_cable_is_stepped_through_to_a_ten_thousandth_of_its_extent() -> None:
+    """A swung cable after a frame, against 32 frames as short, whose steps are as much shorter."""
+    process = TissueProcess(cable(8), [f"n{k}" for k in (1, 2, 6, 7, 8)])
+    start = swung(process)
+    start[process.parts["velocity"]] *= 10.0
+    fine = start
+    for _ in range(32):
+        fine = process.moved(fine, DT / 32)
+    own = process.parts["position"]
+    assert np.abs(process.moved(start, DT) - fine)[own].max() < 2e-4 * process.extent_m
+
+
 def test_unknown_forces_move_the_marked_nodes_as_accelerations(process: TissueProcess) -> None:
     """1 m/s² on M1 alone: velocity after a millisecond."""
     network, state = process.network, process.prior(0.01)[0].copy()
@@ -95,6 +108,25 @@ def test_noise_over_a_frame_is_that_of_many_draws(process: TissueProcess) -> Non
     drawn = states.T @ states / len(states)
     for rows in (slice(0, n), slice(n, 2 * n)):
         np.testing.assert_allclose(found[rows, rows], drawn[rows, rows], atol=0.1 * np.abs(drawn[rows, rows]).max())
+
+
+def test_steps_together_are_each_after_the_other() -> None:
+    """Derivative and noise of three steps, by matrices of the whole state and by Simpson's rule as written."""
+    rng, half, m = np.random.default_rng(4), 3, 10
+    by_states, fadings, steps_s = rng.normal(size=(3, 6, m)), rng.uniform(0.5, 0.9, (3, 4)), np.array([0.1, 0.2, 0.05])
+    sources = np.array([0, 2, 0, 2])
+    motion, force, noises = along_steps(by_states, fadings, steps_s, sources, 3)
+    T, expected, after = np.eye(m), np.zeros((4, m, m)), np.eye(6)[:, half:]
+    for by_state, fading, step_s in zip(by_states, fadings, steps_s, strict=True):
+        step = np.vstack([by_state, np.hstack([np.zeros((4, 6)), np.diag(fading)])])
+        T, expected = step @ T, step @ expected @ step.T
+        for source in range(3):
+            expected[1 + source] += np.diag(np.append(np.zeros(6), (sources == source) * (1.0 - fading**2)))
+        for share, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
+            pushed = (1.0 - share) * by_state[:, half:6] + share * after
+            expected[0, :6, :6] += weight * step_s / 6.0 * pushed @ pushed.T
+    np.testing.assert_allclose(np.vstack([motion, np.hstack([np.zeros((4, 6)), np.diag(force)])]), T, atol=1e-12)
+    np.testing.assert_allclose(noises, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_strengths_by_mode() -> None:

@@ -133,7 +133,7 @@ def test_guide_goes_by_tables_that_are_made_once(phantom, monkeypatch):
     down = replace(DOWN, entry=estimate.mean + np.array([0.0, 0.06]))
     made = []
     monkeypatch.setattr("estimators.guidance.path.fast_prediction_tables", lambda *at, **how: made.append(at) or tables)
-    monkeypatch.setattr(TissueFilter, "predict_path", None)
+    monkeypatch.setattr(TissueFilter, "predict_path", lambda _own, _times_s: pytest.fail("not by tables"))
     for now_s in (None, own.time_s + 0.05):
         found = guide(own, estimate, down, DISC, now_s=now_s)
         expected = guide(own, estimate, down, DISC, now_s=now_s, path_at=partial(path_near_rest, tables, own))

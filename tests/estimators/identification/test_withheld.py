@@ -117,7 +117,7 @@ def test_a_hand_is_as_strong_as_bending_the_body_takes():
 
 def test_a_block_that_hands_lead_is_found_about_as_stiff_as_it_is():
     """Each stiffness within a factor of two of that by Young's modulus; by all marks 50 times too limp and more."""
-    body = make_body("floating", 100_024, seconds=2.0)
+    body = make_body("floating", 100_024, seconds=1.3)
     names = body.marked + body.hidden
     frames = list(zip(body.times_s.tolist(), measured(body, names, 100_024), strict=True))
     prior = {kind: sd for kind, sd in PRIOR_SD.items() if kind != "rest_length"}

@@ -72,6 +72,21 @@ SLEAP = """track,frame_idx,instance.score,M1.x,M1.y,M1.score,M4.x,M4.y,M4.score
 ,2,0.9,18.5,10.5,0.95,,,
 """
 
+NODES = """name,x_mm,y_mm,mass_kg,fixed,hue_deg,target
+A,0,0,0,yes,,
+B,100,0,0,yes,,
+C,0,60,0.005,,0,
+D,100,60,0.005,,120,
+E,50,30,0.008,,,yes
+"""
+SPRINGS = "from,to,stiffness_N_m\nA,C,150\nB,D,150\nA,D,100\nB,C,100\nC,E,50\nD,E,50\nA,E,50\nB,E,50\nC,D,50\n"
+SEVERAL = """scorer,net,net,net,net,net,net
+individuals,rat,rat,rat,mouse,mouse,mouse
+bodyparts,M1,M1,M1,M1,M1,M1
+coords,x,y,likelihood,x,y,likelihood
+0,18.25,10.5,0.99,40,30,0.9
+"""
+
 
 def write_good_files(folder: Path) -> None:
     """A recording of marks and one of a film, a scene, other inputs, results, a user's own notes."""

@@ -18,25 +18,10 @@ import typer
 from experiments.commands.app import app
 from experiments.formats.scene.scene import Scene, read_scene, scene_text
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree, write_good_files
 
 OF_ALL = {"--json", "--verbose", "--help"}
 """Options that every command has; test_run.py is of them."""
-
-NODES = """name,x_mm,y_mm,mass_kg,fixed,hue_deg,target
-A,0,0,0,yes,,
-B,100,0,0,yes,,
-C,0,60,0.005,,0,
-D,100,60,0.005,,120,
-E,50,30,0.008,,,yes
-"""
-SPRINGS = "from,to,stiffness_N_m\nA,C,150\nB,D,150\nA,D,100\nB,C,100\nC,E,50\nD,E,50\nA,E,50\nB,E,50\nC,D,50\n"
-SEVERAL = """scorer,net,net,net,net,net,net
-individuals,rat,rat,rat,mouse,mouse,mouse
-bodyparts,M1,M1,M1,M1,M1,M1
-coords,x,y,likelihood,x,y,likelihood
-0,18.25,10.5,0.99,40,30,0.9
-"""
 
 EFFECTS = """
 new out | --kind breast | out/scene.toml
@@ -276,12 +261,27 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def known() -> dict[str, Seen]:
+    """What calls did: many rows add to the same one."""
+    return {}
+
+
 @pytest.fixture
-def seen(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+def seen(
+    good: Path,
+    known: dict[str, Seen],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Any:
     """A call to where the good files are."""
 
     def call(words: str) -> Seen:
-        found, folder = Seen(), tmp_path / f"{len(list(tmp_path.iterdir()))}"
+        if words in known:
+            return known[words]
+        known[words] = found = Seen()
+        folder = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         shutil.copytree(good, folder)
         monkeypatch.chdir(folder)
         with monkeypatch.context() as patched:

@@ -36,10 +36,11 @@ def pushed(scene: Scene, entry: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return network.positions[network.index(node)] + push.shift(Insertion(entry, axis, 1.0))
 
 
-@pytest.fixture(params=KINDS_OF_PROJECTS, ids=lambda one: f"{one[0]} {one[1]}")
-def made(request, tmp_path) -> Path:
+@pytest.fixture(scope="module", params=KINDS_OF_PROJECTS, ids=lambda one: f"{one[0]} {one[1]}")
+def made(request, tmp_path_factory) -> Path:
+    """A project, to be read only."""
     kind, masses = request.param
-    return written(tmp_path / "made", kind, masses=masses)
+    return written(tmp_path_factory.mktemp("project") / "made", kind, masses=masses)
 
 
 def test_the_scene_rests_where_it_is_drawn_and_hides_its_target(made: Path) -> None:
@@ -102,10 +103,10 @@ def test_the_needle_points_at_the_target_from_outside(made: Path) -> None:
 
 
 @pytest.mark.parametrize(("kind", "fewest", "most"), [(Kind.PLANE, 4, 60), (Kind.BREAST, 6, 60)])
-def test_the_needle_enters_outside_of_bodies_of_every_size(kind, fewest, most, monkeypatch) -> None:
+def test_the_needle_enters_outside_of_bodies_of_all_sizes(kind, fewest, most, monkeypatch) -> None:
     """0.1 mm before the entry no simplex of nodes is; the target, which may lie on the outline, 20 mm ahead or more."""
     monkeypatch.setattr("experiments.projects.template.rest_shape", lambda network: network.positions)
-    for masses in range(fewest, most + 1):
+    for masses in (*range(fewest, most, 7), most):
         of = project(kind, masses=masses)
         x = of.believed.network.positions
         way = pushed(of.believed, of.entry_m, of.direction) - of.entry_m
@@ -208,18 +209,18 @@ def test_tissue_that_would_fall_is_refused(monkeypatch) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures", "one_start")
 def test_the_steps_lead_from_nothing_to_advice(tmp_path, monkeypatch, capsys) -> None:
-    """Every line of STEPS.md as it stands, with recordings of 1.5 s: no step fails. In the plane it is the tutorial."""
+    """Every line of STEPS.md as it stands, with recordings of 0.8 s: no step fails. In the plane it is the tutorial."""
     folder = tmp_path / "made"
     assert softaim("new", folder, "--kind", "breast", "--masses", 6) == 0
     for name in ("calibration.toml", "scenario.toml"):
         text = (folder / name).read_text(encoding="utf-8")
-        (folder / name).write_text(re.sub(r"duration_s = [\d.]+", "duration_s = 1.5", text), encoding="utf-8")
+        (folder / name).write_text(re.sub(r"duration_s = [\d.]+", "duration_s = 0.8", text), encoding="utf-8")
     monkeypatch.chdir(folder)
     for command in commands_of(folder):
         assert softaim(*command.split()[1:]) == 0, (command, capsys.readouterr().err)
-    believed, found = (read_scene(folder / name) for name in ("scene.toml", "tuned.toml"))
+    believed, found = (read_scene(folder / name) for name in ("scene.toml", "identified.toml"))
     truth = read_scene(folder / "truth" / "scene.toml").network.positions
     before, after = (np.abs(one.network.positions - truth).max() for one in (believed, found))
     assert after < 0.5 * before
-    assert [step.name for step in found.steps] == ["at-rest", "identify", "tune"]
+    assert [step.name for step in found.steps] == ["at-rest", "identify"]
     assert (folder / "advice" / "advice.csv").is_file()

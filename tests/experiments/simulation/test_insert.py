@@ -28,14 +28,14 @@ def case(name):
 
 @pytest.fixture(scope="module")
 def poked():
-    return insert(case("poked"), 5)
+    return insert(case("poked"), 3)
 
 
 @pytest.mark.slow
 def test_looking_ahead_and_waiting_hits_more_than_the_paper_s_loop(poked):
-    """Five worlds, the same for all: five hits, and two more at least than the open loop's; when written, three."""
+    """Three worlds, the same for all: three hits, and two more at least than the open loop's; when written, two."""
     ours, paper = (sum(one.hit for one in poked.of(policy)) for policy in ("wait-for-go", "open-loop"))
-    assert ours == 5
+    assert ours == 3
     assert ours - paper >= 2
 
 
@@ -94,9 +94,9 @@ def test_a_breathing_target_is_foretold_half_a_second_ahead():
 
 
 def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath():
-    """0.3 s ahead, 4 s of frames, one seed: the breath's part has most of the weight, and a mean NEES of 0.5 to 6 of 2.
+    """0.3 s ahead, every fifth of 120 frames, one seed: the breath's part has most of the weight.
 
-    Errors last for a breath: a run is hardly more than one sample of them.
+    Its mean NEES is 0.5 to 6 of 2. Errors last for a breath: a run is hardly more than one sample of them.
     """
     world = world_of(replace(case("breathing"), seed=5002))
     state, _, warm = warmed(world)
@@ -106,11 +106,13 @@ def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath()
     for k in range(first, first + 120):
         policy.see(world.frame_s(k), world.marks(k, state), None)
         truth.append(world.target(state))
-        said.append(policy.density_at(world.frame_s(k + 9), nothing))
+        if (k - first) % 5 == 0:
+            said.append(policy.density_at(world.frame_s(k + 9), nothing))
         state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
     assert np.mean([one.weights[0] for one in said]) > 0.9
-    errors = np.array(truth[9:]) - np.array([one.means[0] for one in said[:-9]])
-    nees = normalised_error_squared(errors, np.array([one.covs[0] for one in said[:-9]])).mean()
+    there = np.array(truth[9::5])
+    errors = there - np.array([one.means[0] for one in said[: len(there)]])
+    nees = normalised_error_squared(errors, np.array([one.covs[0] for one in said[: len(there)]])).mean()
     assert 0.5 < nees < 6.0
 
 

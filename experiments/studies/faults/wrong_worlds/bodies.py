@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, Phantom, breast_phantom, four_mass_phantom, planar_phantom
-from estimators import AdviceSettings, Insertion, Lesion, Needle
+from estimators import AdviceSettings, FilterSettings, Insertion, Lesion, Needle
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
@@ -46,9 +46,13 @@ BODIES = {
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
-    """The body of this name with a colour for each mark, as a user writes it who states nothing of how well."""
-    scene = scene_with_marks(BODIES[name].phantom(), {})
-    return replace(scene, target=replace(scene.target, position_sd_m=None), reference=Reference())
+    """The body of this name with a colour for each mark, as a user writes it who states nothing of how well.
+
+    The breast has the filter that a new project gives it.
+    """
+    scene, settings = scene_with_marks(BODIES[name].phantom(), {}), FilterSettings(unified=name == "breast")
+    target = replace(scene.target, position_sd_m=None)
+    return replace(scene, target=target, reference=Reference(), settings=settings)
 
 
 def plan_of(scene: Scene) -> NeedlePlan:

@@ -10,7 +10,7 @@ from dynamics import rest_shape
 from estimators import FilterSettings, MarkMeasurement, TissueFilter, coverage, normalised_error_squared
 
 SLIP_M_S, SD_M, CLAMP_SD_M = 5e-3, 1e-3, 1e-4
-TIMES_S = np.arange(0.0, 6.0, 1.0 / 30.0)
+TIMES_S = np.arange(0.0, 4.0, 1.0 / 30.0)
 
 
 def clamp_path(t):
@@ -52,7 +52,7 @@ def moved(phantom):
         return np.r_[state[n:], (force[free] / phantom.masses[free, None]).ravel()]
 
     start = np.r_[rest_shape(phantom)[free].ravel(), np.zeros(n)]
-    states = solve_ivp(rate, (0.0, 6.0), start, t_eval=TIMES_S, max_step=0.01, rtol=1e-7, atol=1e-9).y.T
+    states = solve_ivp(rate, (0.0, 4.0), start, t_eval=TIMES_S, max_step=0.01, rtol=1e-7, atol=1e-9).y.T
     return np.array([placed(t, state)[0] for t, state in zip(TIMES_S, states, strict=True)])
 
 
@@ -76,7 +76,7 @@ def estimated(network, moved, clamps, seed):
 
 
 def test_a_clamp_that_moves_an_anchor_is_followed_by_its_measured_path(phantom, moved):
-    """Three seeds: less than 0.6 of the error of a filter that takes the anchor as fixed, and covered."""
+    """Two seeds: less than 0.6 of the error of a filter that takes the anchor as fixed, and covered."""
     assert np.ptp(moved[:, phantom.index("M2")], axis=0).max() > 5e-3
     clamped = phantom.index("In1")
     fixed = phantom.fixed.copy()
@@ -84,8 +84,8 @@ def test_a_clamp_that_moves_an_anchor_is_followed_by_its_measured_path(phantom, 
     masses = phantom.masses.copy()
     masses[clamped] = 0.2
     led = replace(phantom, fixed=fixed, masses=masses)
-    errors, covs = zip(*(estimated(led, moved, ("In1",), seed) for seed in range(3)), strict=True)
-    unaware = np.array([estimated(phantom, moved, (), seed)[0] for seed in range(3)])
+    errors, covs = zip(*(estimated(led, moved, ("In1",), seed) for seed in range(2)), strict=True)
+    unaware = np.array([estimated(phantom, moved, (), seed)[0] for seed in range(2)])
     own = np.concatenate(errors)
     assert np.linalg.norm(own, axis=1).mean() < 0.6 * np.linalg.norm(unaware, axis=2).mean()
     assert coverage(normalised_error_squared(own, np.concatenate(covs)), 2) > 0.9

@@ -75,7 +75,7 @@ def test_levels_take_the_place_of_the_usual_ones(path):
 
 
 @pytest.mark.parametrize(
-    "level", ["poke_m_s2 = 2.0", "white_m_s2_sqrt_hz = 0.043", "poke_lasting_s = 0.3", "strain = 0.0"]
+    "level", ["poke_m_s2 = 2.0", "white_m_s2_sqrt_hz = 0.043", "poke_lasting_s = 0.3", "strain = 0.0", "unified = true"]
 )
 def test_what_is_read_is_written_and_read_again(path, level):
     """White noise is stated though it is the usual one: a stiff body is then given no more of it."""

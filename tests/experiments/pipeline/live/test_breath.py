@@ -18,7 +18,7 @@ from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import case_of
 from experiments.simulation.world import World, world_of
 
-ASKED_S, LEAVES_S, END_S = 7.5, 11.0, 17.0
+ASKED_S, LEAVES_S, END_S = 7.5, 10.0, 14.5
 """When advice is first asked for, when the target leaves its breath, and when the run ends [s]."""
 
 GIVES = np.array([5.2e-3, 0.62e-3])
@@ -195,7 +195,7 @@ def test_go_comes_true_before_a_shift_and_is_not_given_after_it(folder):
 def test_few_go_miss_a_target_that_left_its_breath(folder, pushes, most):
     """Of all frames from 0.6 s after that on, 3, 0.3 and 14 % when written."""
     after = advice_of(pushes, folder, LEAVES_S + 0.6, END_S)
-    assert len(after) > 300
+    assert len(after) > 200
     assert np.mean([one.go and not one.hit for one in after]) <= most
 
 
@@ -207,7 +207,7 @@ def test_errors_and_hits_on_a_breathing_target_are_as_probable_as_stated(folder)
     nearly all frames. Frames are not independent: the bounds are wide.
     """
     said = [one for seed in SEEDS for one in advised(breath, seed, 1.5, folder)]
-    assert len(said) > 400
+    assert len(said) > 300
     assert np.mean([one.probability for one in said]) == pytest.approx(np.mean([one.hit for one in said]), abs=0.15)
     errors, covs = np.array([one.error for one in said]), np.array([one.cov for one in said])
     nees = normalised_error_squared(errors, covs).mean()

@@ -43,14 +43,15 @@ def rehearse(path):
 
 
 class Frames:
-    """A source that gives a frame whenever it is asked. State: how many it gave."""
+    """A source that gives a frame whenever it is asked, and leaves others the processor before. State: how many."""
 
     ended = False
 
     def __init__(self) -> None:
         self.n = 0
 
-    def next(self, _timeout_s: float) -> Frame:
+    def next(self, timeout_s: float) -> Frame:
+        time.sleep(0.1 * timeout_s)
         self.n += 1
         return Frame(self.n, self.n / 30.0, np.full((480, 640, 3), 7, np.uint8))
 

@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from experiments.pipeline.compare import compare
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.plan import planned
-from experiments.pipeline.track import each_step, figures, track
+from experiments.pipeline.track import Track, each_step, figures, track
 from experiments.simulation.simulate import draw, scene_of
 from vision import Frame
 
@@ -32,6 +33,16 @@ RADIUS_M = 0.005
 PLAN = "version = 1\n[entry]\nfrom_mm = [-130.0, 268.0]\nto_mm = [130.0, 268.0]\nnormal = [0.0, 1.0]\nn = 20\n"
 NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
 NEEDLE += "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n"
+
+
+@cache
+def tracked_of(folder: Path) -> Track:
+    return track(read_recording(folder))
+
+
+@cache
+def compared_of(folder: Path) -> Track:
+    return compare(read_recording(folder), (OPEN_LOOP, FILTER, *METHODS))
 
 
 def recording(folder: Path, offset_m: tuple[float, ...], n: int = 15) -> Path:
@@ -54,7 +65,7 @@ def recording(folder: Path, offset_m: tuple[float, ...], n: int = 15) -> Path:
 
 
 def tracked(folder: Path, method: str) -> np.ndarray:
-    return np.array([e.mean for e in track(read_recording(folder)).estimates(method)])
+    return np.array([e.mean for e in tracked_of(folder).estimates(method)])
 
 
 def checked(folder: Path) -> np.ndarray:
@@ -64,7 +75,7 @@ def checked(folder: Path) -> np.ndarray:
 
 
 def compared(folder: Path, method: str) -> np.ndarray:
-    return np.array([e.mean for e in compare(read_recording(folder), (OPEN_LOOP, FILTER, method)).estimates(method)])
+    return np.array([e.mean for e in compared_of(folder).estimates(method)])
 
 
 def aimed(folder: Path) -> np.ndarray:
@@ -102,12 +113,19 @@ DOORS: dict[str, tuple[Callable[[Path], np.ndarray], float]] = {
 """Where estimates leave, and within what they agree [m]: rounding, that of a table, or motion."""
 
 
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, Path]]:
+    """By how many frames: without an offset, and with it."""
+    folder = tmp_path_factory.mktemp("offset")
+    return {n: (recording(folder / f"node{n}", (), n), recording(folder / f"point{n}", OFFSET_M, n)) for n in (15, 70)}
+
+
 @pytest.mark.parametrize("door", DOORS)
-def test_every_output_reports_the_point(tmp_path: Path, door: str) -> None:
+def test_every_output_reports_the_point(recordings: dict[int, tuple[Path, Path]], door: str) -> None:
     """With the offset less without it is the offset, for as many estimates."""
     report, within = DOORS[door]
     n = 70 if door == "advise" else 15  # which nothing advises on in the first two seconds
-    node, point = report(recording(tmp_path / "node", (), n)), report(recording(tmp_path / "point", OFFSET_M, n))
+    node, point = map(report, recordings[n])
     assert len(node) == len(point) > 0
     np.testing.assert_allclose(point - node, np.tile(OFFSET_M, (len(node), 1)), rtol=0, atol=within)
 

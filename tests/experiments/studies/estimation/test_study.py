@@ -123,14 +123,14 @@ def test_the_command_puts_the_tables_that_are_there_into_the_page(outcomes, tmp_
 
 @pytest.mark.slow
 def test_identified_runs_hold_their_figures(study, monkeypatch):
-    """One phantom 10 % off, identified from 3 s, tracked for 5 s: quiet below 0.2, poked below 0.3.
+    """One phantom 10 % off, identified from 2 s, tracked for 5 s: quiet below 0.2, poked below 0.3.
 
     The search has one start.
     """
     import experiments.studies.estimation.study as module
 
     def short(name, seed, duration_s=5.0):
-        return Trial(name, seed, duration_s=3.0 if duration_s > 5.0 else duration_s)
+        return Trial(name, seed, duration_s=2.0 if duration_s > 5.0 else duration_s)
 
     monkeypatch.setattr(module, "Trial", short)
     one_start = IdentificationSettings(n_starts=1)

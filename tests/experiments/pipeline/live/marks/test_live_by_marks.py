@@ -125,7 +125,7 @@ def test_which_names_are_sources_of_marks(tmp_path, folder) -> None:
 def test_a_file_of_marks_is_followed_by_the_command(tmp_path, folder, name, capsys) -> None:
     out = tmp_path / "out"
     needle = folder / "needle.toml"
-    assert softaim("live", "--source", folder / name, "--out", out, "--needle", needle) == 0
+    assert softaim("live", "--source", folder / name, "--out", out, "--needle", needle, "--no-page") == 0
     rows = pd.read_csv(out / "estimates.csv")
     assert rows["status"].iloc[-1] == "TRACKING"
     assert len(pd.read_csv(out / "advice.csv")) >= len(rows) > 3
@@ -183,7 +183,7 @@ def test_datagrams_are_followed_for_a_while(tmp_path, folder, recording, capsys)
     sending = threading.Thread(target=send)
     sending.start()
     words = "--source", f"udp://:{port}", "--scene", folder / "hanging.toml", "--out", tmp_path / "out"
-    code = softaim("live", *words, "--duration", 1.5, "--json")
+    code = softaim("live", *words, "--duration", 1.5, "--json", "--no-page")
     over.set()
     sending.join()
     assert code == 0
@@ -208,7 +208,7 @@ FAULTS = [
 def test_what_cannot_be_opened_is_one_line(tmp_path, folder, words, message, capsys) -> None:
     scene = folder / "hanging.toml"
     given = [word.format(folder=folder, scene=scene) for word in words]
-    assert softaim("live", *given, "--out", tmp_path / "out") == 2
+    assert softaim("live", *given, "--no-page", "--out", tmp_path / "out") == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert message in lines[0]

@@ -1,0 +1,139 @@
+"""The target ahead in time, for a live loop: one linear motion about rest, made once for all times.
+
+All modes share the transition T and differ in the variance of their noise alone. Mean m and covariance P of the whole
+mixture therefore move without merging: m <- T m, P <- T P T' + sum over sources of E[variance] N, with the expected
+variances by the chain of modes. With G_k = H T^k, H the target's map, its covariance after k steps is
+G_k P G_k' + sum over j of the noise of step j by G_(k-j).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from dynamics import MassSpringNetwork
+from estimators.arrays import Floats
+from estimators.core.filter import HypothesisFilter
+from estimators.core.tissue import TissueProcess
+from estimators.process.target import TargetMap
+
+
+class Tissue(Protocol):
+    """What tables need of a filter of the tissue; attributes as `UnifiedFilter` has them."""
+
+    network: MassSpringNetwork
+    process: TissueProcess
+    filter: HypothesisFilter
+    target: TargetMap
+    rest: Floats
+    time_s: float | None
+
+    def rows_of(self, point: TargetMap) -> Floats:
+        """The map of a point's place by the state, (dim, n)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AheadTables:
+    """What states now, and noise until then, make of the target at n_times times, cycle_s [s] apart from now on.
+
+    Attributes
+    ----------
+    shape : (n_nodes, dim)
+        At rest [m].
+    rest : (n,)
+        State at rest.
+    by_state : (n_times, dim, n)
+        Place of the target by the state now.
+    by_noise : (n_times, n_sources, dim, dim)
+        Its covariance by noise of each source, at unit variance, so many steps before.
+    by_push : (n_times, dim, n_free dim)
+        Its shift by a force on each free coordinate in one step, so many steps later [m/N].
+    chain : (n_modes, n_modes)
+        Probability of each mode after a step by that before.
+    """
+
+    cycle_s: float
+    n_times: int
+    shape: Floats
+    rest: Floats
+    constant: Floats
+    by_state: Floats
+    by_noise: Floats
+    by_push: Floats
+    chain: Floats
+
+    @classmethod
+    def of(cls, tissue: Tissue, n_times: int, cycle_s: float) -> AheadTables:
+        """Tables of a filter; its posterior does not matter."""
+        process, network = tissue.process, tissue.network
+        rest = np.zeros(process.n)
+        rest[process.parts["position"]] = tissue.rest[network.free].ravel()
+        found = process.linearize(rest, cycle_s)
+        rows = [tissue.rows_of(tissue.target)]
+        for _ in range(n_times - 1):
+            rows.append(rows[-1] @ found.matrix)
+        G = np.array(rows)
+        own = G[:, :, : found.noises.shape[1]]
+        noises = [own @ noise @ own.swapaxes(1, 2) for noise in found.noises]
+        noises += [(G * variances) @ G.swapaxes(1, 2) for variances in found.independent]
+        kick = cycle_s / np.repeat(network.masses[network.free], network.dim)
+        velocity = G[:, :, process.parts["velocity"]] * kick
+        pushed = np.zeros_like(velocity)  # half of a push at the start of its step, half at the end
+        pushed[1:] = 0.5 * (velocity[1:] + velocity[:-1])
+        return cls(
+            cycle_s,
+            n_times,
+            tissue.rest,
+            rest,
+            tissue.target.constant,
+            G,
+            np.stack(noises, axis=1),
+            pushed,
+            expm(process.rates * cycle_s),
+        )
+
+    def ahead(self, tissue: Tissue, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+        """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target.
+
+        push: a known force on the free nodes [N], held in each step ahead, (k - 1, n_free, dim)
+        Raises ValueError before the filter's first frame and for a push of another shape.
+        """
+        times, means, covs = self._whole(tissue)
+        if push is not None:
+            forces = np.asarray(push, dtype=float).reshape(len(push), -1)
+            if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
+                raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {np.shape(push)}")
+            for step, force in enumerate(forces):
+                means[step + 1 :] += self.by_push[1 : self.n_times - step] @ force
+        return times, means, covs
+
+    def parts(self, tissue: Tissue) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """As `ahead`, and the probability (k,) that no short force acts until each time, with the moments if so."""
+        calm = tissue.process.disturbances.calm_modes
+        return *self._whole(tissue), *self._moments(tissue, np.where(calm, tissue.filter.weights, 0.0), calm)
+
+    def _whole(self, tissue: Tissue) -> tuple[Floats, Floats, Floats]:
+        if tissue.time_s is None:
+            raise ValueError("predict_fast: expected a filter after its first frame, found no time")
+        weights, times = tissue.filter.weights, self.cycle_s * np.arange(self.n_times, dtype=np.float64)
+        _, means, covs = self._moments(tissue, weights, np.ones(len(weights), dtype=bool))
+        return tissue.time_s + times, means, covs
+
+    def _moments(self, tissue: Tissue, weights: Floats, kept: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
+        """Probability (k,) of modes that are kept until each time, and mean (k, dim) and covariance of the target."""
+        odds = [weights]
+        for _ in range(self.n_times - 1):
+            odds.append(np.where(kept, odds[-1] @ self.chain, 0.0))
+        total = np.sum(odds, axis=1)
+        shares = np.array(odds) / np.maximum(total, np.finfo(float).tiny)[:, None]
+        mean, cov = tissue.filter.moments_by(shares[0])
+        means = self.by_state @ (mean - self.rest) + self.by_state[0] @ self.rest + self.constant
+        covs = self.by_state @ cov @ self.by_state.swapaxes(1, 2)
+        variances = shares @ tissue.filter.variances
+        for k in range(1, self.n_times):
+            covs[k] += np.tensordot(variances[1 : k + 1], self.by_noise[k - 1 :: -1][:k], axes=2)
+        return total, means, covs

@@ -1,0 +1,112 @@
+"""What was observed, less what each hypothesis predicted; and what of it may be an outlier."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from estimators.arrays import Floats
+from estimators.core.protocols import Observation
+
+FAR = 1e4
+"""Variance that stands for that of an outlier, by the square of the reach [1]; numerical."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Innovations:
+    """What was observed, less what each hypothesis predicted.
+
+    Attributes
+    ----------
+    y, S : (k, m), (k, m, m)
+        Innovation and its covariance.
+    H, HP : (1, m, n) or (k, m, n), (k, m, n)
+        Derivative of the observation by the state, once where it is the same for all hypotheses, and that times P.
+    root, white : (k, m, m), (k, m)
+        Inverse of the lower Cholesky factor of S, and that times the innovation.
+    nis, logs : (k,)
+        Normalised innovation squared; logarithm of the weight after the update, but for a constant.
+    outlying : (k, n_names) bool
+        Which names each hypothesis takes for outliers; their innovation is nought and its variance large.
+    """
+
+    y: Floats
+    S: Floats
+    H: Floats
+    HP: Floats
+    root: Floats
+    white: Floats
+    nis: Floats
+    logs: Floats
+    outlying: NDArray[np.bool_]
+
+
+def joined(parts: Sequence[Floats]) -> Floats:
+    """Vectors, or rows of matrices, one after the other."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def together(observations: Sequence[Observation]) -> tuple[Floats, Floats]:
+    """Values one after the other, (m,), and the covariance of their errors, (m, m)."""
+    if len(observations) == 1:
+        return observations[0].value, observations[0].cov
+    return joined([one.value for one in observations]), block_diag(*(one.cov for one in observations))
+
+
+def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
+    """Names of all blocks, and their rows in all values together."""
+    names: list[str] = []
+    blocks: list[slice] = []
+    start = 0
+    for one in observations:
+        names += one.names
+        blocks += [slice(block.start + start, block.stop + start) for block in one.blocks]
+        start += len(one.value)
+    return names, blocks
+
+
+def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
+    """Whether two sequences have the same objects."""
+    return len(some) == len(others) and all(map(operator.is_, some, others))
+
+
+def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
+    """Each name is withheld by itself."""
+    return [np.arange(block.start, block.stop)[None] for block in blocks]
+
+
+@dataclass(frozen=True, slots=True)
+class Outliers:
+    """Prior of a place that is not what its name says: anywhere within reach.
+
+    Attributes
+    ----------
+    names : collection of str
+        Those that may be outliers; others never are.
+    odds : float
+        Of each [1].
+    reach_m : float
+        Extent of the region in each coordinate [m].
+    """
+
+    names: Collection[str]
+    odds: float
+    reach_m: float
+
+    def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
+        """Log of odds times density of each block if it is an outlier, (n_blocks,); -inf of those that never are."""
+        own = [
+            np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
+            for name, block in zip(names, blocks, strict=True)
+        ]
+        return np.array(own)
+
+    @property
+    def far_m2(self) -> float:
+        """Variance that stands for that of an outlier [m²]."""
+        return FAR * self.reach_m**2

@@ -1,0 +1,223 @@
+"""The posterior of a tissue now: where its points are, and where marks are to be expected."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynamics import MassSpringNetwork, ParameterUncertainty, all_positions, rest_shape
+from estimators.arrays import Floats
+from estimators.core.discrepancy import Discrepancy, LevelPosterior, WithheldGroups
+from estimators.core.disturbances import Disturbances
+from estimators.core.filter import HypothesisFilter
+from estimators.core.innovations import Outliers
+from estimators.core.marks import Places
+from estimators.core.statics import Statics
+from estimators.core.tissue import TissueProcess
+from estimators.filters.kernels import block_contributions, nis_left
+from estimators.process.target import TargetMap, TargetPoint, target_map
+from estimators.tissue.estimate import CommonShift, MarkMeasurement
+from estimators.tissue.health import Health
+from estimators.tissue.settings import FilterSettings
+
+SETTLED_S = 0.5
+"""An estimate is INITIALISING for so long [s]; choice."""
+
+POSSIBLE = 1e-3
+"""Probability of a mode from which on marks are looked for where it lets them be [1]; choice."""
+
+
+class TissuePosterior:
+    """What is known of a tissue now, and of the target in it; `UnifiedFilter` moves and updates it.
+
+    Parameters
+    ----------
+    network : MassSpringNetwork
+    target : str or TargetPoint
+    marked : sequence of str
+        Nodes whose marks are measured.
+    settings : FilterSettings, optional
+        Of these count the strength and duration of pokes, `outlier_odds`, `led_nodes`, `fix_bias`, and times and
+        thresholds of health.
+    uncertainty : ParameterUncertainty, optional
+        How well constants are known, considered; None: exactly.
+    n_calibration : int
+        Directions that the `shared` of marks has, if these errors of the calibration are the same in every frame.
+    disturbances, discrepancy
+        Priors of unknown forces, and of what the model leaves out; by the settings where not given.
+
+    Attributes
+    ----------
+    time_s : float or None
+        Of the state; None before the first frame.
+    health : Health
+    filter : HypothesisFilter
+    """
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        target: str | TargetPoint,
+        marked: Sequence[str],
+        settings: FilterSettings | None = None,
+        *,
+        uncertainty: ParameterUncertainty | None = None,
+        n_calibration: int = 0,
+        disturbances: Disturbances | None = None,
+        discrepancy: Discrepancy | None = None,
+    ) -> None:
+        if not marked:
+            raise ValueError("marked: expected one free node or more, found none")
+        self.settings = replace(settings or FilterSettings(), confirm_s=SETTLED_S)
+        self.network, self.n_calibration = network, n_calibration
+        self.target, self.rest = target_map(network, target), rest_shape(network)
+        self.process = TissueProcess(
+            network,
+            marked,
+            led=self.settings.led_nodes,
+            disturbances=disturbances or Disturbances.of(self.settings),
+            discrepancy=discrepancy or Discrepancy(),
+            statics=Statics(uncertainty, n_calibration, self.settings.fix_bias, self.target.point.sd_m),
+        )
+        self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}
+        self._groups = WithheldGroups.of(network, marked, self.target.point)
+        self._reach_m = float(np.ptp(self.rest, axis=0).max())
+        self._outliers = Outliers(frozenset(self._maps), self.settings.outlier_odds, self._reach_m)
+        self.time_s: float | None = None
+        self.health = Health()
+        self._seen_s: dict[str, float] = {}
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin at the prior."""
+        self.level = LevelPosterior(self.process.discrepancy)
+        self.filter = HypothesisFilter(
+            self.process, self.level, self._groups, outliers=self._outliers, considered=self.process.considered
+        )
+
+    @property
+    def seen_s(self) -> float | None:
+        """When a mark was last taken in [s], None before the first."""
+        return None if self.health.since_s is None else self.health.seen_s
+
+    @property
+    def positions(self) -> Floats:
+        """Mean places of all nodes [m], (n_nodes, dim), without the discrepancy."""
+        own = self.filter.mean[self.process.parts["position"]]
+        return all_positions(self.network, own.reshape(-1, self.network.dim))
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the state is one of numbers."""
+        return bool(np.isfinite(self.filter.means).all() and np.isfinite(self.filter.covs).all())
+
+    @property
+    def by_calibration(self) -> Floats:
+        """How each error of the calibration, one standard deviation, moves the target [m], (dim, n_calibration)."""
+        own = self.process.parts.get("calibration", slice(0, 0))
+        return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, own]
+
+    @property
+    def may_be_led(self) -> bool:
+        """Whether the body may be led for as long as it likes: one in space, or with nodes that are."""
+        return bool(self.settings.led_nodes) or self.network.dim == 3
+
+    def rows_of(self, point: TargetMap) -> Floats:
+        """The map of a point's place, but for its constant, by the state, (dim, n)."""
+        rows = self.process.places(point.matrix)
+        offset = self.process.parts.get("offset")
+        if offset is not None and point is self.target:
+            rows[:, offset] = np.eye(len(rows))
+        return rows
+
+    def place_of(self, point: TargetMap) -> tuple[Floats, Floats]:
+        """Mean (dim,) [m] and covariance (dim, dim) [m²] of a point of the tissue."""
+        mean, cov = self.filter.moments(self.rows_of(point))
+        own = 0.0 if point is self.target else point.point.sd_m
+        return mean + point.constant, cov + own**2 * np.eye(len(mean))
+
+    def tissue_m2(self, cov: Floats) -> float:
+        """Trace of the target's covariance [m²], (dim, dim), less that of the error of its offset."""
+        offset = self.process.parts.get("offset", slice(0, 0))
+        return float(np.trace(cov) - self.filter.moments(np.eye(self.process.n)[offset])[1].trace())
+
+    def check(self, marks: Sequence[MarkMeasurement]) -> None:
+        """Raise ValueError for a mark that is not on a free node, has another dimension, or shares other errors."""
+        for mark in marks:
+            if mark.node not in self._maps:
+                raise ValueError(f"mark {mark.node}: expected one on a free node of the network, found none")
+            if len(mark.position) != self.network.dim:
+                expected, found = (self.network.dim,), mark.position.shape
+                raise ValueError(f"mark {mark.node} position: expected shape {expected}, found {found}")
+            n_shared = self.n_calibration if mark.shared is None else mark.shared.shape[1]
+            if self.n_calibration and n_shared != self.n_calibration:
+                raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
+
+    def places(self, marks: Sequence[MarkMeasurement]) -> Places:
+        """The marks, one or more, as one observation."""
+        return Places(marks, self._maps, self.process.parts.get("calibration"))
+
+    def innovation(self, places: Places) -> tuple[Floats, Floats]:
+        """Of marks that are not taken in yet, (m,) [m], and its covariance (m, m) [m²], by all hypotheses together."""
+        predicted, rows = places.linearize(self.filter.mean)
+        return places.value - predicted, self.filter.moments(rows)[1] + places.cov
+
+    def shift(self, y: Floats, S: Floats) -> CommonShift:
+        """What one shift of all marks explains of their innovation."""
+        dim = self.network.dim
+        return CommonShift(len(y) // dim, *nis_left(y, np.linalg.inv(S), dim))
+
+    def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
+        """By node of the last marks that are no outliers, by how much the target's variance would be larger without it.
+
+        By the best hypothesis.
+        """
+        found, out = self.filter.found, self.filter.outlying
+        if found is None:
+            return {}
+        best, variance = int(np.argmax(self.filter.weights)), float(np.trace(self.place_of(self.target)[1]))
+        W = found.root[best].T @ found.root[best]
+        gain = self.rows_of(self.target) @ found.HP[best].T @ W
+        shares = (block_contributions(gain, W, self.network.dim) / variance).tolist()
+        return {mark.node: share for mark, share, is_out in zip(marks, shares, out, strict=True) if not is_out}
+
+    def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
+        """Where to search for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
+
+        By the mode in which it is the most uncertain of those that are possible.
+        shared: what errors of the calibration move the mark by, as `MarkMeasurement.shared`; None for the node itself
+        """
+        rows, calibration = self._maps[node], self.process.parts.get("calibration")
+        if shared is not None and calibration is not None:
+            rows = rows.copy()
+            rows[:, calibration] = shared
+        covs = rows @ self.filter.covs @ rows.T
+        possible = self.filter.weights >= min(POSSIBLE, float(self.filter.weights.max()))
+        widest = int(np.argmax(np.where(possible, covs.trace(axis1=1, axis2=2), -1.0)))
+        return rows @ self.filter.means[widest], covs[widest]
+
+    def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), had an impulse on the node followed just after its last mark.
+
+        Before the first marks a node may be anywhere in the network's reach.
+        """
+        mean, cov = self.expected(node, shared)
+        if self.seen_s is None or self.time_s is None:
+            reach = self._reach_m
+        else:
+            since_s = self.time_s - self._seen_s.get(node, self.time_s)
+            reach = self.settings.impulse_m_s * min(since_s, self.settings.impulse_s)
+        return mean, cov + reach**2 * np.eye(len(mean))
+
+    def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest, without marks; inflated: it may be displaced."""
+        rows = self._maps[node]
+        cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
+        return self.rest[self.network.index(node)].copy(), self.settings.inflation * cov
+
+    def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
+        """Places of free nodes [m], (n, dim), and their covariances [m²], as `expected` of each."""
+        found = [self.expected(node) for node in nodes]
+        return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])

@@ -1,0 +1,350 @@
+"""What every filter of the tissue does alike: `TissueFilter` and `UnifiedFilter` by one contract."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynamics import HIDDEN, OUTER
+from estimators import (
+    AssociationFilter,
+    CovarianceError,
+    FilterSettings,
+    LeaveOneOut,
+    MarkMeasurement,
+    Replay,
+    Status,
+    TissueFilter,
+    UnifiedFilter,
+    filter_of,
+)
+from estimators.process.target import TargetPoint
+from estimators.tissue.target_filter import TargetFilter
+from tests.estimators.states import digest
+
+BOTH = pytest.mark.parametrize("made", [TissueFilter, UnifiedFilter])
+HZ, NOISE_M, FIX_COV = 1.0 / 30.0, 1e-3, 4e-6 * np.eye(2)
+
+
+@pytest.fixture(scope="module")
+def frames(phantom, rest_state, marks_of, driven, poke_forces):
+    """Two seconds at 30 frames/s of the phantom, poked, by DOP853; marks with 1 mm of noise."""
+    rng = np.random.default_rng(3)
+    states = driven(phantom, rest_state, poke_forces(phantom, 2.0, rng))[::4]
+    return [(k * HZ, marks_of(phantom, state, NOISE_M, rng)) for k, state in enumerate(states)]
+
+
+def through(tissue, frames):
+    found = []
+    for time_s, marks in frames:
+        tissue.predict(time_s)
+        found.append(tissue.update(marks))
+    return found
+
+
+def seen_for(made, phantom, frames, **options):
+    """A filter after these frames."""
+    tissue = made(phantom, HIDDEN, OUTER, **options)
+    through(tissue, frames)
+    return tissue
+
+
+def said(estimate):
+    return digest((estimate.mean, estimate.cov, estimate.status, estimate.marks_used, estimate.nis, estimate.poked))
+
+
+@BOTH
+def test_a_start_is_no_evidence(made, phantom, frames):
+    """Names that begin again at a start are compared by what follows."""
+    tissue = made(phantom, HIDDEN, OUTER)
+    through(tissue, frames[:1])
+    assert tissue.log_likelihood == 0.0
+    through(tissue, frames[1:2])
+    assert tissue.log_likelihood != 0.0
+
+
+@BOTH
+def test_it_is_a_filter_of_the_target(made, phantom):
+    assert isinstance(made(phantom, HIDDEN, OUTER), TargetFilter)
+    assert type(filter_of(phantom, HIDDEN, OUTER, FilterSettings(unified=made is UnifiedFilter))) is made
+
+
+@BOTH
+def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(made, phantom, frames):
+    """Set back twice: what came between, a loss and a start among it, does not show."""
+    tissue = seen_for(made, phantom, frames[:20])
+    then = tissue.snapshot()
+    ends = []
+    for _ in range(2):
+        found = through(tissue, frames[20:30])
+        found.append(tissue.fix(found[-1].mean, FIX_COV))
+        ends.append(([said(one) for one in found], digest(tissue.snapshot())))
+        tissue.predict(30.0)
+        tissue.update(frames[5][1])
+        tissue.restore(then)
+        assert digest(tissue.snapshot()) == digest(then)
+    assert ends[0] == ends[1]
+
+
+@BOTH
+def test_frames_out_of_order_give_what_those_in_order_do_to_the_last_bit(made, phantom, frames):
+    replay = Replay(made(phantom, HIDDEN, OUTER), horizon_s=0.5)
+    order = list(range(30))
+    order[20], order[22], order[25], order[26] = 22, 20, 26, 25
+    for k in order:
+        replay.take(*frames[k])
+    assert replay.late["fused"] == 3
+    assert digest(replay.tissue.snapshot()) == digest(seen_for(made, phantom, frames[:30]).snapshot())
+
+
+@BOTH
+def test_two_exchanged_marks_are_named_rightly_again(made, phantom, frames):
+    identity = AssociationFilter(made(phantom, HIDDEN, OUTER), (OUTER,))
+    names, found = {"M1": "M4", "M4": "M1"}, []
+    for k, (time_s, marks) in enumerate(frames[:40]):
+        called = [replace(mark, node=names.get(mark.node, mark.node)) for mark in marks] if k >= 20 else marks
+        identity.tissue.predict(time_s)
+        found.append(identity.update(identity.named(called)))
+    assert [set(swap.nodes) for swap in identity.swaps] == [{"M1", "M4"}]
+    assert identity.swaps[0].time_s - frames[20][0] < 0.2
+    right = through(made(phantom, HIDDEN, OUTER), frames[:40])
+    assert said(found[-1].estimate) == said(right[-1])
+
+
+@BOTH
+def test_marks_exchanged_from_the_first_frame_on_are_named_rightly(made, phantom, frames):
+    """A start by other names begins at the prior, not at what wrong names made of it."""
+    identity = AssociationFilter(made(phantom, HIDDEN, OUTER), (OUTER,))
+    names = {"M1": "M3", "M3": "M4", "M4": "M1"}
+    for time_s, marks in frames[:30]:
+        identity.tissue.predict(time_s)
+        one = identity.update(identity.named([replace(mark, node=names[mark.node]) for mark in marks]))
+    right = through(made(phantom, HIDDEN, OUTER), frames[:30])[-1]
+    assert one.estimate.status is Status.TRACKING
+    assert np.linalg.norm(one.estimate.mean - right.mean) < 1e-3
+
+
+def test_without_marks_a_state_is_that_of_a_new_filter(phantom, frames):
+    tissue = seen_for(UnifiedFilter, phantom, frames[:20])
+    tissue.restore(tissue.snapshot().without_marks())
+    again, new = (through(one, frames[20:25]) for one in (tissue, UnifiedFilter(phantom, HIDDEN, OUTER)))
+    assert [digest((one.mean, one.cov)) for one in again] == [digest((one.mean, one.cov)) for one in new]
+
+
+LOOKS = {
+    "predict_at": lambda one, t: one.predict_at(t + 0.3),
+    "predict_modes": lambda one, t: one.predict_modes(t + 0.3),
+    "predict_path": lambda one, t: one.predict_path(t + np.arange(3.0)),
+    "expected": lambda one, _t: one.expected("M1"),
+    "expected_after_impulse": lambda one, _t: one.expected_after_impulse("M1"),
+    "expected_at_rest": lambda one, _t: one.expected_at_rest("M1"),
+    "expected_of": lambda one, _t: one.expected_of(("M1", "M4")),
+    "place_of": lambda one, _t: one.place_of(one.target),
+    "forgotten": lambda one, t: one.predict_at(t + 100.0),
+}
+
+
+@pytest.mark.parametrize("look", LOOKS)
+@BOTH
+def test_to_look_changes_nothing(made, phantom, frames, look):
+    tissue = seen_for(made, phantom, frames[:20])
+    before = digest(tissue.snapshot())
+    LOOKS[look](tissue, tissue.time_s)
+    assert digest(tissue.snapshot()) == before
+
+
+@BOTH
+def test_looks_ahead_are_what_a_prediction_then_gives(made, phantom, frames):
+    tissue = seen_for(made, phantom, frames[:20])
+    then_s = tissue.time_s + 0.04  # one step of either
+    at, modes, path = tissue.predict_at(then_s), tissue.predict_modes(then_s), tissue.predict_path([then_s])
+    tissue.predict(then_s)
+    mean, cov = tissue.place_of(tissue.target)
+    np.testing.assert_allclose(at.mean, mean, atol=1e-12)
+    np.testing.assert_allclose(at.cov, cov, rtol=1e-9)
+    np.testing.assert_allclose(path[0][0], mean, atol=1e-12)
+    np.testing.assert_allclose(path[1][0], cov, rtol=1e-9)
+    np.testing.assert_allclose(modes.weights @ modes.means, mean, atol=3e-4)
+
+
+MARK = MarkMeasurement("M1", np.zeros(2), 1e-6 * np.eye(2))
+WRONG = {
+    "time goes back": (lambda one: one.predict(0.1), "time_s: expected"),
+    "no time": (lambda one: one.predict(np.nan), "time_s: expected"),
+    "ahead goes back": (lambda one: one.predict_at(0.1), "time_s: expected"),
+    "ahead no time": (lambda one: one.predict_at(np.inf), "time_s: expected"),
+    "path goes back": (lambda one: one.predict_path([2.0, 1.0]), "time"),
+    "push of another shape": (lambda one: one.predict(1.0, np.zeros(3)), "push: expected finite forces of shape"),
+    "push of no number": (
+        lambda one: one.predict(1.0, lambda _t, _x: np.full((4, 2), np.nan)),
+        "push: expected finite",
+    ),
+    "mark of no node": (lambda one: one.update([replace(MARK, node="M9")]), "mark M9: expected one on a free node"),
+    "mark of an anchor": (lambda one: one.update([replace(MARK, node="A")]), "mark A: expected one on a free node"),
+    "mark in space": (lambda one: one.update([MarkMeasurement("M1", np.zeros(3), np.eye(3))]), "mark M1 position"),
+    "shared by some": (
+        lambda one: one.update([replace(MARK, shared=np.ones((2, k))) if k else MARK for k in (2, 1)]),
+        "mark M1 shared: expected 2 directions, found 1",
+    ),
+    "fix in space": (lambda one: one.fix(np.zeros(3), np.eye(3)), "fix: expected shapes"),
+    "fix of no number": (lambda one: one.fix(np.full(2, np.nan), np.eye(2)), "fix: expected finite"),
+    "fix of no covariance": (lambda one: one.fix(np.zeros(2), -np.eye(2)), "fix cov: expected a symmetric positive"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+@BOTH
+def test_what_cannot_be_taken_in_is_an_error_and_leaves_the_state(made, phantom, frames, wrong):
+    call, message = WRONG[wrong]
+    tissue = seen_for(made, phantom, frames[:10])
+    before = digest(tissue.snapshot())
+    with pytest.raises(ValueError, match=message):
+        call(tissue)
+    assert digest(tissue.snapshot()) == before
+
+
+@BOTH
+def test_calls_before_the_first_frame_are_errors(made, phantom):
+    tissue = made(phantom, HIDDEN, OUTER)
+    for call in (lambda: tissue.update([]), lambda: tissue.fix(np.zeros(2), np.eye(2)), lambda: tissue.predict_at(0.0)):
+        with pytest.raises(ValueError, match="expected"):
+            call()
+
+
+@BOTH
+def test_directions_of_a_calibration_are_those_that_were_announced(made, phantom):
+    tissue = made(phantom, HIDDEN, OUTER, n_calibration=3)
+    tissue.predict(0.0)
+    with pytest.raises(ValueError, match="mark M1 shared: expected 3 directions, found 2"):
+        tissue.update([replace(MARK, shared=np.ones((2, 2)))])
+
+
+def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(phantom, frames):
+    tissue = seen_for(UnifiedFilter, phantom, frames[:10])
+    tissue.filter.covs[-1] *= -1e3
+    before = digest(tissue.snapshot())
+    with pytest.raises(CovarianceError, match="positive definite"):
+        tissue.update(frames[9][1])
+    assert digest(tissue.snapshot()) == before
+
+
+def test_far_ahead_nothing_is_known_but_the_prior(phantom, frames):
+    """And it takes no steps to get there: a gap of a day costs what one of six seconds does."""
+    tissue, new = seen_for(UnifiedFilter, phantom, frames[:20]), UnifiedFilter(phantom, HIDDEN, OUTER)
+    steps = []
+    tissue.process.linearize = lambda *own: steps.append(own)
+    far = tissue.predict_at(tissue.time_s + 86400.0)
+    assert not steps
+    np.testing.assert_allclose(far.cov, new.place_of(new.target)[1], rtol=1e-9)
+    assert far.model_only
+
+
+@BOTH
+def test_marks_are_expected_where_the_next_ones_are(made, phantom, frames):
+    tissue, squared = made(phantom, HIDDEN, OUTER), []
+    for k, (time_s, marks) in enumerate(frames):
+        tissue.predict(time_s)
+        for mark in marks if k > 15 else ():
+            mean, cov = tissue.expected(mark.node)
+            y = mark.position - mean
+            squared.append(float(y @ np.linalg.solve(cov + mark.cov, y)))
+        tissue.update(marks)
+    assert np.mean(np.array(squared) < 13.8) > 0.97  # 99.9 % of two coordinates
+
+
+@BOTH
+def test_gaps_are_said(made, phantom, frames):
+    tissue = made(phantom, HIDDEN, OUTER)
+    statuses = {}
+    for time_s, marks in frames[:30]:
+        tissue.predict(time_s)
+        statuses[round(time_s, 3)] = tissue.update(marks).status
+    now_s = tissue.time_s
+    assert (statuses[0.0], statuses[round(now_s, 3)]) == (Status.INITIALISING, Status.TRACKING)
+    for after_s, marks, status in (
+        (0.5, [], Status.COASTING),
+        (1.5, [], Status.LOST),
+        (1.6, frames[29][1], Status.INITIALISING),
+    ):
+        tissue.predict(now_s + after_s)
+        assert tissue.update(marks).status is status
+    last = [tissue.predict(now_s + 1.6 + HZ * k) or tissue.update(frames[29][1]).status for k in range(1, 40)][-1]
+    assert last is Status.TRACKING
+    tissue.predict(now_s + 100.0)
+    assert tissue.update([]).status is Status.LOST
+
+
+@BOTH
+def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(made, phantom, frames):
+    tissue = seen_for(made, phantom, frames[:30])
+    before, cov = tissue.place_of(tissue.target)
+    near = before + 2.0 * np.sqrt(np.diag(cov))
+    then = tissue.snapshot()
+    fixed = tissue.fix(near, 1e-2 * cov)
+    assert np.linalg.norm(fixed.mean - near) < 0.1 * np.linalg.norm(before - near)
+    tissue.restore(then)
+    far = before + 0.05
+    assert np.array_equal(tissue.fix(far, cov).mean, before)
+    assert tissue.rejected["fix"] == 1
+    twice = tissue.fix(far, cov).mean
+    assert np.linalg.norm(twice - before) > 0.2 * np.linalg.norm(far - before)
+    assert tissue.rejected["fix"] == 1
+
+
+@BOTH
+def test_marks_of_a_node_that_was_not_announced_are_taken_in(made, phantom, frames):
+    """A free node's, such as the hidden one's."""
+    tissue = seen_for(made, phantom, frames[:30])
+    mean, cov = tissue.place_of(tissue.target)
+    found = tissue.update([MarkMeasurement(HIDDEN, mean + 1e-4, 1e-2 * cov)])
+    assert found.marks_used == 1
+    np.testing.assert_allclose(found.mean, mean + 1e-4, atol=2e-5)
+
+
+def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
+    """Of a quiet frame: one mode speaks; truth is the update without that mark."""
+    still = [(k * HZ, marks) for k, (_, marks) in enumerate([frames[0]] * 40)]
+    tissue = seen_for(UnifiedFilter, phantom, still)
+    tissue.predict(still[-1][0] + HZ)
+    then = tissue.snapshot()
+    whole = tissue.update(still[0][1])
+    assert set(whole.information_share) == set(OUTER)
+    for node in OUTER:
+        tissue.restore(then)
+        without = tissue.update([mark for mark in still[0][1] if mark.node != node])
+        lost = np.trace(without.cov) / np.trace(whole.cov) - 1.0
+        assert whole.information_share[node] == pytest.approx(lost, abs=0.02)
+
+
+@BOTH
+def test_one_shift_of_all_marks_is_said(made, phantom, frames):
+    tissue = seen_for(made, phantom, frames[:30])
+    tissue.predict(frames[30][0])
+    moved = [replace(mark, position=mark.position + np.array([0.02, 0.0])) for mark in frames[30][1]]
+    shift = tissue.update(moved).shift
+    assert shift.n_marks == 3
+    assert shift.nis < 0.1 * shift.nis_of_one
+
+
+@BOTH
+def test_marks_left_out_are_predicted_by_filters_of_the_same_kind(made, phantom, frames):
+    checks = LeaveOneOut(phantom, HIDDEN, OUTER, FilterSettings(unified=made is UnifiedFilter))
+    assert {type(one) for one in (checks.tissue, *checks.without.values())} == {made}
+    squared = []
+    for time_s, marks in frames[:45]:
+        checks.predict(time_s)
+        checks.update(marks)
+        squared += [one.nees for one in checks.checks.values()]
+    assert len(squared) > 50
+    assert np.median(squared) < 5.991  # half of them within 95 %
+    assert checks.scale < 3.0
+
+
+@BOTH
+def test_the_offset_of_the_target_is_no_doubt_of_the_tissue(made, phantom, frames):
+    """How well the target's own place is known changes neither gain nor whether the model alone speaks."""
+    plain, loose = (
+        through(made(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1] for sd_m in (0.0, 0.1)
+    )
+    assert (loose.gain, loose.model_only) == (pytest.approx(plain.gain, abs=1e-3), False)
+    np.testing.assert_allclose(loose.cov - plain.cov, 1e-2 * np.eye(2), atol=1e-6)
