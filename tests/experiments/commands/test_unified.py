@@ -72,6 +72,20 @@ def test_smoothing_says_that_it_needs_the_usual_filter(
     assert not (tmp_path / "out").exists()
 
 
+def test_tuning_says_that_there_is_nothing_to_tune(recorded: Path, tmp_path: Path, capsys) -> None:
+    assert softaim("tune", recorded, "--out", tmp_path / "tuned.toml") == 2
+    assert "filter.unified: expected the usual filter: this one has no levels to tune, found true" in last_line(capsys)
+    assert not (tmp_path / "tuned.toml").exists()
+
+
+@pytest.mark.parametrize("key", ["white_m_s2_sqrt_hz = 0.05", "strain = 0.01", "adapt_marks = true"])
+def test_levels_of_the_usual_filter_are_refused_beside_it(recorded: Path, tmp_path: Path, capsys, key: str) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text((recorded / "scene.toml").read_text(encoding="utf-8") + key + "\n", encoding="utf-8")
+    assert softaim("check", scene) == 2
+    assert f"expected no levels of the usual filter with unified, found {key.partition(' ')[0]}" in last_line(capsys)
+
+
 def test_a_live_session_advises_by_it(recorded: Path, tmp_path: Path) -> None:
     scene, now = read_recording(recorded).scene, [0.0]
     plan = read_needle(NEEDLE, 5e-3, 2)
