@@ -79,10 +79,11 @@ def test_levels_take_the_place_of_the_usual_ones(path):
 )
 def test_what_is_read_is_written_and_read_again(path, level):
     """White noise is stated though it is the usual one: a stiff body is then given no more of it."""
+    adapted = "" if level == "unified = true" else "adapt_marks = true\n"
     scene = told(
         path,
         '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
-        f"[filter]\n{level}\nfix_bias_mm = 2.5\nadapt_marks = true\n",
+        f"[filter]\n{level}\nfix_bias_mm = 2.5\n{adapted}",
     )
     write_scene(scene, path)
     again = read_scene(path)
