@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,8 +18,10 @@ from estimators.core.marks import Places
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.filters.kernels import block_contributions, nis_left
+from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.target import TargetMap, TargetPoint, target_map
 from estimators.tissue.estimate import CommonShift, MarkMeasurement
+from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
@@ -54,6 +57,10 @@ class TissuePosterior:
         Of the state; None before the first frame.
     health : Health
     filter : HypothesisFilter
+    rejected, repairs : Counter
+        Marks taken for outliers by node; restarts.
+    log_likelihood : float
+        Of the last marks.
     """
 
     def __init__(
@@ -89,6 +96,16 @@ class TissuePosterior:
         self.health = Health()
         self._seen_s: dict[str, float] = {}
         self.begin()
+        driven = [node for node in marked if (node,) != self.target.point.nodes]
+        self._driven = frozenset(driven)
+        self.open_loop = OpenLoopCovariance(network, self.target.point, driven, FilterSettings().quiet.white)
+        self.log_likelihood = 0.0
+        self.rejected, self.repairs = Counter[str](), Counter[str]()
+        self._updated_s: float | None = None
+        self._refuted_s = -np.inf
+        self._far_fix: Outlying | None = None
+        self._nis = 0.0
+        self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])
 
     def begin(self) -> None:
         """Begin at the prior."""

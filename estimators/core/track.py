@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
-from estimators.core.discrepancy import Discrepancy
-from estimators.core.disturbances import Disturbances
 from estimators.core.filter import FilterState
 from estimators.core.marks import Places
 from estimators.core.posterior import TissuePosterior
 from estimators.filters.unscented import CovarianceError
 from estimators.process.known_force import ForceHistory, KnownForce
-from estimators.process.open_loop_cov import OpenLoopCovariance
-from estimators.process.target import TargetPoint
 from estimators.tissue.estimate import (
     CommonShift,
     GaussianMixture,
@@ -30,7 +26,6 @@ from estimators.tissue.estimate import (
 )
 from estimators.tissue.gate import Outlying, confirmed
 from estimators.tissue.health import Health, after_frame
-from estimators.tissue.settings import FilterSettings
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.25
@@ -67,48 +62,8 @@ class FilterSnapshot:
 class UnifiedFilter(TissuePosterior):
     """Where the target is, from marks on the tissue; parameters as `TissuePosterior` has them.
 
-    The same filter for every body: no setting depends on its stiffness or size but by `Disturbances.raised`.
-
-    Attributes
-    ----------
-    rejected, repairs : Counter
-        Marks taken for outliers by node; restarts.
-    log_likelihood : float
-        Of the last marks.
+    The same filter for every body: no setting depends on its stiffness or size but by how strong forces may be.
     """
-
-    def __init__(
-        self,
-        network: MassSpringNetwork,
-        target: str | TargetPoint,
-        marked: Sequence[str],
-        settings: FilterSettings | None = None,
-        *,
-        uncertainty: ParameterUncertainty | None = None,
-        n_calibration: int = 0,
-        disturbances: Disturbances | None = None,
-        discrepancy: Discrepancy | None = None,
-    ) -> None:
-        super().__init__(
-            network,
-            target,
-            marked,
-            settings,
-            uncertainty=uncertainty,
-            n_calibration=n_calibration,
-            disturbances=disturbances,
-            discrepancy=discrepancy,
-        )
-        driven = [node for node in marked if (node,) != self.target.point.nodes]
-        self._driven = frozenset(driven)
-        self.open_loop = OpenLoopCovariance(network, self.target.point, driven, FilterSettings().quiet.white)
-        self.log_likelihood = 0.0
-        self.rejected, self.repairs = Counter[str](), Counter[str]()
-        self._updated_s: float | None = None
-        self._refuted_s = -np.inf
-        self._far_fix: Outlying | None = None
-        self._nis = 0.0
-        self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])
 
     def _restart(self, repair: str) -> None:
         self.begin()
@@ -192,41 +147,41 @@ class UnifiedFilter(TissuePosterior):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         self._moved(time_s, push, MIX_S)
 
+    @contextmanager
+    def _unchanged(self) -> Iterator[None]:
+        """At the end the state is as it is now."""
+        now = self.snapshot()
+        try:
+            yield
+        finally:
+            self.restore(now)
+
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """The target at a later time [s] given the marks until now, such as when the needle arrives; the state stays.
 
         push: as for `predict`. Raises ValueError before the first frame, and for a time that is past or not finite.
         """
-        now = self.snapshot()
-        try:
+        with self._unchanged():
             self._ahead(time_s, push)
             return self._estimate(time_s, 0, None)
-        finally:
-            self.restore(now)
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
         """As `predict_at`, of each mode of then by itself."""
-        now = self.snapshot()
-        try:
+        with self._unchanged():
             self._ahead(time_s, push)
             rows, own = self.rows_of(self.target), self.filter
             return GaussianMixture(own.weights, own.means @ rows.T + self.target.constant, rows @ own.covs @ rows.T)
-        finally:
-            self.restore(now)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """The target at later times [s], (k,), that rise: means [m] (k, dim), covs [m²] (k, dim, dim); the state stays.
 
         Raises ValueError as `predict_at` does, and for times that go back.
         """
-        now = self.snapshot()
-        try:
-            found = []
+        found = []
+        with self._unchanged():
             for time_s in np.asarray(times_s, dtype=float).tolist():
                 self._ahead(time_s)
                 found.append(self.place_of(self.target))
-        finally:
-            self.restore(now)
         return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
 
     def tables(self, n_times: int, cycle_s: float) -> AheadTables:

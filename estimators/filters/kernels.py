@@ -225,12 +225,12 @@ def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def schmidt_update(x, P, z, H, R, columns, shared, added_share, told_mean, told_root):  # type: ignore[no-untyped-def]
+def schmidt_update(x, P, z, H, R, columns, shared, added_share, common_mean, common_root):  # type: ignore[no-untyped-def]
     """`joseph_update` where errors of unit variance move the state by columns (n, r) and z by shared (m, r).
 
     K = (P H' + columns C') S^-1 with S = H P H' + C C' + R and C = H columns + shared. [bierman1977]
     Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain. At its end nis and
-    log det S once more, by errors of mean told_mean (r,), covariance told_root told_root', (r, any), and H P H' + R.
+    log det S once more, by errors of common_mean (r,), of covariance L L' with L common_root (r, any), and H P H' + R.
     """
     C = H @ columns + shared
     HP, HPH = measured(P, H)
@@ -239,8 +239,8 @@ def schmidt_update(x, P, z, H, R, columns, shared, added_share, told_mean, told_
     alone = HPH + R
     if C.shape[1] == 0:
         return (*found, found[5], found[6], alone)
-    own = C @ told_root
-    return (*found, *_distance(z - H @ x - C @ told_mean, alone + own @ own.T), alone)
+    own = C @ common_root
+    return (*found, *_distance(z - H @ x - C @ common_mean, alone + own @ own.T), alone)
 
 
 @njit(cache=True, nogil=True)

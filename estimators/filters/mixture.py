@@ -230,12 +230,12 @@ class InteractingMixture(filterpy.IMMEstimator):
         innovation_columns = H @ self.columns + moved
         n, updates, logs, covs = self.considered * moved.shape[1], [], [], []
         errors = self.common_errors.moved_by(moved[:, :n])
-        told = (errors.mean, errors.root)
+        common = (errors.mean, errors.root)
         for f, columns, own in zip(self.filters, self.columns, innovation_columns, strict=True):
             R_own, log_odds, widened = R, 0.0, 0.0
             if outliers is not None:
                 R_own, log_odds, widened = with_outliers(f.x, f.P, z, H, R, own, *outliers)
-            found = schmidt_update(f.x, f.P, z, H, R_own, columns[:, :n], moved[:, :n], self.added_share, *told)
+            found = schmidt_update(f.x, f.P, z, H, R_own, columns[:, :n], moved[:, :n], self.added_share, *common)
             *gained, nis, log_det, definite, own_nis, own_log_det, cov = found
             if not definite:
                 raise CovarianceError("innovation covariance: expected positive definite, found otherwise")

@@ -210,6 +210,7 @@ def test_a_state_that_was_long_on_its_way_is_stale_though_it_comes(browser: Any,
     for late_s, shows in ((0.0, "GO"), (STALE_S + 1.0, "STALE"), (0.0, "GO")):
         shown.publish({**messages.state(shown.frames + 1), "utc_s": fastest_s - late_s})
         shown.one.until(lambda shows=shows: word(browser) == shows)
+        assert word(browser) == shows
 
 
 @pytest.mark.parametrize(
