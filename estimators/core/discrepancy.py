@@ -12,6 +12,7 @@ from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.core.kernels import withheld_log_likelihoods
 from estimators.process.target import TargetPoint
+from estimators.tissue.settings import FilterSettings
 
 JITTER = 1e-6
 """Variance added to places that are held, by the field's own [1]; numerical."""
@@ -57,13 +58,18 @@ class Discrepancy:
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
-    odds: tuple[float, ...] = (1.0, 0.1, 0.01)
+    odds: tuple[float, ...] = (1.0, 0.1, 0.03)
     short: float = 0.33
     lengths: tuple[float, float] = (1.5, 0.25)
     lasting_s: float = 0.3
-    memory_s: float = 5.0
-    weight: float = 0.2
+    memory_s: float = 20.0
+    weight: float = 1.0
     rank: int = 40
+
+    @classmethod
+    def of(cls, settings: FilterSettings) -> Discrepancy:
+        """Of the level that the settings state; else the marks choose among several."""
+        return cls() if settings.discrepancy is None else cls(levels=(settings.discrepancy,), odds=(1.0,))
 
     def field(self, places: Floats, held: Floats) -> Floats:
         """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim); held: where there are none."""

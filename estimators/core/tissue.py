@@ -15,6 +15,7 @@ from estimators.arrays import Floats
 from estimators.core.discrepancy import Discrepancy, factor, matern
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
+from estimators.core.moments import propagated
 from estimators.core.protocols import Transition
 from estimators.core.statics import Statics, StaticStates
 
@@ -27,8 +28,14 @@ TOLERANCE, STEP_TOLERANCE = 1e-3, 1e-4
 FLAT = 1e-3
 """A body of less extent in a direction, by its largest, is thin there [1]; choice."""
 
-START = (0.02, 0.001, 0.5)
-"""At the start: displacement, smooth and by node, and speed a second, by the extent [1]; choice."""
+PUSHED_S = 1.0
+"""At the start the body was at rest so long before, and pushed since then [s]; choice."""
+
+DISPLACED = 0.1
+"""Displacement at the start, root of the mean square over nodes and axes, by the extent, at most [1]; choice."""
+
+START_SHARE = 0.001
+"""Displacement of each node by itself at the start, by the extent, and speed a second [1]; choice."""
 
 RANK = 20
 """Functions of a slow force at most, by each axis; numerical."""
@@ -108,7 +115,7 @@ class TissueProcess:
         self._driving = np.full(n_f, SOURCES.index("slow") - 1)
         self._driving[:n_short] = np.where(self._is_led, SOURCES.index("led"), SOURCES.index("short")) - 1
         self._raised = self.disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
-        self._start_cov = self._prior_of_motion(matern(apart, 0.5 * self.extent_m))
+        self._start_cov = self._prior_of_motion()
 
     def _may_be_pushed(self, marked: Sequence[int]) -> NDArray[np.bool_]:
         """Free nodes on which slow forces act: all of a cable or cloth in space, else the marked ones."""
@@ -118,14 +125,24 @@ class TissueProcess:
         pushed[list(marked)] = True
         return pushed
 
-    def _prior_of_motion(self, smooth: Floats) -> Floats:
-        shift, own, speed = (share * self.extent_m for share in START)
-        together = np.kron(smooth, np.eye(self.network.dim))
-        n = len(together)
-        cov = np.zeros((2 * n, 2 * n))
-        cov[:n, :n] = shift**2 * together + own**2 * np.eye(n)
-        cov[n:, n:] = speed**2 * together
-        return cov
+    def _prior_of_motion(self) -> Floats:
+        """Covariance of position and velocity at the start: at rest `PUSHED_S` before, pushed by all forces since."""
+        n, moving = self.parts["position"].stop, self.parts["velocity"].stop
+        state = np.zeros(self.n)
+        state[:n] = self.network.positions[self.network.free].ravel()
+        strongest = self.variances(0.0)[3 * len(self.disturbances.slow_m_s2) - 2][None]
+        before, after = np.zeros((1, self.n, self.n)), np.empty((1, self.n, self.n))
+        self._set_forces(before[0], strongest[0])
+        propagated(before, self.linearize(state, PUSHED_S), strongest, after)
+        cov = after[0, :moving, :moving]
+        cov *= min(1.0, (DISPLACED * self.extent_m) ** 2 / cov.diagonal()[:n].mean())
+        return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.eye(moving))
+
+    def _set_forces(self, cov: Floats, variances: Floats) -> None:
+        """Set the variances of all states that a source but white noise drives, by those of the sources."""
+        by_name = dict(zip(SOURCES, variances, strict=True))
+        for name, columns in self._columns().items():
+            cov[columns, columns] = by_name[name]
 
     def node(self, name: str) -> Floats:
         """The map of a free node's place [m] by the state, (dim, n)."""
@@ -147,12 +164,9 @@ class TissueProcess:
         moving = self.parts["velocity"].stop
         covs = np.zeros((len(self.rates), self.n, self.n))
         covs[:, :moving, :moving] = self._start_cov
-        sources = np.arange(self.n)
         for variances, cov in zip(self.variances(level), covs, strict=True):
-            by_name = dict(zip(SOURCES, variances, strict=True))
-            for name, columns in self._columns().items():
-                cov[sources[columns], sources[columns]] = by_name[name]
-        lasting = sources[self._behind :]
+            self._set_forces(cov, variances)
+        lasting = np.arange(self._behind, self.n)
         covs[:, lasting, lasting] = self._lasting.sd**2
         return mean, covs
 

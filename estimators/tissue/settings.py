@@ -77,6 +77,8 @@ class FilterSettings:
     remember_swings: so many of a stiff or large body's slowest oscillations they are remembered, where that is longer
         [1]; choice
     unified: whether `UnifiedFilter` is used, which knows other priors of its own; source: the scene
+    discrepancy: standard deviation of what the model of the unified filter leaves out, by the body's extent; None: the
+        marks choose it [1]; source: the scene
     """
 
     quiet: ForceMode = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
@@ -115,6 +117,7 @@ class FilterSettings:
     remember_s: float = 0.5
     remember_swings: float = 0.5
     unified: bool = False
+    discrepancy: float | None = None
 
     @property
     def strikes(self) -> bool:

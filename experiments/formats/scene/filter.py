@@ -57,10 +57,11 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
         quiet=replace(usual.quiet, white=white, poke=usual.quiet.poke * white / usual.quiet.white),
         poked=replace(usual.poked, white=white, poke=poke, lasting_s=lasting_s),
         least_white=usual.least_white if table.white_m_s2_sqrt_hz is None else (0.0, 0.0),
-        strain_sd=usual.strain_sd if table.strain is None else table.strain,
+        strain_sd=usual.strain_sd if table.strain is None or table.unified else table.strain,
         fix_bias=None if table.fix_bias_mm is None else FixBias(1e-3 * table.fix_bias_mm),
         marks_bounds=ADAPTED if table.adapt_marks else usual.marks_bounds,
         unified=bool(table.unified),
+        discrepancy=table.strain if table.unified else None,
     )
 
 
@@ -76,6 +77,8 @@ def filter_table(settings: FilterSettings) -> dict[str, float | bool | list[str]
         keys["poke_lasting_s"] = settings.poked.lasting_s
     if settings.strain_sd != usual.strain_sd:
         keys["strain"] = settings.strain_sd
+    if settings.discrepancy is not None:
+        keys["strain"] = settings.discrepancy
     if settings.fix_bias is not None:
         keys["fix_bias_mm"] = 1e3 * settings.fix_bias.sd_m
     if settings.marks_bounds != (1.0, 1.0):
