@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.core.choice import filter_of
 from estimators.process.target import TargetPoint
 from estimators.smoothing.smoother import TimedFix, fixed_interval
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
-from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
 
 class FixedIntervalSmoother:
-    """`TissueFilter` forth and smoothed back; a lower bound on the error of what filters with the same belief.
+    """The filter forth and smoothed back; a lower bound on the error of what filters with the same belief.
 
     fixes: direct sightings of the target, used at their times
     State: tissue, the filter, before or after its frames.
@@ -31,9 +31,7 @@ class FixedIntervalSmoother:
         fixes: Sequence[TimedFix] = (),
     ) -> None:
         self._fixes = tuple(fixes)
-        self.tissue = TissueFilter(
-            network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
-        )
+        self.tissue = filter_of(network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
 
     def run(
         self,

@@ -9,7 +9,6 @@ from estimators.core.track import UnifiedFilter
 from estimators.process.target import TargetPoint
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target_filter import TargetFilter
 
 
 def filter_of(
@@ -20,7 +19,7 @@ def filter_of(
     *,
     uncertainty: ParameterUncertainty | None = None,
     n_calibration: int = 0,
-) -> TargetFilter:
+) -> TissueFilter | UnifiedFilter:
     """A filter of the tissue: `UnifiedFilter` where the settings say so, else `TissueFilter`; raises as they do."""
     made = UnifiedFilter if settings is not None and settings.unified else TissueFilter
     return made(network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)

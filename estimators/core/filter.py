@@ -46,6 +46,17 @@ class _Prior:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """Moments of the mixture before a prediction, (n,) and (n, n), and after, and the transition's matrix (n, n)."""
+
+    mean_before: Floats
+    cov_before: Floats
+    matrix: Floats
+    mean: Floats
+    cov: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
     """The whole state of a `HypothesisFilter` at one time; arrays are its own."""
 
@@ -91,6 +102,8 @@ class HypothesisFilter:
         Which of the last observations are outliers by the most probable hypothesis.
     found : Innovations or None
         Of the last update.
+    trace : list of Move, or None
+        Gets each prediction, by its last linearisation.
     """
 
     def __init__(
@@ -108,6 +121,7 @@ class HypothesisFilter:
         self._latest: tuple[Sequence[Observation], Innovations] | None = None
         self._transition: Transition | None = None
         self._reference = np.empty(0)
+        self.trace: list[Move] | None = None
         self.restart()
 
     def restart(self) -> None:
@@ -189,6 +203,8 @@ class HypothesisFilter:
         means = means + half
         self.weights, self._before, self._dt = weights, _Prior(means, covs, dt, half), dt
         self._move(self._before, weights @ means)
+        if self.trace is not None:
+            self.trace.append(self._moved(self._before))
 
     def _move(self, before: _Prior, reference: Floats, error: Floats | None = None) -> None:
         found = self.process.linearize(reference, before.dt)
@@ -200,6 +216,11 @@ class HypothesisFilter:
                 alike[own] = (error[own] ** 2).mean() if error[own].size else 0.0
             np.einsum("kii->ki", self.covs)[:] += alike
         self._transition, self._reference, self._latest = found, reference, None
+
+    def _moved(self, before: _Prior) -> Move:
+        assert self._transition is not None  # there is one after a prior
+        start = mixed(self.weights, before.means - before.kick, before.covs)
+        return Move(*start, self._transition.matrix, *self.moments_by(self.weights))
 
     @property
     def _level(self) -> float:
@@ -239,6 +260,8 @@ class HypothesisFilter:
     def update(self, observations: Sequence[Observation]) -> float:
         """Take in all that was observed at this time; the least normalised innovation squared of any hypothesis."""
         found = self._fitted(observations)
+        if self.trace and self._before is not None:
+            self.trace[-1] = self._moved(self._before)
         for left in reversed(range(LINEARISATIONS)):
             gains = found.root @ found.HP
             means = self.means + of_each(gains.swapaxes(1, 2), found.white)

@@ -14,10 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estimators.arrays import Floats
+from estimators.core.track import UnifiedFilter
 from estimators.filters.gaussians import moment_matched
 from estimators.filters.kernels import gains, met, roots_each
 from estimators.filters.motion import ModeBeliefs, Transition
 from estimators.filters.unscented import CovarianceError
+from estimators.smoothing.unified import smoothed_path
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
@@ -88,7 +90,7 @@ class ForwardPass:
 
 
 def fixed_interval(
-    tissue: TissueFilter,
+    tissue: TissueFilter | UnifiedFilter,
     frames: Frames,
     advance: Callable[[float], None] = lambda _share: None,
     *,
@@ -99,7 +101,10 @@ def fixed_interval(
     advance: gets the share done, half of it forth, half back. fixes: used at their times; one before the first marks
     or after the last frame is not.
     """
-    passage, taken = ForwardPass(tissue), list(frames)
+    taken = list(frames)
+    if isinstance(tissue, UnifiedFilter):
+        return smoothed_path(tissue, taken, advance, fixes)
+    passage = ForwardPass(tissue)
     waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
     passed: list[FilteredStep] = []
     of_frames: list[int] = []

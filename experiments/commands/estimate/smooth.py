@@ -17,16 +17,11 @@ def smooth(
 ) -> Answer:
     """Estimate where the target was at each frame from the marks of all frames, later ones included."""
     from experiments.commands.console import track_table
-    from experiments.errors import InputError
     from experiments.formats.recording import read_recording
     from experiments.pipeline.compare import SMOOTHER, compare, summary, write_smoothed
     from experiments.plots.compare import write_comparison_plot
 
     opened = read_recording(recording, scene, run.stage("read"))
-    if opened.scene.settings.unified:
-        raise InputError.at(
-            f"{scene or recording / 'scene.toml'}: filter.unified", "false: smoothing needs the usual filter", "true"
-        )
     with run.folder(out, force=force, inputs=[recording, scene]) as folder:
         run.use(opened.scene, before="track")
         done = compare(opened, [SMOOTHER], run.stage)

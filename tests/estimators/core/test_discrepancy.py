@@ -98,6 +98,6 @@ def test_without_marks_the_level_goes_back_to_its_prior() -> None:
     usual = posterior.level
     posterior.log_weights = np.log([0.01, 0.01, 0.98])
     assert posterior.level > 2.0 * usual
-    posterior.forget(30.0)
+    posterior.forget(120.0)
     assert posterior.level == pytest.approx(usual, rel=0.1)
     assert usual**2 == pytest.approx(np.average(np.square(Discrepancy().levels), weights=Discrepancy().odds))

@@ -10,6 +10,7 @@ from estimators import (
     FixedLag,
     InteractingMixture,
     TissueFilter,
+    UnifiedFilter,
     UnscentedKalmanFilter,
     coverage,
     fixed_interval,
@@ -24,6 +25,9 @@ from experiments.studies.zoo.constants import measured
 H, R = np.array([[1.0, 0.0]]), np.array([[0.09]])
 F = np.array([[1.0, 0.1], [0.0, 1.0]])
 START = np.array([0.3, -0.2]), np.array([[1.0, 0.2], [0.2, 0.7]])
+
+
+each_filter = pytest.mark.parametrize("made", [TissueFilter, UnifiedFilter])
 
 
 def noise(q):
@@ -154,15 +158,16 @@ def runs(phantom, rest_state, driven, poke_forces, marks_of):
     return found
 
 
-def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden):
+@each_filter
+def test_later_marks_make_the_target_surer_and_it_is_right(made, phantom, runs, hidden):
     """Mean error below 0.95 of the filter's, spread below 0.9 of it; 95 % regions hold 90 to 99 %."""
     errors, spreads, squared = [], [], []
     for frames, states in runs:
-        tissue, filtered = TissueFilter(phantom, HIDDEN, OUTER), []
+        tissue, filtered = made(phantom, HIDDEN, OUTER), []
         for time_s, marks in frames:
             tissue.predict(time_s)
             filtered.append(tissue.update(marks))
-        smooth = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), frames)
+        smooth = fixed_interval(made(phantom, HIDDEN, OUTER), frames)
         assert [e.time_s for e in smooth] == [e.time_s for e in filtered]
         off = [np.array([e.mean for e in each]) - states[:, hidden] for each in (filtered, smooth)]
         errors.append([np.linalg.norm(o, axis=1).mean() for o in off])
@@ -189,7 +194,8 @@ def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, runs):
         FixedLag(TissueFilter(phantom, HIDDEN, OUTER), lag_s=-0.1)
 
 
-def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
+@each_filter
+def test_a_fix_tells_of_before_and_after(made, phantom, runs, hidden):
     """Of the target to 0.1 mm, half way between frames 44 and 45: both become surer, and are as sure as they should be.
 
     Marks are of 4 mm. The last frame is the filter's own, with the fix; fixes beside the frames change nothing.
@@ -197,14 +203,14 @@ def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
     frames, states = runs[2][0][:60], runs[2][1]
     place = states[44:46, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
     time_s, cov = 44.5 / 30.0, 1e-8 * np.eye(2)
-    without = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), frames)
-    found = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), frames, fixes=[(time_s, place, cov)])
+    without = fixed_interval(made(phantom, HIDDEN, OUTER), frames)
+    found = fixed_interval(made(phantom, HIDDEN, OUTER), frames, fixes=[(time_s, place, cov)])
     assert [e.time_s for e in found] == [t for t, _ in frames]
     for k in (44, 45):
         assert np.trace(found[k].cov) < 0.5 * np.trace(without[k].cov)
         off = (found[k].mean - states[k, hidden])[None]
         assert normalised_error_squared(off, found[k].cov[None])[0] < 9.2  # 99 %
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = made(phantom, HIDDEN, OUTER)
     for k, frame in enumerate(frames):
         if k == 45:
             tissue.predict(time_s)
@@ -212,18 +218,17 @@ def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
         tissue.predict(frame[0])
         last = tissue.update(frame[1])
     np.testing.assert_allclose(found[-1].mean, last.mean, rtol=0, atol=1e-12)
-    beside = fixed_interval(
-        TissueFilter(phantom, HIDDEN, OUTER), frames, fixes=[(10.0, place, cov), (-1.0, place, cov)]
-    )
+    beside = fixed_interval(made(phantom, HIDDEN, OUTER), frames, fixes=[(10.0, place, cov), (-1.0, place, cov)])
     np.testing.assert_array_equal([e.mean for e in beside], [e.mean for e in without])
 
 
-def test_nothing_is_told_across_a_new_start(phantom, runs):
+@each_filter
+def test_nothing_is_told_across_a_new_start(made, phantom, runs):
     """Marks lost for 1.5 s, longer than lost_s, then a new start: what comes after changes no estimate of before."""
     frames = runs[1][0]
     gap = [(t, marks if k < 30 or k >= 75 else []) for k, (t, marks) in enumerate(frames)]
-    whole = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), gap)
-    cut = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER), gap[:75])
+    whole = fixed_interval(made(phantom, HIDDEN, OUTER), gap)
+    cut = fixed_interval(made(phantom, HIDDEN, OUTER), gap[:75])
     np.testing.assert_array_equal([e.mean for e in whole[:75]], [e.mean for e in cut])
 
 
