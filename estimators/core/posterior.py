@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from estimators.tissue.estimate import CommonShift, MarkMeasurement
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
-
-SETTLED_S = 0.5
-"""An estimate is INITIALISING for so long [s]; choice."""
 
 POSSIBLE = 1e-3
 """Probability of a mode from which on marks are looked for where it lets them be [1]; choice."""
@@ -77,7 +73,7 @@ class TissuePosterior:
     ) -> None:
         if not marked:
             raise ValueError("marked: expected one free node or more, found none")
-        self.settings = replace(settings or FilterSettings(), confirm_s=SETTLED_S)
+        self.settings = settings or FilterSettings()
         self.network, self.n_calibration = network, n_calibration
         self.target, self.rest = target_map(network, target), rest_shape(network)
         self.process = TissueProcess(
