@@ -28,6 +28,7 @@ from dynamics import (
     unpack,
 )
 from dynamics.phantoms.four_mass import HIDDEN
+from estimators import FilterSettings
 from experiments.arrays import Floats
 from experiments.errors import InputError, read_text
 from experiments.formats.outputs import output_folder, write_whole
@@ -45,6 +46,10 @@ from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
 """Of the target in the phantom [m]; a parameter of the study."""
+
+EXACT = 0.001
+"""Level of the discrepancy that a simulated phantom's scene states, by its extent: its model is the truth; measured:
+docs/unified.md."""
 
 TRUTH = 0.2
 """Share of the work before a film that the truth is taken for, of what is shown as done."""
@@ -90,6 +95,7 @@ def scene_of(scenario: Scenario) -> Scene:
         target=Target(HIDDEN, TARGET_RADIUS_M, position_sd_m=0.0),
         cameras=(camera,),
         reference=Reference(drift_sd_m=0.0),
+        settings=FilterSettings(unified=True, discrepancy=EXACT),
     )
 
 

@@ -23,10 +23,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("unified")
     (folder / "short.toml").write_text(SCENARIO, encoding="utf-8")
     assert softaim("simulate", folder / "short.toml", "--no-film", "--out", folder / "rec") == 0
-    scene = folder / "rec" / "scene.toml"
-    text = scene.read_text(encoding="utf-8")
-    assert "[filter]" not in text
-    scene.write_text(text + "\n[filter]\nunified = true\n", encoding="utf-8")
     assert read_recording(folder / "rec").scene.settings.unified
     return folder / "rec"
 
@@ -76,7 +72,8 @@ def test_tuning_says_that_there_is_nothing_to_tune(recorded: Path, tmp_path: Pat
 @pytest.mark.parametrize("key", ["white_m_s2_sqrt_hz = 0.05", "adapt_marks = true"])
 def test_levels_of_the_usual_filter_are_refused_beside_it(recorded: Path, tmp_path: Path, capsys, key: str) -> None:
     scene = tmp_path / "scene.toml"
-    scene.write_text((recorded / "scene.toml").read_text(encoding="utf-8") + key + "\n", encoding="utf-8")
+    text = (recorded / "scene.toml").read_text(encoding="utf-8")
+    scene.write_text(text.replace("[filter]\n", f"[filter]\n{key}\n"), encoding="utf-8")
     assert softaim("check", scene) == 2
     assert f"expected no levels of the usual filter with unified, found {key.partition(' ')[0]}" in last_line(capsys)
 

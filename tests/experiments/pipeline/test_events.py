@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimators import FilterSettings
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import with_step
 from experiments.pipeline.events import rest_line, rest_offsets, scene_line, steps_left_out
@@ -13,7 +14,8 @@ from experiments.simulation.simulate import scene_of
 
 @pytest.fixture(scope="module")
 def scene():
-    return scene_of(read_scenario("webcam"))
+    """One that the usual filter follows, which can be tuned."""
+    return replace(scene_of(read_scenario("webcam")), settings=FilterSettings())
 
 
 def drawn_off(scene, node: str, by_m):

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dynamics import four_mass_phantom
+from estimators import FilterSettings
 from experiments.commands.app import app
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
@@ -128,7 +129,9 @@ def test_run_again_it_does_what_is_new(tmp_path):
 def test_a_tissue_of_ones_own(tmp_path):
     """The phantom with twice the mass, in a scene file beside the sweep; its filter table stands but for the grid."""
     scene = scene_of(read_scenario("poked"))
-    heavy = replace(scene, network=replace(scene.network, masses=2.0 * scene.network.masses), cameras=())
+    heavy = replace(
+        scene, network=replace(scene.network, masses=2.0 * scene.network.masses), cameras=(), settings=FilterSettings()
+    )
     write_scene(heavy, tmp_path / "body.toml")
     with (tmp_path / "body.toml").open("a", encoding="utf-8") as body:
         body.write("\n[filter]\npoke_m_s2 = 2.0\nwhite_m_s2_sqrt_hz = 0.1\n")

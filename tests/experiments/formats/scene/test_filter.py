@@ -18,7 +18,7 @@ from experiments.simulation.simulate import scene_of
 def path(tmp_path: Path) -> Path:
     """The file of the phantom's scene, which says nothing of the filter."""
     path = tmp_path / "scene.toml"
-    write_scene(scene_of(read_scenario("webcam")), path)
+    write_scene(replace(scene_of(read_scenario("webcam")), settings=FilterSettings()), path)
     return path
 
 

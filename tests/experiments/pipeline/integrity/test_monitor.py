@@ -138,7 +138,7 @@ def test_marks_that_all_move_at_once_end_guidance_with_that_frame(scene, tmp_pat
 
 def test_marks_of_a_body_that_a_hand_may_lead_move_together(scene):
     found = []
-    for settings in (scene.settings, scene.settings.for_stiff_or_large()):
+    for settings in (scene.settings, replace(scene.settings, led_nodes=("M1",))):
         tissue = Line(scene, baseline=False).filter
         tissue.settings = settings
         monitor = IntegrityMonitor(scene, tissue)

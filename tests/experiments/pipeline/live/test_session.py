@@ -250,7 +250,7 @@ def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, ima
         nonlocal turns
         turns += 1
         if turns == at:
-            session.line.filter.mixture.filters[0].P[:] = np.nan
+            session.line.filter.filter.covs[:] = np.nan
 
     follow(session, source, np.inf, clock=lambda: source.now, attend=attend)
     session.close()

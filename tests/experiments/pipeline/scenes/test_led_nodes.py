@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from estimators import FilterSettings
 from estimators.tissue.settings import LED
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
@@ -17,10 +18,10 @@ from tests.experiments.command import softaim
 
 @pytest.fixture
 def recording(tmp_path):
-    """Marks of the phantom where it is drawn, to 0.5 mm, 12 frames at 30 a second."""
+    """Marks of the phantom where it is drawn, to 0.5 mm, 12 frames at 30 a second; followed by the usual filter."""
     folder = tmp_path / "rec"
     folder.mkdir()
-    scene = replace(scene_of(read_scenario("poked")), cameras=())
+    scene = replace(scene_of(read_scenario("poked")), cameras=(), settings=FilterSettings())
     write_scene(scene, folder / "scene.toml")
     rng = np.random.default_rng(0)
     rows = []
