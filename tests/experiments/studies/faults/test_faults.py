@@ -179,7 +179,7 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "lasts_s", "seconds"), [("frozen in turn", 2.0, 7.5), ("16 bit", 1.0, 6.0), ("all covered", 2.0, 8.0)]
+    ("name", "lasts_s", "seconds"), [("frozen in turn", 2.0, 8.0), ("16 bit", 1.0, 6.0), ("all covered", 2.0, 8.0)]
 )
 def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, tmp_path):
     """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
