@@ -14,11 +14,10 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom, pack, plain_derivative, u
 from experiments.errors import InputError
 from experiments.formats.scenario import Pokes, Release, Scenario, Tremor, read_scenario
 from experiments.simulation.simulate import exposures, film, poke_force, scene_of, simulate, tremor_force, true_motion
-from tests.experiments.webcam import coarse_webcam
 
 NETWORK = four_mass_phantom()
 FREE = NETWORK.free
-STILL = coarse_webcam().model_copy(update={"tremor": None, "pokes": None, "duration_s": 1.5})
+STILL = read_scenario("webcam").model_copy(update={"tremor": None, "pokes": None, "duration_s": 1.5})
 LET_GO = STILL.model_copy(update={"release": Release(node="M3", force_n=[2.0, 0.5])})
 PUSHED = STILL.model_copy(
     update={
@@ -174,7 +173,7 @@ def test_marks_are_drawn_where_the_truth_says():
 
     In the raw frame the row of circles is found at projected truth, so this holds camera, drawing and order of nodes.
     """
-    scenario = coarse_webcam().model_copy(update={"duration_s": 0.5, "frame_interval_s": 0.05})
+    scenario = read_scenario("webcam").model_copy(update={"duration_s": 0.5, "frame_interval_s": 0.05})
     rng = np.random.default_rng(8)
     scene = scene_of(scenario)
     truth = true_motion(scene.network, scenario, rng)
@@ -192,7 +191,7 @@ def test_marks_are_drawn_where_the_truth_says():
 
 def test_a_recording_is_its_seeds(tmp_path: Path):
     """Same seed: same bytes of tables, same frames. Another seed: another tremor and another film."""
-    short = coarse_webcam().model_copy(
+    short = read_scenario("webcam").model_copy(
         update={"duration_s": 0.25, "camera": STILL.camera.model_copy(update={"size_px": [320, 240]})}
     )
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
