@@ -11,7 +11,7 @@ import multiprocessing
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -88,12 +88,14 @@ class Link:
         if image is not None:
             self._pictured_s = time.monotonic()
 
-    def requests(self) -> list[Mapping[str, Any]]:
-        """What clients asked for since this was last asked, in order."""
-        with self._changed:
-            taken = list(self._requests)
-            self._requests.clear()
-        return taken
+    def requests(self) -> Iterator[Mapping[str, Any]]:
+        """What clients have asked for, in order; what is not taken from the iterator stays."""
+        while True:
+            with self._changed:
+                if not self._requests:
+                    return
+                first = self._requests.popleft()
+            yield first
 
     def close(self) -> None:
         """End the process."""

@@ -46,6 +46,9 @@ LAST_EVENTS = 8
 TELLS_S = 2.0
 """How long a source may take to fail before it is said where the run is served [s]; chosen."""
 
+ATTENDS_S = 0.005
+"""How long requests may keep the loop from its next frame [s]; chosen."""
+
 BAND = (0.025, 0.975)
 """Between these quantiles lie 95 % of NIS."""
 
@@ -159,10 +162,13 @@ class Shows:
     def attend(self, control: Control) -> None:
         """Do what was asked since the last turn of the loop; what cannot be done is reported.
 
+        It ends after `ATTENDS_S`: no client delays a frame by many requests. The rest is done at the next turn.
+
         Where it is served is said with the first frame, or when none came for a while: bad input is one line alone.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
+        until_s = time.monotonic() + ATTENDS_S
         for request in self.link.requests():
             try:
                 command = read_command(request)
@@ -172,6 +178,8 @@ class Shows:
                 LOG.warning("not done: %s", error)
                 if is_needle(request) and control.session.advice is not None:
                     control.session.needle_unseen()
+            if time.monotonic() > until_s:
+                break
         recording = control.recording
         self._recording = None if recording is None else {"folder": str(recording.folder), "frames": recording.n_frames}
         self._paused = control.session.paused

@@ -66,6 +66,8 @@ class Control:
 
     def colour_at(self, node: str, place_px: Floats) -> None:
         """The mark of this node has the colour that the newest picture shows here [px], (2,)."""
+        if node not in (mark.node for mark in self.session.line.scene.marks):
+            raise ValueError(f"hue: expected a node with a mark, found {node}")
         if self.session.picture is None:
             raise ValueError("hue: expected a picture, found none")
         self.session.colour(node, vision.learn_hue(self.session.picture.image, place_px))

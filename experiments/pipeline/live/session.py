@@ -301,11 +301,8 @@ class Session:
         self.line.identity.fix(place_m, (sd_m**2 + bias_m**2) * np.eye(dim))
 
     def colour(self, node: str, hue: vision.MarkHue) -> None:
-        """From now on the mark on this node has this colour. ValueError where it has no mark."""
-        marks = self.line.scene.marks
-        if node not in (mark.node for mark in marks):
-            raise ValueError(f"hue: expected a node with a mark, found {node}")
-        now_s = self._clock()
+        """From now on the mark on this node has this colour."""
+        marks, now_s = self.line.scene.marks, self._clock()
         self._note(Act.HUE, now_s, now_s, [node, *astuple(hue)])
         self.line.colour(tuple(mark.coloured(hue) if mark.node == node else mark for mark in marks))
 

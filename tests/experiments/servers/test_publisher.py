@@ -1,5 +1,6 @@
 """What a run tells those who watch, and what it does when they ask; the run is a real one, the link a list."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.log import LOG
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.session import PAUSED, Session
+from experiments.servers import publisher
 from experiments.servers.commands import read_command
 from experiments.servers.publisher import Shows, do, nis_band
 from experiments.simulation.simulate import draw, scene_of
@@ -42,14 +44,15 @@ class Link:
     def tell(self) -> None:
         self.told = True
 
-    def requests(self) -> list[dict]:
-        asked, self.asked = self.asked, []
-        return asked
+    def requests(self) -> Iterator[dict]:
+        while self.asked:
+            yield self.asked.pop(0)
 
 
 @pytest.fixture
-def shown(tmp_path):
+def shown(tmp_path, monkeypatch):
     """A link, to which a run at rest is shown; the run's control; and a function that goes on by frames."""
+    monkeypatch.setattr(publisher, "ATTENDS_S", np.inf)
     scene = scene_of(read_scenario("webcam"))
     plan = read_needle(NEEDLE, scene.target.radius_m, 2)
     image = draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
@@ -106,6 +109,29 @@ def test_where_nobody_watches_no_picture_is_made(shown):
     link.wants_picture = False
     assert go_on(3)["picture"] is None
     assert link.pictures == [None] * 3
+
+
+def test_many_requests_do_not_keep_the_loop_from_its_frames(shown, monkeypatch):
+    """What no time is left for is done at the next turn, in order."""
+    link, control, go_on = shown
+    monkeypatch.setattr(publisher, "ATTENDS_S", 0.0)
+    link.asked = [{"command": "pause", "on": on} for on in (True, False, True)]
+    paused = []
+    for _ in range(3):
+        go_on()
+        paused.append(control.session.paused)
+    assert paused == [True, False, True]
+    assert not link.asked
+
+
+def test_no_colour_is_learnt_for_a_node_without_a_mark(shown, monkeypatch, caplog):
+    """1,500 such requests, each of which searched the picture, kept the estimate STALE for four seconds."""
+    link, _control, go_on = shown
+    go_on()
+    monkeypatch.setattr(vision, "learn_hue", lambda *_: pytest.fail("the picture is searched"))
+    link.asked = [{"command": "hue", "node": "nobody", "place_px": [0, 0]}]
+    go_on()
+    assert "hue: expected a node with a mark, found nobody" in caplog.text
 
 
 def test_paused_there_is_no_advice_and_the_state_says_why(shown):
