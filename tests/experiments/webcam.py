@@ -1,4 +1,4 @@
-"""The webcam of the program's scenario with a quarter of its pixels, for tests of what is not the picture's fineness."""
+"""The program's webcam with a quarter of its pixels, for tests of other things than how fine its picture is."""
 
 from experiments.formats.scenario import Scenario, read_scenario
 
