@@ -14,7 +14,10 @@ settings.register_profile("softaim", derandomize=True, deadline=None)
 settings.load_profile("softaim")
 
 HERE = Path(__file__).parent
-VISION = HERE / "vision"
+FIRST = (HERE / "estimators/baselines/test_registry.py", HERE / "estimators/guidance/test_advice.py")
+"""Files that call nearly all kernels of dynamics and estimators."""
+SECOND = (HERE / "vision", HERE / "experiments/formats", HERE / "experiments/servers")
+"""Where nearly all kernels that are called are those of vision."""
 LONGEST = (HERE / "experiments/studies/test_readme.py", HERE / "experiments/pipeline/test_identify.py")
 """Files of half a minute and more."""
 
@@ -28,15 +31,21 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put tests of vision, then the longest, at the start of the second half, where the second of two workers begins.
 
-    The kernels of vision are others than those of dynamics and estimators, so that in a fresh clone neither worker
-    compiles what the other is compiling. What takes longest is neither left for the end, where the other worker would
-    wait for it, nor split between two that make its fixtures twice.
+    The kernels of vision are others than those of dynamics and estimators, with which the first worker begins, so that
+    in a fresh clone neither worker compiles what the other is compiling: that takes minutes. What takes longest is
+    neither left for the end, where the other worker would wait for it, nor split between two that make its fixtures
+    twice.
     """
-    vision = [item for item in items if item.path.is_relative_to(VISION)]
-    longest = [item for path in LONGEST for item in items if item.path == path]
-    others = [item for item in items if not item.path.is_relative_to(VISION) and item.path not in LONGEST]
-    half = len(items) // 2
-    items[:] = [*others[:half], *vision, *longest, *others[half:]]
+    first, second = within(items, FIRST), within(items, (*SECOND, *LONGEST))
+    placed = {*first, *second}
+    others = [item for item in items if item not in placed]
+    half = len(items) // 2 - len(first)
+    items[:] = [*first, *others[:half], *second, *others[half:]]
+
+
+def within(items: list[pytest.Item], places: tuple[Path, ...]) -> list[pytest.Item]:
+    """The tests in these files and folders, place by place."""
+    return [item for place in places for item in items if item.path.is_relative_to(place)]
 
 
 def pytest_collection_finish() -> None:

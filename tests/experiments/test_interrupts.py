@@ -12,11 +12,11 @@ import pytest
 from numba import njit
 
 from experiments.commands import app
-from experiments.formats.scenario import read_scenario
 from experiments.interrupts import as_interrupts
 from experiments.pipeline.live.following import live
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import simulate
+from tests.experiments.webcam import coarse_webcam
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a signal to itself")
 
@@ -50,7 +50,7 @@ def test_another_fault_of_the_system_stays():
 @POSIX
 def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
     """After a frame: what was estimated until then is told."""
-    simulate(read_scenario("webcam").model_copy(update={"duration_s": 1.0}), tmp_path / "rec")
+    simulate(coarse_webcam().model_copy(update={"duration_s": 1.0}), tmp_path / "rec")
     takes, out = Session.take, tmp_path / "out"
     out.mkdir()
 

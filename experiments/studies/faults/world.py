@@ -1,6 +1,6 @@
 """A breathing phantom before a camera, by a script's own time: its truth, its pictures, and a live source of them.
 
-Truth is SciPy's DOP853. Nothing takes time but the script, so that no figure depends on the machine.
+Truth is SciPy's RK45. Nothing takes time but the script, so that no figure depends on the machine.
 """
 
 from __future__ import annotations
@@ -107,6 +107,8 @@ def moved(
             rtol=1e-6,
             atol=1e-9,
             max_step_s=1.0 / 60.0,
+            method="RK45",
+            bends_s=np.concatenate([force.bends_s for force in forces]),
         )
         positions += [all_positions(body, unpack(x, body.dim)[0]) for x in states[bool(positions) :]]
         state = states[-1]

@@ -70,8 +70,8 @@ def make(driven, poke_forces, marks_of, rest_state):
 
 @pytest.fixture(scope="module")
 def runs(phantom, make):
-    """Two quiet and two poked runs."""
-    seeds = {"quiet": (0, 1), "poked": (0, 1)}
+    """A quiet run and a poked one."""
+    seeds = {"quiet": (0,), "poked": (0,)}
     return {kind: [follow(phantom, make, seed, kind == "poked") for seed in some] for kind, some in seeds.items()}
 
 
@@ -108,16 +108,16 @@ def test_its_covariance_can_be_believed(runs):
 
 
 def test_nothing_diverges(runs):
-    """No error beyond 15 mm, which five deviations of the widest belief are, in any of 1084 frames."""
+    """No error beyond 15 mm, which five deviations of the widest belief are, in any of 542 frames."""
     errors = np.concatenate([size(run.errors) for some in runs.values() for run in some])
-    assert len(errors) == 1084
+    assert len(errors) == 542
     assert errors.max() < 0.015
 
 
 def test_a_poke_is_told_from_quiet(runs):
     """Poked mode: 0.36 on average while an outer mass is pushed by over 1 N, 0.008 quiet, for these seeds."""
     pushed = np.concatenate([run.poked[run.pushed] for run in runs["poked"]])
-    assert len(pushed) > 40
+    assert len(pushed) > 20
     assert pushed.mean() > 0.25
     assert np.concatenate([run.poked for run in runs["quiet"]]).mean() < 0.02
 

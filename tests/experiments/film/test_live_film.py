@@ -10,18 +10,18 @@ import pytest
 import experiments.film.live_film
 from experiments.errors import InputError
 from experiments.film.live_film import WAITING, LiveFilm
-from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder import PIECE_S, Recorder, join
 from experiments.simulation.simulate import film, scene_of, true_motion
 from tests.experiments.command import softaim
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    scenario = read_scenario("webcam").model_copy(update={"duration_s": 2.5})
+    scenario = coarse_webcam().model_copy(update={"duration_s": 2.5})
     rng = np.random.default_rng(1)
     scene = scene_of(scenario)
     truth = true_motion(scene.network, scenario, rng)
@@ -30,7 +30,7 @@ def frames() -> list[Frame]:
 
 
 def line() -> Line:
-    return Line(scene_of(read_scenario("webcam")), baseline=False, explain=True)
+    return Line(scene_of(coarse_webcam()), baseline=False, explain=True)
 
 
 def taken(one: LiveFilm, frames: list[Frame]) -> None:

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from experiments.formats.scenario import read_scenario
 from experiments.pipeline.frame_sources import open_source
 from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.phantom_process import PhantomProcess
+from tests.experiments.webcam import coarse_webcam
 
 
 @pytest.mark.slow
@@ -60,7 +60,7 @@ def test_the_phantom_makes_up_for_a_moment_and_stood_still_in_a_longer_one(away_
     def sleep(seconds: float) -> None:
         now[0] += seconds
 
-    camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    camera = PhantomCamera(coarse_webcam(), hours=0.01, clock=lambda: now[0], sleep=sleep)
     assert camera.grab()
     now[0] += away_s + 1e-6
     assert camera.grab()
@@ -81,7 +81,7 @@ def test_a_picture_is_there_when_it_is_due_however_long_it_is_drawn(monkeypatch)
         return np.zeros((480, 640, 3), np.uint8)
 
     monkeypatch.setattr("experiments.simulation.phantom_camera.draw", slowly)
-    camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    camera = PhantomCamera(coarse_webcam(), hours=0.01, clock=lambda: now[0], sleep=sleep)
     for k in range(4):
         assert camera.grab()
         assert camera.retrieve()[1].shape == (480, 640, 3)
@@ -98,7 +98,7 @@ def test_the_phantom_goes_on_when_its_forces_come_again(monkeypatch):
     def sleep(seconds: float) -> None:
         now[0] += seconds
 
-    camera = PhantomCamera(read_scenario("webcam"), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    camera = PhantomCamera(coarse_webcam(), hours=0.01, clock=lambda: now[0], sleep=sleep)
     places = []
     for _ in range(60):
         assert camera.grab()
@@ -116,7 +116,7 @@ def test_the_phantom_moves_as_by_an_exact_integrator(monkeypatch):
         def sleep(seconds: float) -> None:
             now[0] += seconds
 
-        camera = PhantomCamera(read_scenario("webcam"), clock=lambda: now[0], sleep=sleep)
+        camera = PhantomCamera(coarse_webcam(), clock=lambda: now[0], sleep=sleep)
         places = []
         for _ in range(60):
             assert camera.grab()

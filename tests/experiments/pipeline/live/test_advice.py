@@ -12,7 +12,6 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, 
 from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, Status, TargetEstimate, TissueFilter, guide
 from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
-from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.integrity.monitor import UNTESTED
@@ -22,6 +21,7 @@ from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import draw, scene_of, simulate
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
@@ -44,7 +44,7 @@ def plan(needle_file) -> NeedlePlan:
 @pytest.fixture(scope="module")
 def image() -> np.ndarray:
     """The phantom at rest."""
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     return draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
 
 
@@ -52,7 +52,7 @@ def image() -> np.ndarray:
 def recording(tmp_path_factory) -> Recording:
     """3.5 s of the poked phantom before a webcam."""
     folder = tmp_path_factory.mktemp("film") / "rec"
-    webcam = read_scenario("webcam")
+    webcam = coarse_webcam()
     pokes = webcam.pokes.model_copy(update={"pause_s": 0.2})
     simulate(webcam.model_copy(update={"duration_s": 3.5, "pokes": pokes}), folder)
     opened = read_recording(folder)
@@ -74,7 +74,7 @@ def run(
     def clock() -> float:
         return source.now
 
-    scene = known(scene_of(read_scenario("webcam")))
+    scene = known(scene_of(coarse_webcam()))
     session = Session(
         scene, folder / "estimates.csv", lambda text: shown.append((clock(), text)), needle=plan, clock=clock
     )
@@ -285,7 +285,7 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
     before = np.round(100.0 + INTERVAL * np.arange(15), 9)
     source = Clocked(frames_at(before, image), [], 101.0)
     session = Session(
-        scene_of(read_scenario("webcam")),
+        scene_of(coarse_webcam()),
         tmp_path / "estimates.csv",
         lambda _: None,
         needle=plan,
@@ -312,7 +312,7 @@ def test_of_a_needle_that_its_tracker_does_not_see_there_is_no_advice_until_it_d
     """Unseen outside for 0.2 s, seen inside, unseen there for 0.2 s, seen outside."""
     source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(40), 9), image), [], 101.4)
     session = Session(
-        scene_of(read_scenario("webcam")),
+        scene_of(coarse_webcam()),
         tmp_path / "estimates.csv",
         lambda _: None,
         needle=plan,

@@ -18,13 +18,13 @@ import pytest
 
 from estimators import Advice
 from experiments.formats.needle_file import read_needle
-from experiments.formats.scenario import read_scenario
 from experiments.log import LOG
 from experiments.pipeline.live.following import live
 from experiments.pipeline.live.preparing import NICENESS, PREPARING, prepared
 from experiments.servers.publisher import Shows
 from experiments.simulation.simulate import scene_of, simulate
 from tests.experiments.servers.test_publisher import NEEDLE, Link
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 KERNELS = """
@@ -204,14 +204,14 @@ def times_of(source: Path, out: Path) -> Times:
 
 def test_a_film_that_has_not_begun_tells_its_own_time(tmp_path):
     """Nought, from which its states go on: a client that ties times to its own clock by the first keeps that tie."""
-    simulate(read_scenario("webcam").model_copy(update={"duration_s": 0.5}), tmp_path / "rec")
+    simulate(coarse_webcam().model_copy(update={"duration_s": 0.5}), tmp_path / "rec")
     times = times_of(tmp_path / "rec", tmp_path / "out")
     assert set(times.before) == {0.0}
     assert 0.0 <= min(times.then) <= max(times.then) < 2.0
 
 
 def test_viewers_see_the_picture_why_there_is_nothing_else_and_no_guidance():
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     plan, link = read_needle(NEEDLE, scene.target.radius_m, 2), Link()
     with Shows(link, scene, plan, "a test") as shows:  # type: ignore[arg-type]
         frame = Frames().next(0.0)

@@ -23,6 +23,7 @@ from experiments.pipeline.live.replaying import replay
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder_thread import RecorderThread
 from experiments.simulation.simulate import draw, scene_of
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 NEEDLE = Path("tests/experiments/needle.toml")
@@ -33,7 +34,7 @@ class Swinging(vision.EveryFrame):
     """A phantom that swings, drawn at each exposure; frames 20 ms later, with a gap; by a clock of the test's own."""
 
     def __init__(self, n_frames: int, gap: range = range(0)) -> None:
-        self.scene = scene_of(read_scenario("webcam"))
+        self.scene = scene_of(coarse_webcam())
         self.now = 100.0
         self._rng = np.random.default_rng(5)
         self._due = deque((k, 100.0 + k * INTERVAL_S) for k in range(n_frames) if k not in gap)

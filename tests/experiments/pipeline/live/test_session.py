@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import vision
-from experiments.formats.scenario import read_scenario
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import LIVE_DEFAULTS, Session
 from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.simulate import draw, scene_of
+from tests.experiments.webcam import coarse_webcam
 from vision import EventKind, Frame, SourceEvent
 
 INTERVAL = 1 / 30
@@ -23,7 +23,7 @@ INTERVAL = 1 / 30
 @pytest.fixture(scope="module")
 def image() -> np.ndarray:
     """The phantom at rest."""
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     return draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
 
 
@@ -61,7 +61,7 @@ def frames_at(times_s: np.ndarray, image: np.ndarray) -> list[tuple[float, Frame
 def run(source: Clocked, folder: Path) -> tuple[Session, list[dict[str, str]], list[tuple[float, str]]]:
     """The session, its rows, and what was shown when."""
     shown: list[tuple[float, str]] = []
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     session = Session(scene, folder / "estimates.csv", lambda text: shown.append((source.now, text)))
     follow(session, source, np.inf, clock=lambda: source.now)
     session.close()
@@ -74,7 +74,7 @@ class PacedPhantom(vision.EveryFrame):
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.camera = PhantomCamera(read_scenario("webcam"), clock=lambda: self.now, sleep=self._sleep)
+        self.camera = PhantomCamera(coarse_webcam(), clock=lambda: self.now, sleep=self._sleep)
         self.truth_m: list[np.ndarray] = []
 
     ended = False
@@ -179,7 +179,7 @@ def test_a_frame_older_than_what_was_told_and_one_of_another_size_are_not_used(t
 def test_before_the_first_frame_nothing_is_told_of_the_target(tmp_path):
     source, shown = Clocked([], [], 100.3), []
     session = Session(
-        scene_of(read_scenario("webcam")), tmp_path / "estimates.csv", lambda text: shown.append((source.now, text))
+        scene_of(coarse_webcam()), tmp_path / "estimates.csv", lambda text: shown.append((source.now, text))
     )
     follow(session, source, np.inf, clock=lambda: source.now)
     session.close()
@@ -211,7 +211,7 @@ def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody
 
     clock = iter(np.arange(1.0, 9.0, 0.001))
     session = Session(
-        scene_of(read_scenario("webcam")),
+        scene_of(coarse_webcam()),
         tmp_path / "e.csv",
         lambda _: None,
         publisher=Seen(),
@@ -241,7 +241,7 @@ def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, ima
     """Before a frame, and before a moment without one; a contradiction of the marks stays in mind."""
     frames = frames_at(100.0 + INTERVAL * np.array([*range(15), *range(24, 36)]), image)
     source = Clocked(frames, [], 101.3)
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: source.now)
     session.integrity.doubt.reason = "made up"
     turns = 0
