@@ -9,6 +9,7 @@ Names to start with:
     OpenLoop              the paper's method, to compare with
     identify_constants    stiffness, damping, rest lengths from a recording
     tune_noise            noise levels from the innovations
+    tune_strain           how far the tissue departs from its model, for the unified filter
     Replay                marks that come late or out of order
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where
@@ -128,6 +129,7 @@ from estimators.identification import (
     identify_constants,
     principal_uncertainty,
     tune_noise,
+    tune_strain,
 )
 from estimators.pose import CameraMove, PoseEstimate, PoseFilter, PoseSettings, RigidMotion
 from estimators.process import (
@@ -297,5 +299,6 @@ __all__ = [
     "resting_bound",
     "target_map",
     "tune_noise",
+    "tune_strain",
     "uniformity",
 ]

@@ -94,13 +94,14 @@ class LevelPosterior:
     The joint likelihood of all marks hardly asks how well one place follows from others, which is all that matters for
     a hidden one: it chooses levels that are too small.
 
-    State: log-probability of each level, (n_levels,).
+    State: log-probability of each level, (n_levels,); of the last frame's marks each given the others.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
         self.prior, self.levels = prior, np.array(prior.levels)
         self.log_prior = np.log(np.array(prior.odds) / sum(prior.odds))
         self.log_weights = self.log_prior.copy()
+        self.log_withheld = 0.0
 
     @property
     def level(self) -> float:
@@ -125,12 +126,14 @@ class LevelPosterior:
         groups : sequence of (k, dim) int
             For each name the rows that are withheld with it, its own first; without any nothing is learnt.
         """
+        self.log_withheld = 0.0
         if not groups:
             return
         other = (self.levels**2 - self.level**2)[:, None, None]
         rows = np.concatenate([group.ravel() for group in groups])
         ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
         found = withheld_log_likelihoods(S + other * fresh, innovation, rows, ends, own)
+        self.log_withheld = float(np.logaddexp.reduce(self.log_weights + found))
         self.log_weights = self.log_weights + self.prior.weight * found
         self.log_weights -= np.logaddexp.reduce(self.log_weights)
 

@@ -14,6 +14,7 @@ from estimators.identification.determined import MAX_VARIANCE_LEFT
 from estimators.identification.groups import ConstantGroup, constant_groups, group_label, group_value
 from estimators.identification.noise_levels import TuningResult, tune_noise
 from estimators.identification.residuals import ResidualTest
+from estimators.identification.strain import tune_strain
 
 __all__ = [
     "MAX_VARIANCE_LEFT",
@@ -31,4 +32,5 @@ __all__ = [
     "identify_constants",
     "principal_uncertainty",
     "tune_noise",
+    "tune_strain",
 ]

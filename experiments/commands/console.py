@@ -256,7 +256,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 
 def levels_table(report: Mapping[str, Any]) -> Table:
     """One row a noise level: value and standard error."""
-    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd"}
+    units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
     table = Table(title="Noise levels found")
     for head in ("level", "value", "unit", "standard error"):
         table.add_column(head, justify="right" if head in ("value", "standard error") else "left")

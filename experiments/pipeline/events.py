@@ -87,15 +87,20 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
         )
     if before in ("tune", "track"):
         lines["identify"] = _unidentified(scene)
-    if before == "track" and not scene.settings.unified:
+    if before == "track":
         lines["tune"] = _untuned(scene)
     return {name: line for name, line in lines.items() if line is not None}
+
+
+def is_identified(scene: Scene) -> bool:
+    """Whether the constants are those of the tissue: found from it, or of the truth."""
+    return any(step.name in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
 def _unidentified(scene: Scene) -> str | None:
     """Why the constants are not those of the tissue; None where they were found, or are stated with uncertainty."""
     edited, found = _edited(scene), any(step.name in CONSTANTS for step in scene.steps)
-    if scene.uncertainty is not None or (found and not edited):
+    if scene.uncertainty is not None or is_identified(scene):
         return None
     since = f" since the network was changed after softaim {scene.steps[-1].name}" if edited and found else ""
     return f"constants were not identified{since} (softaim identify): no covariance has their errors"
@@ -104,7 +109,8 @@ def _unidentified(scene: Scene) -> str | None:
 def _untuned(scene: Scene) -> str | None:
     """Why the noise levels are not those of the tissue; None where they were found or stated."""
     usual, names = FilterSettings(), [step.name for step in scene.steps]
-    if (scene.settings.quiet, scene.settings.poked) == (usual.quiet, usual.poked):
+    own = scene.settings
+    if (own.quiet, own.poked, own.discrepancy) == (usual.quiet, usual.poked, usual.discrepancy):
         why = "not tuned"
     elif "tune" in names and "identify" in names[names.index("tune") :]:
         why = "tuned before softaim identify, for other constants"

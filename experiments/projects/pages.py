@@ -42,7 +42,7 @@ KEYS = {
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
     "scale_sd": "0 for the simulated camera; of a real one, how well its scale is known",
-    "unified": "docs/unified.md; false: the usual filter, whose noise levels softaim tune finds",
+    "unified": "docs/unified.md; false: the usual filter",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
 """Comment behind a key of scene.toml where it stands first."""
@@ -82,15 +82,10 @@ def scene_page(scene: Scene, heading: str, *, after: str = "") -> str:
     return "\n".join([*(f"# {line}".rstrip() for line in heading.splitlines()), *lines, after]).rstrip() + "\n"
 
 
-UNKNOWN = """
-# A table is still missing; a command writes it into a copy of this file:
-# [uncertainty], how well the constants are known: softaim identify
-"""
-
 UNTUNED = """
-# Two tables are still missing; commands write them into copies of this file:
+# Still missing; commands write them into copies of this file:
 # [uncertainty], how well the constants are known: softaim identify
-# [filter], the noise levels of this tissue: softaim tune
+# in [filter], how far this tissue departs from its model, or its noise levels: softaim tune
 """
 
 
@@ -168,13 +163,11 @@ def needle_page(of: Template) -> str:
 
 def steps_page(of: Template) -> str:
     """STEPS.md: what to type, in order, and why."""
-    film, unified = of.believed.network.dim == 2, of.believed.settings.unified
+    film = of.believed.network.dim == 2
     words = {
-        "noise": UNIFIED_NOISE if unified else TUNED_NOISE,
         "title": of.title,
         "target": of.believed.target.node,
         "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
-        "known": "identified.toml" if unified else "tuned.toml",
         "real": REAL_FILM if film else REAL_MARKS,
     }
     return _filled(STEPS, words)
@@ -202,19 +195,6 @@ REAL_MARKS = """\
 With a real body, recordings of a tracker take the place of step 2: folders with `scene.toml` and `marks.csv`
 (`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, those inside, too, as by CT or
 ultrasound; in `rec` those on the outside.
-"""
-
-TUNED_NOISE = """\
-Tuned before advice: levels that are too high make it wait, levels that are too low let it go too early.
-
-```sh
-softaim tune rec --scene identified.toml --out tuned.toml
-```
-"""
-
-UNIFIED_NOISE = """\
-Nothing to do: `scene.toml` asks for the unified filter (`[filter] unified = true`), which weighs its
-levels by the marks.
 """
 
 STEPS = """\
@@ -271,11 +251,17 @@ softaim identify calibration --scene rest.toml --out identified.toml
 
 ## 5. Its noise
 
-<noise>
+Tuned before advice, by how well each mark follows from the others: levels that are too high make it wait, levels that
+are too low let it go too early.
+
+```sh
+softaim tune rec --scene identified.toml --out tuned.toml
+```
+
 ## 6. Follow the target
 
 ```sh
-softaim track rec --scene <known> --out track
+softaim track rec --scene tuned.toml --out track
 ```
 
 `track/path.png` shows the target's path, true and estimated, with its ellipses.
@@ -283,7 +269,7 @@ softaim track rec --scene <known> --out track
 ## 7. Ask for advice
 
 ```sh
-softaim advise rec --scene <known> --needle needle.toml --out advice
+softaim advise rec --scene tuned.toml --needle needle.toml --out advice
 ```
 
 `advice/advice.png` shows when to go, when to wait and when to realign.

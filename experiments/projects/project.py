@@ -12,7 +12,7 @@ from dynamics.phantoms.breast import YOUNG_PA
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.projects.mesh_file import read_mesh
-from experiments.projects.pages import UNKNOWN, UNTUNED, needle_page, scenario_page, scene_page, steps_page
+from experiments.projects.pages import UNTUNED, needle_page, scenario_page, scene_page, steps_page
 from experiments.projects.template import Template, template
 
 N_MASSES = {"plane": 5, "breast": 10}
@@ -64,9 +64,8 @@ def project(
             return template(f"A mesh from {nodes.name}", mesh.phantom, mesh.hues, way, seed=seed)
         n_masses = N_MASSES[kind] if masses is None else masses
         if kind is Kind.PLANE:
-            return template(
-                f"A flat phantom of {n_masses} masses", planar_phantom(n_masses), {}, np.array(UP), seed=seed
-            )
+            phantom, way = planar_phantom(n_masses), np.array(UP)
+            return template(f"A flat phantom of {n_masses} masses", phantom, {}, way, seed=seed, unified=True)
         phantom = breast_phantom(n_masses, young)
         way = np.array(FROM_THE_FRONT)
         return template(f"A soft breast of {n_masses} masses", phantom, {}, way, seed=seed, unified=True)
@@ -76,9 +75,8 @@ def project(
 
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
     """Write the files of a project to a folder that exists; seed: its recordings have the three seeds that follow."""
-    missing = UNKNOWN if of.believed.settings.unified else UNTUNED
     scenes = {
-        "scene.toml": (of.believed, f"{of.title}: what is assumed about it.\ndocs/recording.md has all keys.", missing),
+        "scene.toml": (of.believed, f"{of.title}: what is assumed about it.\ndocs/recording.md has all keys.", UNTUNED),
         "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),
         "truth/all_marks.toml": (
             of.truth_all_seen,

@@ -57,7 +57,6 @@ def identify(
     def show() -> None:
         print_table(constants_table(report))
         print("\n".join(fit_lines(found, minutes)))
-        ahead = "track REC" if found_scene.settings.unified else "tune REC --out tuned.toml"
-        print(f"Scene in {out}; next: softaim {ahead} --scene {out}")
+        print(f"Scene in {out}; next: softaim tune REC --out tuned.toml --scene {out}")
 
     return Answer({"out": out, **report}, show)

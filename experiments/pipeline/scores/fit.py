@@ -108,13 +108,11 @@ def verdict(
     frozen: int = 0,
     pictures: bool = True,
     truth: TruthScore | None = None,
-    tunable: bool = True,
 ) -> str:
     """What innovations show, what they do not, and in how many frames there were any.
 
     refused: marks that the gate rejected; frozen: frames whose given values repeat; pictures: whether marks were looked
-    for in pictures, and not given; truth: scores of the target, where its truth is known; tunable: whether the filter
-    has noise levels to tune
+    for in pictures, and not given; truth: scores of the target, where its truth is known
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -123,7 +121,7 @@ def verdict(
         together = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         together = f"none of {frames} frames coasting, lost or diverged"
-    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, tunable=tunable)
+    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit)
     of_target = UNTESTED if truth is None and fit is not None else truth.words if truth is not None else None
     counts = [
         together,
@@ -133,18 +131,17 @@ def verdict(
     return "; ".join(part for part in (of_marks, of_target, *counts) if part)
 
 
-def _fit_words(fit: Fit, *, tunable: bool) -> str:
+def _fit_words(fit: Fit) -> str:
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks are predicted as well as stated: NIS {fit.mean_nis:.2f} in {band}"
     if fit.ratio < 1.0:
         return (
             f"marks are predicted better than stated: they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than "
-            f"predicted, NIS {fit.mean_nis:.2f} below {band}: noise levels are too high for these marks"
-            f"{' (softaim tune)' if tunable else ''}"
+            f"predicted, NIS {fit.mean_nis:.2f} below {band}: noise levels are too high for these marks (softaim tune)"
         )
     more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (
         f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
-        f"constants or noise levels are wrong (softaim identify{', softaim tune' if tunable else ''})"
+        "constants or noise levels are wrong (softaim identify, softaim tune)"
     )

@@ -9,6 +9,7 @@ import pytest
 from estimators import UnifiedFilter
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
+from experiments.formats.scene.scene import read_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.warm_up import warm_up
@@ -63,10 +64,21 @@ def test_smoothing_lowers_the_error(recorded: Path, tmp_path: Path) -> None:
     assert summary["smoother"]["rmse_mm"] < summary["filter"]["rmse_mm"]
 
 
-def test_tuning_says_that_there_is_nothing_to_tune(recorded: Path, tmp_path: Path, capsys) -> None:
-    assert softaim("tune", recorded, "--out", tmp_path / "tuned.toml") == 2
-    assert "filter.unified: expected the usual filter: this one has no levels to tune, found true" in last_line(capsys)
-    assert not (tmp_path / "tuned.toml").exists()
+@pytest.mark.parametrize(("is_truth", "least"), [(True, 0.001), (False, 0.003)])
+def test_tuning_writes_the_level_that_tracking_uses(
+    recorded: Path, tmp_path: Path, capsys, is_truth: bool, least: float
+) -> None:
+    """Levels below 0.003 are for constants that were found from the tissue."""
+    text, scene, out = (recorded / "scene.toml").read_text(), tmp_path / "scene.toml", tmp_path / "tuned.toml"
+    scene.write_text(text.replace("strain = 0.001\n", "") if is_truth else text.partition("[[provenance]]")[0])
+    assert softaim("tune", recorded, "--scene", scene, "--out", out, "--json") == 0
+    report = json.loads(capsys.readouterr().out)
+    assert set(report["levels"]) == {"strain"}
+    tuned = read_scene(out)
+    assert tuned.settings.discrepancy == report["strain"] >= least
+    assert tuned.settings.unified
+    assert tuned.steps[-1].name == "tune"
+    assert Line(tuned).filter.settings == tuned.settings
 
 
 @pytest.mark.parametrize("key", ["white_m_s2_sqrt_hz = 0.05", "adapt_marks = true"])

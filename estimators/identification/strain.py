@@ -1,0 +1,113 @@
+"""The level of the unified filter's discrepancy from a recording: how far a tissue departs from its model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynamics import MassSpringNetwork, ParameterUncertainty
+from estimators.arrays import Floats
+from estimators.core.track import UnifiedFilter
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
+from estimators.identification.filter_pass import Frames
+from estimators.identification.noise_levels import TuningResult
+from estimators.identification.stretch import affordable, frame_seconds
+from estimators.threads import one_blas_thread
+from estimators.tissue.settings import FilterSettings
+
+STRAINS = (0.001, 0.003, 0.01, 0.03)
+"""Levels that are compared, by the body's extent [1]; choice."""
+
+UNSEEN = 0.003
+"""Smallest level of a model whose constants were guessed: marks do not show how well it predicts the target [1];
+measured: docs/unified.md."""
+
+REFUTED = 3.0
+"""Difference of log likelihood from which on a level is refuted by the best [1]; choice."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Passes:
+    """Passes through frames: by level the log likelihood of each mark given the others of its frame."""
+
+    network: MassSpringNetwork
+    nodes: tuple[Sequence[str], str]
+    uncertainty: ParameterUncertainty | None
+    settings: FilterSettings
+    frames: Frames
+    budget: Budget
+
+    def __call__(self, strain: float | None) -> float:
+        marked, target = self.nodes
+        settings = replace(self.settings, discrepancy=strain)
+        tissue, total = UnifiedFilter(self.network, target, marked, settings, uncertainty=self.uncertainty), 0.0
+        with one_blas_thread():
+            for time_s, marks in self.frames:
+                self.budget.check()
+                is_begun = tissue.seen_s is not None
+                tissue.predict(time_s)
+                if tissue.update(marks).marks_used and is_begun:
+                    total += tissue.level.log_withheld
+        return total
+
+
+def tune_strain(
+    network: MassSpringNetwork,
+    frames: Frames,
+    marked: Sequence[str],
+    target: str,
+    *,
+    uncertainty: ParameterUncertainty | None = None,
+    settings: FilterSettings | None = None,
+    is_identified: bool = False,
+    budget: Budget | None = None,
+    workers: Workers = map,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> TuningResult:
+    """Find the level of the discrepancy: the largest one that the marks do not refute.
+
+    Levels are compared by the likelihood of each mark given the others of its frame: the joint likelihood hardly asks
+    how well a hidden place follows from the marks. Parameters as `tune_noise` has them. The standard error is that of
+    the level's logarithm if all levels are equally probable at first.
+
+    is_identified: whether the constants were found from the tissue; levels below `UNSEEN` are compared only then
+    Raises IdentificationError where the time is too short for anything.
+    """
+    before, limit = settings or FilterSettings(), budget or Budget()
+    strains = [strain for strain in STRAINS if is_identified or strain >= UNSEEN]
+    frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
+    passes = _Passes(network, (tuple(marked), target), uncertainty, before, frames, limit)
+    n = len(strains) + 1
+    try:
+        frame_s = frame_seconds(lambda some: replace(passes, frames=some)(strains[0]), frames, limit)
+        used, found = affordable(frames, frame_s, n, limit), list[float]()
+        for one in workers(replace(passes, frames=used), [before.discrepancy, *strains]):
+            found.append(one)
+            advance(len(found) / n)
+    except OutOfTimeError:
+        raise IdentificationError(
+            f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
+        ) from None
+    logs: Floats = np.array(found[1:])
+    best = int(np.flatnonzero(logs >= logs.max() - REFUTED)[-1])
+    return TuningResult(
+        replace(before, discrepancy=strains[best]),
+        1.0,
+        ("strain",),
+        np.array([strains[best]]),
+        np.array([_log_sd(np.log(strains), logs)]),
+        float(logs[best]),
+        found[0],
+        len(used),
+        len(used) == len(frames),
+    )
+
+
+def _log_sd(places: Floats, logs: Floats) -> float:
+    """Standard deviation of a logarithm, by the log likelihoods of its values, each of equal width."""
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    width = np.ptp(places) / (len(places) - 1)
+    return float(np.sqrt(weights @ (places - weights @ places) ** 2 + width**2 / 12.0))
