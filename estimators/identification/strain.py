@@ -17,7 +17,7 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
-STRAINS = (0.001, 0.003, 0.01, 0.03)
+STRAINS = (0.002, 0.003, 0.01, 0.03)
 """Levels that are compared, by the body's extent [1]; choice."""
 
 UNSEEN = 0.003
