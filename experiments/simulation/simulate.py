@@ -48,8 +48,7 @@ TARGET_RADIUS_M = 0.005
 """Of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.001
-"""Level of the discrepancy that a simulated phantom's scene states, by its extent: its model is the truth; measured:
-docs/unified.md."""
+"""Level of the discrepancy of a simulated phantom, whose model is the truth, by its extent [1]; chosen."""
 
 TRUTH = 0.2
 """Share of the work before a film that the truth is taken for, of what is shown as done."""

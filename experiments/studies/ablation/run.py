@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators import MarkMeasurement, Status, coverage, normalised_error_squared
+from estimators import FilterSettings, MarkMeasurement, Status, coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.filter import ADAPTED
@@ -126,7 +126,7 @@ def _phantom(of: Of, seed: int, seconds: float) -> Figures:
     names = [scene.network.names[i] for i in scene.network.free]
     hidden, seen, cov = names.index(scene.target.node), scene.measured_nodes, MARK_SD_M**2 * np.eye(scene.network.dim)
     camera = replace(scene.cameras[0], scale_sd=SCALE_SD if trouble == "camera" else None)
-    scene = replace(scene, cameras=(camera,))
+    scene = replace(scene, cameras=(camera,), settings=FilterSettings())
     if trouble == "stated":
         scene = replace(scene, settings=replace(scene.settings, marks_bounds=ADAPTED))
     if trouble == "check":

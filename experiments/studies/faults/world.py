@@ -22,7 +22,7 @@ from dynamics import (
     pack,
     unpack,
 )
-from estimators import Insertion
+from estimators import FilterSettings, Insertion
 from experiments.arrays import Floats
 from experiments.formats.needle_file import force_reach_m
 from experiments.formats.scenario import Scenario, read_scenario
@@ -54,10 +54,10 @@ def scenario_of(seed: int, duration_s: float) -> Scenario:
 
 
 def scene_in_view(scenario: Scenario) -> Scene:
-    """The scenario's scene with a colour for each mark."""
+    """The scenario's scene with a colour for each mark, followed by the usual filter."""
     scene = scene_of(scenario)
     marks = tuple(replace(mark, hue_deg=hue) for mark, hue in zip(scene.marks, HUES_DEG, strict=True))
-    return replace(scene, marks=marks)
+    return replace(scene, marks=marks, settings=FilterSettings())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,7 +108,7 @@ def moved(
             atol=1e-9,
             max_step_s=1.0 / 60.0,
             method="RK45",
-            bends_s=np.concatenate([force.bends_s for force in forces]),
+            bends_s=np.concatenate([np.empty(0), *(force.bends_s for force in forces)]),
         )
         positions += [all_positions(body, unpack(x, body.dim)[0]) for x in states[bool(positions) :]]
         state = states[-1]
