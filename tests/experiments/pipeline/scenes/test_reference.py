@@ -46,12 +46,12 @@ def filmed(line, scene, time_s, lit=None):
 
 @cache
 def short(row):
-    return figures([run("phantom", row, 100, 5.0)])
+    return figures([run("phantom", row, seed, 5.0) for seed in (100, 101)])
 
 
 @pytest.mark.parametrize("row", ["drift 1 mm/s", "moved 10 mm", "turned 2 deg"])
 def test_the_target_of_a_moving_camera_is_as_that_of_one_that_stands(row):
-    """One seed, and two seconds after the move; of ten seeds and seven seconds the study has less than 1.1."""
+    """Two seeds, and two seconds after the move; of ten seeds and seven seconds the study has less than 1.1."""
     assert short(row)["mae_mm"] < 1.2 * short("still")["mae_mm"]
     assert short(row)["coverage95"] >= 0.9
 
