@@ -9,7 +9,6 @@ Names to start with:
     OpenLoop              the paper's method, to compare with
     identify_constants    stiffness, damping, rest lengths from a recording
     tune_noise            noise levels from the innovations
-    tune_strain           how far the tissue departs from its model, for the unified filter
     Replay                marks that come late or out of order
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where

@@ -10,12 +10,12 @@ import pytest
 
 from estimators import CovarianceError
 from experiments.formats.outputs import growing_folder
-from experiments.formats.scenario import read_scenario
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.outputs import FINEST_MS, Latencies, LiveTable, StatusLine
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
+from tests.experiments.webcam import coarse_webcam
 
 __all__ = ["image"]
 
@@ -127,7 +127,7 @@ def test_latencies_are_counted_to_their_share():
 
 def test_marks_under_which_there_is_no_covariance_are_left_out_and_said(tmp_path, image, monkeypatch, caplog):
     """Of 20 frames, three in a row: they are not used, the target is predicted meanwhile, and tracking goes on."""
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     source = Clocked(frames_at(100.0 + INTERVAL * np.arange(20), image), [], 100.7)
     session = Session(scene, tmp_path / "estimates.csv", lambda _text: None)
     see = session.line.see
