@@ -13,7 +13,7 @@ from estimators.tissue.settings import FilterSettings
 
 
 class FixedIntervalSmoother:
-    """The filter forth and smoothed back; a lower bound on the error of what filters with the same belief.
+    """The filter forth and smoothed back; a lower bound on the error of what filters with the same model.
 
     fixes: direct sightings of the target, used at their times
     State: tissue, the filter, before or after its frames.

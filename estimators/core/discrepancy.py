@@ -94,7 +94,8 @@ class LevelPosterior:
     The joint likelihood of all marks hardly asks how well one place follows from others, which is all that matters for
     a hidden one: it chooses levels that are too small.
 
-    State: log-probability of each level, (n_levels,); of the last frame's marks each given the others.
+    State: log-probability of each level, (n_levels,); log_withheld, the log likelihood of the marks of the last frame,
+    each given those that are not withheld with it.
     """
 
     def __init__(self, prior: Discrepancy) -> None:

@@ -204,7 +204,7 @@ class HypothesisFilter:
         self.weights, self._before, self._dt = weights, _Prior(means, covs, dt, half), dt
         self._move(self._before, weights @ means)
         if self.trace is not None:
-            self.trace.append(self._moved(self._before))
+            self.trace.append(self._traced(self._before))
 
     def _move(self, before: _Prior, reference: Floats, error: Floats | None = None) -> None:
         found = self.process.linearize(reference, before.dt)
@@ -217,7 +217,7 @@ class HypothesisFilter:
             np.einsum("kii->ki", self.covs)[:] += alike
         self._transition, self._reference, self._latest = found, reference, None
 
-    def _moved(self, before: _Prior) -> Move:
+    def _traced(self, before: _Prior) -> Move:
         assert self._transition is not None  # there is one after a prior
         start = mixed(self.weights, before.means - before.kick, before.covs)
         return Move(*start, self._transition.matrix, *self.moments_by(self.weights))
@@ -261,7 +261,7 @@ class HypothesisFilter:
         """Take in all that was observed at this time; the least normalised innovation squared of any hypothesis."""
         found = self._fitted(observations)
         if self.trace and self._before is not None:
-            self.trace[-1] = self._moved(self._before)
+            self.trace[-1] = self._traced(self._before)
         for left in reversed(range(LINEARISATIONS)):
             gains = found.root @ found.HP
             means = self.means + of_each(gains.swapaxes(1, 2), found.white)

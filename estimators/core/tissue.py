@@ -35,7 +35,8 @@ DISPLACED = 0.1
 """Displacement at the start, root of the mean square over nodes and axes, by the extent, at most [1]; choice."""
 
 START_SHARE = 0.001
-"""Displacement of each node by itself at the start, by the extent, and speed a second [1]; choice."""
+"""What each node may be displaced by itself at the start, by the extent, and its speed, by the extent a second [1];
+choice."""
 
 RANK = 20
 """Functions of a slow force at most, by each axis; numerical."""
@@ -130,7 +131,7 @@ class TissueProcess:
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.network.positions[self.network.free].ravel()
-        strongest = self.variances(0.0)[3 * len(self.disturbances.slow_m_s2) - 2][None]
+        strongest = self.variances(0.0)[None, -2]  # the strongest slow forces, poked
         before, after = np.zeros((1, self.n, self.n)), np.empty((1, self.n, self.n))
         self._set_forces(before[0], strongest[0])
         propagated(before, self.linearize(state, PUSHED_S), strongest, after)

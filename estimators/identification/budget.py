@@ -17,6 +17,13 @@ class IdentificationError(ValueError):
     """A recording from which nothing can be estimated; the message gives the reason."""
 
 
+def too_short(limit: Budget) -> IdentificationError:
+    """The error of a time that is not enough for anything."""
+    return IdentificationError(
+        f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
+    )
+
+
 class OutOfTimeError(Exception):
     """The time that an estimation may take is over."""
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers, too_short
 from estimators.identification.determined import keeping_undetermined, left_open
 from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, with_short_gaps
 from estimators.identification.forced.refined import Refined, Scaled, under_forces
@@ -167,9 +167,7 @@ def identify_constants(
     try:
         return _identified(problem, with_short_gaps(frames[first:], calm.forget_s), chosen, workers, advance)
     except OutOfTimeError:
-        raise IdentificationError(
-            f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
-        ) from None
+        raise too_short(limit) from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

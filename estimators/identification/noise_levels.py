@@ -11,13 +11,14 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.filters.unscented import CovarianceError
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers, too_short
 from estimators.identification.filter_pass import Frames
 from estimators.identification.newton import minimum
-from estimators.identification.stretch import affordable, frame_seconds, liveliest
+from estimators.identification.stretch import affordable, frame_seconds, from_first_marks, liveliest
 from estimators.threads import one_blas_thread
 from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
+from estimators.tissue.target_filter import TargetFilter
 
 NAMES = ("white", "poke", "marks")
 """Tuned: `ForceMode.white` of all modes, `ForceMode.poke` of the poked one, the marks' noise by the reported one."""
@@ -78,6 +79,16 @@ def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None =
 
     Raises OutOfTimeError where the time is over.
     """
+    return summed(tissue, frames, lambda: tissue.mixture.log_likelihood, budget)
+
+
+def summed(
+    tissue: TargetFilter, frames: Frames, log_likelihood: Callable[[], float], budget: Budget | None = None
+) -> float:
+    """Of a log likelihood after each frame whose marks were used, but for the first.
+
+    Raises OutOfTimeError where the time is over.
+    """
     limit = Budget() if budget is None else budget
     total = 0.0
     for time_s, marks in frames:
@@ -85,7 +96,7 @@ def log_likelihood(tissue: TissueFilter, frames: Frames, budget: Budget | None =
         started = tissue.seen_s is not None
         tissue.predict(time_s)
         if tissue.update(marks).marks_used and started:
-            total += tissue.mixture.log_likelihood
+            total += log_likelihood()
     return total
 
 
@@ -218,7 +229,7 @@ def tune_noise(
     limit = Budget() if budget is None else budget
     start = np.array([before.quiet.white, before.poked.poke, 1.0])
     none = np.zeros(len(start))
-    frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
+    frames = from_first_marks(frames)
     model = TissueFilter(network, target, marked, before, uncertainty=uncertainty).model
     stiff = model.stiff
     frames = liveliest(frames, MOST_OF_STIFF // model.dim_x if stiff else MOST_FRAMES)
@@ -233,9 +244,7 @@ def tune_noise(
         if stiff:
             by_strain = run.of_strains(none, likelihood_before, workers)
     except OutOfTimeError:
-        raise IdentificationError(
-            f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
-        ) from None
+        raise too_short(limit) from None
     if not np.isfinite(likelihood_before):
         raise IdentificationError("expected levels under which the filter stays finite, found others")
     # levels and strain explain the same innovations: without a strain other levels are the best

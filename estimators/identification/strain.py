@@ -10,10 +10,10 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.core.track import UnifiedFilter
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers
+from estimators.identification.budget import Budget, OutOfTimeError, Workers, too_short
 from estimators.identification.filter_pass import Frames
-from estimators.identification.noise_levels import TuningResult
-from estimators.identification.stretch import affordable, frame_seconds
+from estimators.identification.noise_levels import TuningResult, summed
+from estimators.identification.stretch import affordable, frame_seconds, from_first_marks
 from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
@@ -42,15 +42,9 @@ class _Passes:
     def __call__(self, strain: float | None) -> float:
         marked, target = self.nodes
         settings = replace(self.settings, discrepancy=strain)
-        tissue, total = UnifiedFilter(self.network, target, marked, settings, uncertainty=self.uncertainty), 0.0
+        tissue = UnifiedFilter(self.network, target, marked, settings, uncertainty=self.uncertainty)
         with one_blas_thread():
-            for time_s, marks in self.frames:
-                self.budget.check()
-                is_begun = tissue.seen_s is not None
-                tissue.predict(time_s)
-                if tissue.update(marks).marks_used and is_begun:
-                    total += tissue.level.log_withheld
-        return total
+            return summed(tissue, self.frames, lambda: tissue.level.log_withheld, self.budget)
 
 
 def tune_strain(
@@ -77,7 +71,7 @@ def tune_strain(
     """
     before, limit = settings or FilterSettings(), budget or Budget()
     strains = [strain for strain in STRAINS if is_identified or strain >= UNSEEN]
-    frames = frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
+    frames = from_first_marks(frames)
     passes = _Passes(network, (tuple(marked), target), uncertainty, before, frames, limit)
     n = len(strains) + 1
     try:
@@ -87,9 +81,7 @@ def tune_strain(
             found.append(one)
             advance(len(found) / n)
     except OutOfTimeError:
-        raise IdentificationError(
-            f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
-        ) from None
+        raise too_short(limit) from None
     logs: Floats = np.array(found[1:])
     best = int(np.flatnonzero(logs >= logs.max() - REFUTED)[-1])
     return TuningResult(

@@ -20,6 +20,11 @@ TIMED = 3
 frames, and a fit that counts it as theirs gives up though there is time."""
 
 
+def from_first_marks(frames: Frames) -> Frames:
+    """The frames from the first on that has marks."""
+    return frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
+
+
 def liveliest(frames: Frames, n: int) -> Frames:
     """The n frames in a row in which the marks move the most, by the sum of their squared steps."""
     if n >= len(frames):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from estimators.filters.gaussians import moment_matched
 from estimators.filters.kernels import gains, met, roots_each
 from estimators.filters.motion import ModeBeliefs, Transition
 from estimators.filters.unscented import CovarianceError
-from estimators.smoothing.unified import smoothed_path
+from estimators.smoothing.unified import UnifiedPass
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 from estimators.tissue.filter import TissueFilter
 
@@ -88,6 +89,11 @@ class ForwardPass:
         columns = self.tissue.target.linear(mixture.mean_columns)
         return FilteredStep(estimate, mixture.beliefs(), None if restarted else cycles, columns @ columns.T)
 
+    def smoothed(self, passed: Sequence[FilteredStep], advance: Callable[[float], None]) -> list[TargetEstimate]:
+        """The target at each step, given all of them; advance: gets the share done."""
+        known = smooth(passed, advance)
+        return [_reported(one, state, self.tissue) for one, state in zip(passed, known, strict=True)]
+
 
 def fixed_interval(
     tissue: TissueFilter | UnifiedFilter,
@@ -101,12 +107,11 @@ def fixed_interval(
     advance: gets the share done, half of it forth, half back. fixes: used at their times; one before the first marks
     or after the last frame is not.
     """
-    taken = list(frames)
-    if isinstance(tissue, UnifiedFilter):
-        return smoothed_path(tissue, taken, advance, fixes)
-    passage = ForwardPass(tissue)
-    waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
-    passed: list[FilteredStep] = []
+    passage: ForwardPass | UnifiedPass = (
+        UnifiedPass(tissue) if isinstance(tissue, UnifiedFilter) else ForwardPass(tissue)
+    )
+    taken, waiting = list(frames), deque(sorted(fixes, key=lambda fix: fix[0]))
+    passed: list[Any] = []
     of_frames: list[int] = []
     for time_s, marks in taken:
         while waiting and waiting[0][0] <= time_s:
@@ -116,8 +121,8 @@ def fixed_interval(
         of_frames.append(len(passed))
         passed.append(passage.take(time_s, marks))
         advance(0.5 * len(of_frames) / len(taken))
-    known = smooth(passed, lambda share: advance(0.5 + 0.5 * share))
-    return [_reported(passed[k], known[k], tissue) for k in of_frames]
+    known = passage.smoothed(passed, lambda share: advance(0.5 + 0.5 * share))
+    return [known[k] for k in of_frames]
 
 
 class FixedLag:

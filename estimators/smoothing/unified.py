@@ -5,9 +5,8 @@ All modes share the transition, so the mixture moves as one Gaussian with its me
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,50 +19,61 @@ from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 SINGULAR = 1e-12
 """Added to the correlations of a prediction before they are inverted [1]; numerical."""
 
-Step = tuple[TargetEstimate, Floats, Floats, list[Move]]
-"""At a frame: the filter's estimate, mean (n,) and covariance (n, n) of its state, and the moves that led there."""
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnifiedStep:
+    """At a frame: the filter's estimate, mean (n,) and covariance (n, n) of its state, and the moves that led there.
+
+    moves: none where the filter began: its state holds no information on earlier ones
+    """
+
+    estimate: TargetEstimate
+    mean: Floats
+    cov: Floats
+    moves: Sequence[Move]
 
 
-def smoothed_path(
-    tissue: UnifiedFilter,
-    frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
-    advance: Callable[[float], None],
-    fixes: Iterable[tuple[float, Floats, Floats]],
-) -> list[TargetEstimate]:
-    """As `fixed_interval` does, by the unified filter."""
-    waiting, steps, of_frames = deque(sorted(fixes, key=lambda fix: fix[0])), list[Step](), list[int]()
-    for time_s, marks in frames:
-        while waiting and waiting[0][0] <= time_s:
-            fix_s, place, cov = waiting.popleft()
-            if tissue.seen_s is not None:
-                steps.append(_passed(tissue, fix_s, lambda p=place, c=cov: tissue.fix(p, c)))  # type: ignore[misc]
-        of_frames.append(len(steps))
-        steps.append(_passed(tissue, time_s, lambda m=marks: tissue.update(m)))  # type: ignore[misc]
-        advance(0.5 * len(of_frames) / len(frames))
-    rows, constant, found = tissue.rows_of(tissue.target), tissue.target.constant, list[TargetEstimate]()
-    mean, cov, moves = np.empty(0), np.empty(0), list[Move]()
-    for k, (estimate, own_mean, own_cov, own_moves) in enumerate(reversed(steps)):
-        if moves:
+class UnifiedPass:
+    """A filter on its way through frames, with what a smoother needs of each. State: the filter."""
+
+    def __init__(self, tissue: UnifiedFilter) -> None:
+        self.tissue = tissue
+
+    def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> UnifiedStep:
+        """The filter's estimate at this exposure time [s], and what led to it; raises ValueError as the filter does."""
+        return self._taken(time_s, lambda: self.tissue.update(marks))
+
+    def fix(self, fix: tuple[float, Floats, Floats]) -> UnifiedStep:
+        """The same of a direct sighting of the target: time [s], place [m] (dim,), covariance [m²] (dim, dim)."""
+        time_s, position, cov = fix
+        return self._taken(time_s, lambda: self.tissue.fix(position, cov))
+
+    def _taken(self, time_s: float, update: Callable[[], TargetEstimate]) -> UnifiedStep:
+        before, is_begun, moves = self.tissue.filter, self.tissue.seen_s is not None, list[Move]()
+        before.trace = moves
+        try:
+            self.tissue.predict(time_s)
+            estimate = update()
+        finally:
+            before.trace = None
+        own = self.tissue.filter  # another one where it began again
+        return UnifiedStep(estimate, *own.moments_by(own.weights), moves if own is before and is_begun else [])
+
+    def smoothed(self, passed: Sequence[UnifiedStep], advance: Callable[[float], None]) -> list[TargetEstimate]:
+        """The target at each step, given all of them; advance: gets the share done."""
+        target, considered = self.tissue.target, self.tissue.process.considered
+        rows, found = self.tissue.rows_of(target), list[TargetEstimate]()
+        mean, cov = np.empty(0), np.empty(0)
+        moves: Sequence[Move] = ()
+        for one in reversed(passed):
+            if not moves:  # nothing later, or nothing that depends on this
+                mean, cov = one.mean, one.cov
             for move in reversed(moves):
-                mean, cov = smoothed_before(mean, cov, move, tissue.process.considered)
-        else:  # nothing later, or nothing that depends on this
-            mean, cov = own_mean, own_cov
-        moves = own_moves
-        found.append(replace(estimate, mean=rows @ mean + constant, cov=rows @ cov @ rows.T))
-        advance(0.5 + 0.5 * (k + 1) / len(steps))
-    return [found[len(steps) - 1 - k] for k in of_frames]
-
-
-def _passed(tissue: UnifiedFilter, time_s: float, update: Callable[[], TargetEstimate]) -> Step:
-    before = tissue.filter
-    moves = list[Move]()
-    before.trace = moves
-    is_begun = tissue.seen_s is not None
-    tissue.predict(time_s)
-    estimate = update()
-    before.trace = None
-    own = tissue.filter
-    return estimate, *own.moments_by(own.weights), moves if own is before and is_begun else []
+                mean, cov = smoothed_before(mean, cov, move, considered)
+            moves = one.moves
+            found.append(replace(one.estimate, mean=rows @ mean + target.constant, cov=rows @ cov @ rows.T))
+            advance(len(found) / len(passed))
+        return found[::-1]
 
 
 def smoothed_before(mean: Floats, cov: Floats, move: Move, considered: NDArray[np.int64]) -> tuple[Floats, Floats]:

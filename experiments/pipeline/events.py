@@ -99,10 +99,10 @@ def is_identified(scene: Scene) -> bool:
 
 def _unidentified(scene: Scene) -> str | None:
     """Why the constants are not those of the tissue; None where they were found, or are stated with uncertainty."""
-    edited, found = _edited(scene), any(step.name in CONSTANTS for step in scene.steps)
     if scene.uncertainty is not None or is_identified(scene):
         return None
-    since = f" since the network was changed after softaim {scene.steps[-1].name}" if edited and found else ""
+    found = any(step.name in CONSTANTS for step in scene.steps)
+    since = f" since the network was changed after softaim {scene.steps[-1].name}" if found else ""
     return f"constants were not identified{since} (softaim identify): no covariance has their errors"
 
 

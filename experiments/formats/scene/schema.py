@@ -202,10 +202,9 @@ class FilterTable(Strict):
 
     @model_validator(mode="after")
     def _one_filter(self) -> FilterTable:
-        others = {"white_m_s2_sqrt_hz": self.white_m_s2_sqrt_hz is not None, "adapt_marks": self.adapt_marks}
-        if self.unified and any(others.values()):
-            found = next(key for key, is_there in others.items() if is_there)
-            raise ValueError(f"expected no levels of the usual filter with unified, found {found}")
+        for key in ("white_m_s2_sqrt_hz", "adapt_marks"):
+            if self.unified and getattr(self, key):
+                raise ValueError(f"expected no levels of the usual filter with unified, found {key}")
         return self
 
 

@@ -108,7 +108,7 @@ def test_its_covariance_can_be_believed(runs):
 
 
 def test_nothing_diverges(runs):
-    """No error beyond 15 mm, which five deviations of the widest belief are, in any of 542 frames."""
+    """No error beyond 15 mm, which five deviations of the widest covariance are, in any of 542 frames."""
     errors = np.concatenate([size(run.errors) for some in runs.values() for run in some])
     assert len(errors) == 542
     assert errors.max() < 0.015

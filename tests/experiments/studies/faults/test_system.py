@@ -84,18 +84,18 @@ def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path
 
 
 def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch):
-    """A busy machine may show STALE for longer than that: asked for is what was told."""
-    told = []
+    """A busy machine may show STALE for longer than that: asked for is what was said."""
+    said = []
     new = Viewer._new
 
     def kept(viewer, events):
         text = new(viewer, events)
-        told.append(text)
+        said.append(text)
         return text
 
     monkeypatch.setattr(Viewer, "_new", kept)
-    found = judged("disk full", tmp_path, monkeypatch, lambda _: any(FULL in text for text in told))
-    assert any(FULL in text for text in told)
+    found = judged("disk full", tmp_path, monkeypatch, lambda _: any(FULL in text for text in said))
+    assert any(FULL in text for text in said)
     assert str(tmp_path) not in found.shown
     assert found.noticed_ms is not None
     assert found.lacks_s is not None
@@ -104,12 +104,12 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
 
 
 def test_of_fifty_viewers_those_beyond_are_told_so_and_the_others_see_all_go_on(tmp_path, monkeypatch):
-    """A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was told, and what came."""
-    told = []
+    """A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came."""
+    said = []
     tell = Viewer.tell
-    monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (told.append(text), tell(viewer, text)))
-    found = judged("50 viewers", tmp_path, monkeypatch, lambda _: told)
-    assert set(told) == {"to those beyond: 16 clients are connected already"}
+    monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
+    found = judged("50 viewers", tmp_path, monkeypatch, lambda _: said)
+    assert set(said) == {"to those beyond: 16 clients are connected already"}
     assert found.noticed_ms is not None
     assert found.go_shown_while_faulty == 0
     assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
