@@ -40,9 +40,9 @@ class Discrepancy:
 
     Attributes
     ----------
-    levels, odds : tuple of float
-        Standard deviations of the smooth part, by the body's extent, among which the marks choose, and the prior odds
-        of each [1]; choice.
+    levels : tuple of float
+        Standard deviations of the smooth part, by the body's extent, among which the marks choose, as probable at first
+        [1]; choice.
     short : float
         Standard deviation of the short part by that of the smooth one [1]; choice.
     lengths : tuple of float
@@ -58,7 +58,6 @@ class Discrepancy:
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
-    odds: tuple[float, ...] = (1.0, 0.1, 0.03)
     short: float = 0.33
     lengths: tuple[float, float] = (1.5, 0.25)
     lasting_s: float = 0.3
@@ -69,7 +68,7 @@ class Discrepancy:
     @classmethod
     def of(cls, settings: FilterSettings) -> Discrepancy:
         """Of the level that the settings state; else the marks choose among several."""
-        return cls() if settings.discrepancy is None else cls(levels=(settings.discrepancy,), odds=(1.0,))
+        return cls() if settings.discrepancy is None else cls(levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> Floats:
         """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim); held: where there are none."""
@@ -100,7 +99,7 @@ class LevelPosterior:
 
     def __init__(self, prior: Discrepancy) -> None:
         self.prior, self.levels = prior, np.array(prior.levels)
-        self.log_prior = np.log(np.array(prior.odds) / sum(prior.odds))
+        self.log_prior = np.full(len(self.levels), -np.log(len(self.levels)))
         self.log_weights = self.log_prior.copy()
         self.log_withheld = 0.0
 

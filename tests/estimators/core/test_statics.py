@@ -17,7 +17,7 @@ from estimators.process.process_model import FixBias
 from estimators.process.target import TargetPoint
 
 HZ = 1.0 / 30.0
-EXACT = Discrepancy(levels=(3e-5,), odds=(1.0,))
+EXACT = Discrepancy(levels=(3e-5,))
 """Nothing is left out of the equations, so that what errors that last do is seen."""
 
 PUSHED = Disturbances(calm_m_s2=6.0, poke_m_s2=6.0, led_m_s2=6.0, slow_m_s2=(0.01,))

@@ -112,7 +112,7 @@ def test_a_level_that_identification_found_makes_it_surer() -> None:
     """A body at rest whose constants are exact: a tenth of the usual discrepancy gives less than half of sigma."""
     frames = seen(truth_of(still, 4.0), 1e-3)
     sigmas = []
-    for prior in (Discrepancy(), Discrepancy(levels=(3e-4,), odds=(1.0,))):
+    for prior in (Discrepancy(), Discrepancy(levels=(3e-4,))):
         _, covs, _ = tracked(frames, discrepancy=prior)
         sigmas.append(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean()))
     assert sigmas[1] < 0.5 * sigmas[0]
