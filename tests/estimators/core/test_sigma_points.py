@@ -78,7 +78,7 @@ def test_where_the_motion_is_linear_they_are_its_tangent(process: TissueProcess)
 
 
 def test_points_move_by_the_equations_of_motion(process: TissueProcess) -> None:
-    """Under forces that fade, by an adaptive integrator and the network's own forces, to 0.1 mm: they are held at their mean."""
+    """By an adaptive integrator and the network's own forces, to 0.1 mm: forces that fade are held at their mean."""
     network, (state, _) = process.network, uncertain(process, 0.01)
     n, force = process.parts["velocity"].start, process.parts["force"].start
     rows = np.concatenate([np.atleast_1d(np.arange(n)[network.coordinates(name)]) for name in OUTER])
@@ -112,5 +112,5 @@ def test_a_filter_is_as_its_settings_say() -> None:
 
     usual, points, tangent = after_two_marks(), after_two_marks(sigma_points=True), after_two_marks(sigma_points=False)
     np.testing.assert_array_equal(usual, tangent)
-    np.testing.assert_allclose(points, tangent, rtol=0.2)
+    np.testing.assert_allclose(points, tangent, rtol=0.3)
     assert not np.allclose(points, tangent, rtol=1e-6)
