@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.core.track import UnifiedFilter
 from estimators.process.target import TargetPoint
-from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
 
@@ -19,7 +18,6 @@ def filter_of(
     *,
     uncertainty: ParameterUncertainty | None = None,
     n_calibration: int = 0,
-) -> TissueFilter | UnifiedFilter:
-    """A filter of the tissue: `UnifiedFilter` where the settings say so, else `TissueFilter`; raises as they do."""
-    made = UnifiedFilter if settings is not None and settings.unified else TissueFilter
-    return made(network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
+) -> UnifiedFilter:
+    """A filter of the tissue; raises as `UnifiedFilter` does."""
+    return UnifiedFilter(network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)

@@ -118,7 +118,7 @@ class FilterSettings:
     refuting_inflation: float = 4.0
     remember_s: float = 0.5
     remember_swings: float = 0.5
-    unified: bool = False
+    unified: bool = True
     sigma_points: bool = False
     discrepancy: float | None = None
 

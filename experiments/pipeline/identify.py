@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -18,14 +17,12 @@ from estimators import (
     group_label,
     group_value,
     identify_constants,
-    tune_noise,
     tune_strain,
 )
 from estimators.identification import MAX_VARIANCE_LEFT, Workers
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import is_identified
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import marks_to_use
 from experiments.plain import counted
@@ -140,15 +137,15 @@ def tuned_scene(
     Raises InputError where the time is too short for anything.
     """
     scene = recording.scene
-    tune = partial(tune_strain, is_identified=is_identified(scene)) if scene.settings.unified else tune_noise
     try:
-        found = tune(
+        found = tune_strain(
             scene.network,
             frames,
             scene.measured_nodes,
             scene.target.node,
             uncertainty=scene.uncertainty,
             settings=scene.settings,
+            is_identified=is_identified(scene),
             budget=Budget(60.0 * minutes),
             workers=workers,
             advance=advance,
@@ -305,7 +302,7 @@ def tuning_report(found: TuningResult) -> dict[str, object]:
             name: {"value": float(level), "relative_standard_error": float(sd)}
             for name, level, sd in zip(found.names, found.values, found.log_sd, strict=True)
         },
-        "strain": found.settings.discrepancy if found.settings.unified else found.settings.strain_sd,
+        "strain": found.settings.discrepancy,
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
         "frames": found.n_frames,

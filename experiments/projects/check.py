@@ -7,16 +7,16 @@ frame of marks tells is told by the scene's own filter, on marks that stand wher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import vision
-from dynamics import ImplicitStepper, Oscillations, oscillations, rest_shape, stable_step
-from estimators import MarkMeasurement, TargetEstimate, TissueFilter, resting_bound
-from estimators.process.linear_motion import is_linearised
+from dynamics import SAME_STEP, Oscillations, oscillations, rest_shape, stable_step
+from estimators import MarkMeasurement, TargetEstimate, resting_bound
+from estimators.core import tissue
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.formats.marks.rows import MarkRow
@@ -43,8 +43,7 @@ class SceneCheck:
     """What a scene is, found about its rest.
 
     path: of the scene's file; rest: where the network rests [m], (n_nodes, dim)
-    stable_s: longest explicit step that is stable; step_s: that the filter takes; implicit: whether its steps
-        are those of an implicit scheme, which no stiffness shortens
+    stable_s: longest explicit step that is stable; step_s: longest that the filter takes, an implicit one
     interval_s: of the frames; seen: the measured marks as a frame at rest gives them; unfound: nodes whose marks no
         detector finds in a picture of the scene
     estimate: what the scene's filter knows of the target after some seconds at rest
@@ -59,7 +58,6 @@ class SceneCheck:
     motion: Oscillations
     stable_s: float
     step_s: float
-    implicit: bool
     interval_s: float
     seen: tuple[MarkMeasurement, ...]
     unfound: tuple[str, ...]
@@ -106,29 +104,24 @@ def checked(
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
     seen, unfound = _seen(scene, rest, recording, sd_mm)
-    # marks that stand still would teach it that nothing trembles, while bounds are for the noise that is stated
-    stated = replace(scene.settings, white_bounds=(1.0, 1.0))
-    line = Line(replace(scene, settings=stated), baseline=False)
+    line = Line(scene, baseline=False)
     estimate = _after_rest(
         line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
     )
-    tissue, settings = line.filter, line.filter.settings
+    settings = line.filter.settings
     covs = {mark.node: mark.cov for mark in seen}
     quiet = resting_bound(network, covs, interval_s, settings.quiet)
     advance(0.8)
     pushed = resting_bound(network, covs, interval_s, settings.poked, poked=scene.measured_nodes)
     advance(1.0)
     at = target_map(network, scene.target.point)
-    is_explicit = isinstance(tissue, TissueFilter) and not is_linearised(tissue.model)
-    stepper = tissue.model.stepper if isinstance(tissue, TissueFilter) and is_explicit else ImplicitStepper(network)
     return SceneCheck(
         path=path,
         scene=scene,
         rest=rest,
         motion=oscillations(network, rest),
         stable_s=stable_step(network),
-        step_s=interval_s / stepper.n_steps(interval_s),
-        implicit=not is_explicit,
+        step_s=interval_s / np.ceil(interval_s / tissue.LONGEST_S - SAME_STEP),
         interval_s=interval_s,
         seen=seen,
         unfound=unfound,

@@ -42,7 +42,6 @@ KEYS = {
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
     "scale_sd": "0 for the simulated camera; of a real one, how well its scale is known",
-    "unified": "docs/unified.md; false: the usual filter",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
 """Comment behind a key of scene.toml where it stands first."""

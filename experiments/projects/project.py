@@ -65,10 +65,10 @@ def project(
         n_masses = N_MASSES[kind] if masses is None else masses
         if kind is Kind.PLANE:
             phantom, way = planar_phantom(n_masses), np.array(UP)
-            return template(f"A flat phantom of {n_masses} masses", phantom, {}, way, seed=seed, unified=True)
+            return template(f"A flat phantom of {n_masses} masses", phantom, {}, way, seed=seed)
         phantom = breast_phantom(n_masses, young)
         way = np.array(FROM_THE_FRONT)
-        return template(f"A soft breast of {n_masses} masses", phantom, {}, way, seed=seed, unified=True)
+        return template(f"A soft breast of {n_masses} masses", phantom, {}, way, seed=seed)
     except NetworkError as error:
         raise InputError(f"--kind {kind}: {error}") from None
 

@@ -20,7 +20,7 @@ from dynamics import (
     scale_parameters,
     to_outside,
 )
-from estimators import FilterSettings, Insertion, NeedlePush
+from estimators import Insertion, NeedlePush
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.needle_file import FORCES
@@ -83,15 +83,12 @@ class Template:
         return replace(self.truth, marks=tuple(replace(mark, measured=True) for mark in self.truth.marks))
 
 
-def template(
-    title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int, unified: bool = False
-) -> Template:
+def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int) -> Template:
     """The project of a phantom; raises InputError where the simulated tissue would not hold its shape.
 
     hues: of the marks, where they are given [degrees]; way: from the target to where the needle comes from, (dim,)
-    unified: whether the unified filter follows it
     """
-    believed = replace(scene_with_marks(phantom, hues), settings=FilterSettings(unified=unified))
+    believed = scene_with_marks(phantom, hues)
     network = believed.network
     factors = _off(phantom, np.random.default_rng(seed))
     which = parameters(network)

@@ -94,7 +94,7 @@ def scene_of(scenario: Scenario) -> Scene:
         target=Target(HIDDEN, TARGET_RADIUS_M, position_sd_m=0.0),
         cameras=(camera,),
         reference=Reference(drift_sd_m=0.0),
-        settings=FilterSettings(unified=True, discrepancy=EXACT),
+        settings=FilterSettings(discrepancy=EXACT),
     )
 
 

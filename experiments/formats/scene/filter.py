@@ -19,9 +19,6 @@ from dynamics import (
 from estimators import FilterSettings, FixBias
 from experiments.formats.scene.schema import FilterTable, UncertaintyTable
 
-ADAPTED = (0.25, 4.0)
-"""Factors on the variances of the marks between which they adapt: half and twice the standard deviation; chosen."""
-
 
 def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> ParameterUncertainty | None:
     """How well the network's constants are known; raises NetworkError, `uncertainty…: …`."""
@@ -48,43 +45,29 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
     usual = FilterSettings()
     if table is None:
         return usual
-    white = usual.quiet.white if table.white_m_s2_sqrt_hz is None else table.white_m_s2_sqrt_hz
     poke = usual.poked.poke if table.poke_m_s2 is None else table.poke_m_s2
     lasting_s = usual.poked.lasting_s if table.poke_lasting_s is None else table.poke_lasting_s
     return replace(
         usual,
         led_nodes=tuple(table.led_nodes),
-        quiet=replace(usual.quiet, white=white, poke=usual.quiet.poke * white / usual.quiet.white),
-        poked=replace(usual.poked, white=white, poke=poke, lasting_s=lasting_s),
-        least_white=usual.least_white if table.white_m_s2_sqrt_hz is None else (0.0, 0.0),
-        strain_sd=usual.strain_sd if table.strain is None or table.unified else table.strain,
+        poked=replace(usual.poked, poke=poke, lasting_s=lasting_s),
         fix_bias=None if table.fix_bias_mm is None else FixBias(1e-3 * table.fix_bias_mm),
-        marks_bounds=ADAPTED if table.adapt_marks else usual.marks_bounds,
-        unified=bool(table.unified),
-        discrepancy=table.strain if table.unified else None,
+        discrepancy=table.strain,
     )
 
 
-def filter_table(settings: FilterSettings) -> dict[str, float | bool | list[str]]:
+def filter_table(settings: FilterSettings) -> dict[str, float | list[str]]:
     """The keys of `[filter]` for these settings; none where they are the usual ones."""
     usual = FilterSettings()
-    keys: dict[str, float | bool | list[str]] = {}
-    if (settings.quiet.white, settings.least_white) != (usual.quiet.white, usual.least_white):
-        keys["white_m_s2_sqrt_hz"] = settings.quiet.white
+    keys: dict[str, float | list[str]] = {}
     if settings.poked.poke != usual.poked.poke:
         keys["poke_m_s2"] = settings.poked.poke
     if settings.poked.lasting_s != usual.poked.lasting_s:
         keys["poke_lasting_s"] = settings.poked.lasting_s
-    if settings.strain_sd != usual.strain_sd:
-        keys["strain"] = settings.strain_sd
     if settings.discrepancy is not None:
         keys["strain"] = settings.discrepancy
     if settings.fix_bias is not None:
         keys["fix_bias_mm"] = 1e3 * settings.fix_bias.sd_m
-    if settings.marks_bounds != (1.0, 1.0):
-        keys["adapt_marks"] = True
-    if settings.unified:
-        keys["unified"] = True
     if settings.led_nodes:
         keys["led_nodes"] = list(settings.led_nodes)
     return keys

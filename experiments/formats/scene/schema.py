@@ -189,23 +189,15 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: noise levels in place of the usual ones, and the nodes that a hand leads, see `FilterSettings`."""
+    """`[filter]`: priors in place of the usual ones, and the nodes that are led, see `FilterSettings`."""
 
-    white_m_s2_sqrt_hz: Positive | None = None
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
     strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
-    adapt_marks: bool = False
-    unified: bool = False
+    unified: Literal[True] = True
+    """Of scenes that were written when there was another filter."""
     led_nodes: list[Name] = Field(default_factory=list)
-
-    @model_validator(mode="after")
-    def _one_filter(self) -> FilterTable:
-        for key in ("white_m_s2_sqrt_hz", "adapt_marks"):
-            if self.unified and getattr(self, key):
-                raise ValueError(f"expected no levels of the usual filter with unified, found {key}")
-        return self
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune"]
