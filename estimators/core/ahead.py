@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from dynamics import MassSpringNetwork
@@ -103,31 +102,40 @@ class AheadTables:
         Raises ValueError before the filter's first frame and for a push of another shape.
         """
         times, means, covs = self._whole(tissue)
-        if push is not None:
-            forces = np.asarray(push, dtype=float).reshape(len(push), -1)
-            if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
-                raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {np.shape(push)}")
-            for step, force in enumerate(forces):
-                means[step + 1 :] += self.by_push[1 : self.n_times - step] @ force
-        return times, means, covs
+        return times, means if push is None else means + self.shift(push), covs
+
+    def shift(self, push: Floats) -> Floats:
+        """By how much a known force moves the target [m], (k, dim); push and errors as for `ahead`."""
+        forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
+        if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
+            raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {np.shape(push)}")
+        for step, force in enumerate(forces):
+            shifts[step + 1 :] += self.by_push[1 : self.n_times - step] @ force
+        return shifts
 
     def parts(self, tissue: Tissue) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-        """As `ahead`, and the probability (k,) that no short force acts until each time, with the moments if so."""
-        calm = tissue.process.disturbances.calm_modes
-        return *self._whole(tissue), *self._moments(tissue, np.where(calm, tissue.filter.weights, 0.0), calm)
+        """As `ahead`, and the probability (k,) that no force grows until each time, with the moments if so.
+
+        That is: no short force acts, and slow ones become no stronger than they are now.
+        """
+        calm = np.flatnonzero(tissue.process.disturbances.calm_modes)  # by the strength of the slow force
+        weights, kept = np.zeros_like(tissue.filter.weights), np.zeros_like(self.chain)
+        weights[calm] = tissue.filter.weights[calm]
+        kept[np.ix_(calm, calm)] = np.tril(self.chain[np.ix_(calm, calm)])
+        return *self._whole(tissue), *self._moments(tissue, weights, kept)
 
     def _whole(self, tissue: Tissue) -> tuple[Floats, Floats, Floats]:
         if tissue.time_s is None:
             raise ValueError("predict_fast: expected a filter after its first frame, found no time")
         weights, times = tissue.filter.weights, self.cycle_s * np.arange(self.n_times, dtype=np.float64)
-        _, means, covs = self._moments(tissue, weights, np.ones(len(weights), dtype=bool))
+        _, means, covs = self._moments(tissue, weights, self.chain)
         return tissue.time_s + times, means, covs
 
-    def _moments(self, tissue: Tissue, weights: Floats, kept: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
-        """Probability (k,) of modes that are kept until each time, and mean (k, dim) and covariance of the target."""
+    def _moments(self, tissue: Tissue, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
+        """Probability (k,) that modes change by this part of the chain, and mean (k, dim) and covariance if they do."""
         odds = [weights]
         for _ in range(self.n_times - 1):
-            odds.append(np.where(kept, odds[-1] @ self.chain, 0.0))
+            odds.append(odds[-1] @ chain)
         total = np.sum(odds, axis=1)
         shares = np.array(odds) / np.maximum(total, np.finfo(float).tiny)[:, None]
         mean, cov = tissue.filter.moments_by(shares[0])

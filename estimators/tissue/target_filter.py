@@ -49,6 +49,9 @@ class PathTables(Protocol):
         push: a known force on the free nodes [N], held in each cycle ahead, (k - 1, n_free, dim)
         """
 
+    def shift(self, push: Floats) -> Floats:
+        """By how much a known force moves the target [m], (k, dim); push as for `ahead`."""
+
     def parts(self, tissue: Any) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
         """As `ahead`, and the probability (k,) that nobody pokes until each time, with mean and covariance if so."""
 

@@ -110,7 +110,7 @@ def _untuned(scene: Scene) -> str | None:
     """Why the noise levels are not those of the tissue; None where they were found or stated."""
     usual, names = FilterSettings(), [step.name for step in scene.steps]
     own = scene.settings
-    if (own.quiet, own.poked, own.discrepancy) == (usual.quiet, usual.poked, usual.discrepancy):
+    if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):
         why = "not tuned"
     elif "tune" in names and "identify" in names[names.index("tune") :]:
         why = "tuned before softaim identify, for other constants"

@@ -23,6 +23,7 @@ from estimators.identification import MAX_VARIANCE_LEFT, Workers
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.events import is_identified
 from experiments.pipeline.line import Line
 from experiments.pipeline.track import marks_to_use
 from experiments.plain import counted

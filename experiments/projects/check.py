@@ -7,7 +7,7 @@ frame of marks tells is told by the scene's own filter, on marks that stand wher
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -108,11 +108,12 @@ def checked(
     estimate = _after_rest(
         line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
     )
-    settings = line.filter.settings
+    settings, prior = line.filter.settings, line.filter.process.disturbances
     covs = {mark.node: mark.cov for mark in seen}
-    quiet = resting_bound(network, covs, interval_s, settings.quiet)
+    calm, poked = (replace(settings.poked, white=prior.white, poke=poke) for poke in prior.short_m_s2[:2])
+    quiet = resting_bound(network, covs, interval_s, calm)
     advance(0.8)
-    pushed = resting_bound(network, covs, interval_s, settings.poked, poked=scene.measured_nodes)
+    pushed = resting_bound(network, covs, interval_s, poked, poked=scene.measured_nodes)
     advance(1.0)
     at = target_map(network, scene.target.point)
     return SceneCheck(

@@ -27,8 +27,8 @@ from estimators import (
     fast_prediction_tables,
     filter_of,
     health_fault,
+    path_by_tables,
     path_reach_s,
-    predict_fast,
 )
 from estimators.process.target import target_map
 from estimators.tissue.target_filter import Restored
@@ -237,7 +237,8 @@ class Ahead(Filtered):
 
     def path(self, pushes: Floats) -> TargetPath:
         """By the filter's tables, and by the breath as far as the target goes by one."""
-        path = TargetPath(*predict_fast(self._tables, self.tissue, pushes))
+        path = path_by_tables(self._tables, self.tissue)
+        path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
             return path
         n, times = self._tables.n_times, path.times_s

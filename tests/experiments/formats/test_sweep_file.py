@@ -78,7 +78,7 @@ def test_files_are_beside_the_sweep(tmp_path):
         (HEAD + "[grid]\nscenario.release.force_n = [[1.0, 0.0]]", "grid.scenario.release.node: expected this key"),
         (HEAD + "[grid]\nmodel.spring = [1.0]", "grid.model.spring: expected one of stiffness, "),
         (HEAD + "[grid]\nmodel.stiffness = [0]", "grid.model.stiffness: expected more than 0, found 0"),
-        (HEAD + "[grid]\nfilter.poke = [1.0]", "grid.filter.poke: expected one of white_m_s2_sqrt_hz, "),
+        (HEAD + "[grid]\nfilter.poke = [1.0]", "grid.filter.poke: expected one of poke_m_s2, "),
         (HEAD + "seeds = 2000000", "grid: expected at most 1000000 runs, found 2000000"),
         ("version = 1\nscenario = 3", "scenario: expected text in quotes, found 3"),
         ("version = [", "line 1: expected TOML"),

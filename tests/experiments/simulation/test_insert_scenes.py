@@ -44,7 +44,7 @@ friction_N_m = 0.0
 def scenario(tmp_path: Path) -> Path:
     """Two masses hanging in space on springs, on a table that trembles; constants as exact as they are written."""
     exact = HANGING.replace("[uncertainty]\nstiffness = 0.1\n", "")
-    (tmp_path / "hanging.toml").write_text(exact.replace("poke_m_s2 = 3.0", "poke_m_s2 = 0.3"))
+    (tmp_path / "hanging.toml").write_text(exact.replace("poke_m_s2 = 3.0", "poke_m_s2 = 0.3\nstrain = 0.001"))
     path = tmp_path / "still.toml"
     path.write_text(SCENARIO)
     (tmp_path / "needle.toml").write_text(NEEDLE)
@@ -97,10 +97,11 @@ def test_the_filter_is_given_another_scene_than_the_truth(scenario: Path, tmp_pa
     believed = tmp_path / "believed.toml"
     believed.write_text(HANGING.replace("= 200.0", "= 400.0").replace("poke_m_s2 = 3.0", "poke_m_s2 = 1.0"))
     with_own, with_other = (warmed(world_of(case(scenario, scene_path=path)))[2].tissue for path in (None, believed))
-    assert with_own.model.network.stiffness.tolist() == [200.0, 200.0]
-    assert with_other.model.network.stiffness.tolist() == [400.0, 400.0]
+    assert with_own.network.stiffness.tolist() == [200.0, 200.0]
+    assert with_other.network.stiffness.tolist() == [400.0, 400.0]
     assert with_other.settings.poked.poke == 1.0
-    assert with_other.model.n_constants == 2
+    constants = with_other.process.parts["constants"]
+    assert constants.stop - constants.start == 2
     assert world_of(case(scenario, scene_path=believed)).network.stiffness.tolist() == [200.0, 200.0]
 
 

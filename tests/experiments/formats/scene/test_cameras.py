@@ -148,7 +148,7 @@ def test_a_calibration_moves_all_marks_of_a_frame_together(tmp_path: Path) -> No
         size = np.linalg.norm(camera.disc_shape(at, mark.diameter_m / 2.0), axis=1)
         discs.append(vision.Disc(camera.project(at[None])[0], (size[0], size[1]), mark.hue_deg))
     line = Line(scene, baseline=False)
-    assert line.filter.model.n_columns == scene.n_calibration == 1
+    assert line.filter.n_calibration == scene.n_calibration == 1
     step = line.see(0.0, vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng))
     assert len(step.marks) == len(scene.marks)
     for mark in step.marks:

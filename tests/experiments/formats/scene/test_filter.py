@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dynamics import four_mass_phantom, parameter_label, parameters
-from estimators import FilterSettings, FixBias, ForceMode
+from estimators import FilterSettings, FixBias
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import SceneError, read_scene, write_scene
@@ -56,34 +56,28 @@ def test_directions_are_told_apart_by_name(path):
     np.testing.assert_allclose(scene.uncertainty.cov, [[1.01, 0.02], [0.02, 0.13]], rtol=0, atol=1e-15)
 
 
-def test_levels_take_the_place_of_the_usual_ones(path):
-    scene = told(
-        path,
-        "[filter]\nwhite_m_s2_sqrt_hz = 0.1\npoke_m_s2 = 2.0\npoke_lasting_s = 0.4\n"
-        "fix_bias_mm = 2.5\nadapt_marks = true\n",
-    )
+def test_priors_take_the_place_of_the_usual_ones(path):
+    scene = told(path, "[filter]\npoke_m_s2 = 2.0\npoke_lasting_s = 0.4\nfix_bias_mm = 2.5\nstrain = 0.02\n")
     usual = FilterSettings()
-    trace = usual.quiet.poke * 0.1 / usual.quiet.white
     assert scene.settings == replace(
-        usual,
-        quiet=ForceMode(0.1, trace, usual.quiet.lasting_s),
-        poked=ForceMode(0.1, 2.0, 0.4),
-        least_white=(0.0, 0.0),
-        fix_bias=FixBias(2.5e-3),
-        marks_bounds=(0.25, 4.0),
+        usual, poked=replace(usual.poked, poke=2.0, lasting_s=0.4), fix_bias=FixBias(2.5e-3), discrepancy=0.02
     )
 
 
-@pytest.mark.parametrize(
-    "level", ["poke_m_s2 = 2.0", "white_m_s2_sqrt_hz = 0.043", "poke_lasting_s = 0.3", "strain = 0.0", "unified = true"]
-)
+def test_the_key_of_an_older_scene_is_read(path):
+    """Before, a scene chose between two filters."""
+    assert told(path, "[filter]\nunified = true\n").settings == FilterSettings()
+    path.write_text(path.read_text().replace("unified = true", "unified = false"))
+    with pytest.raises(InputError, match=r"filter\.unified: expected True, found false"):
+        read_scene(path)
+
+
+@pytest.mark.parametrize("level", ["poke_m_s2 = 2.0", "poke_lasting_s = 0.3", "strain = 0.0"])
 def test_what_is_read_is_written_and_read_again(path, level):
-    """White noise is stated though it is the usual one: a stiff body is then given no more of it."""
-    adapted = "" if level == "unified = true" else "adapt_marks = true\n"
     scene = told(
         path,
         '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
-        f"[filter]\n{level}\nfix_bias_mm = 2.5\n{adapted}",
+        f"[filter]\n{level}\nfix_bias_mm = 2.5\n",
     )
     write_scene(scene, path)
     again = read_scene(path)
@@ -104,7 +98,7 @@ def test_led_nodes_are_written_and_read_again_whatever_their_names(path):
     network = replace(scene.network, names=(name, *scene.network.names[1:]))
     marks = tuple(replace(mark, node=name) if mark.node == "M1" else mark for mark in scene.marks)
     assert scene.network.names[0] == "M1"
-    for usual in (FilterSettings(), told(path, "[filter]\npoke_m_s2 = 2.0\nadapt_marks = true\n").settings):
+    for usual in (FilterSettings(), told(path, "[filter]\npoke_m_s2 = 2.0\nstrain = 0.01\n").settings):
         settings = replace(usual, led_nodes=(name, "M4"))
         write_scene(replace(scene, network=network, marks=marks, settings=settings), path)
         assert read_scene(path).settings == settings
@@ -152,7 +146,7 @@ def test_a_scene_with_led_nodes_that_are_not_measured_cannot_be_made(path):
         ),
         ('[filter]\nled_nodes = "M1"\n', ': filter.led_nodes: expected a list, found "M1"'),
         ("[filter]\nled_nodes = [1]\n", ": filter.led_nodes[0]: expected text in quotes, found 1"),
-        ("[filter]\nnoise = 1.0\n", ": filter.noise: expected one of white_m_s2_sqrt_hz, poke_m_s2, poke_lasting_s,"),
+        ("[filter]\nnoise = 1.0\n", ": filter.noise: expected one of poke_m_s2, poke_lasting_s,"),
     ],
 )
 def test_faults_are_told_in_one_line(path, text, message):
