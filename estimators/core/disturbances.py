@@ -51,7 +51,7 @@ class Disturbances:
     poked_s: float = 0.3
     led_each_s: float = 60.0
     led_s: float = 1.0
-    rise_s: float = 10.0
+    rise_s: float = 30.0
     fall_s: float = 30.0
     smooth: float = 0.25
     bent: float = 0.1

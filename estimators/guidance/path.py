@@ -80,9 +80,8 @@ class TargetPath:
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
         """The same path moved by a constant [m], (dim,), or a path (k, dim), known to a covariance [m²], (dim, dim)."""
         parts = self.mixture
-        mixture = (
-            None if parts is None else replace(parts, means=parts.means + np.expand_dims(by, -2), covs=parts.covs + cov)
-        )
+        each = np.expand_dims(by, -2)
+        mixture = None if parts is None else replace(parts, means=parts.means + each, covs=parts.covs + cov)
         return replace(self, means=self.means + by, covs=self.covs + cov, mixture=mixture)
 
     @property

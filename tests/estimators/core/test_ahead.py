@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from dynamics import HIDDEN, OUTER, breast_phantom
 from estimators import MarkMeasurement, UnifiedFilter
@@ -51,14 +52,15 @@ def test_tables_are_the_predictions_near_rest(near_rest):
 
 
 def test_the_probability_of_quiet_is_that_of_the_chain(near_rest):
-    """Truth: leaving calm at 1/20 and 1/60 s alone, from what is calm now."""
+    """Truth: leaving calm at 1/20 and 1/60 s, a slow force for each stronger one at its rate, from what is calm now."""
     tables = near_rest.tables(16, CYCLE_S)
     d = near_rest.process.disturbances
     weights, means, covs = tables.parts(near_rest)[3:]
-    calm = near_rest.filter.weights[d.calm_modes].sum()
-    np.testing.assert_allclose(
-        weights, calm * np.exp(-np.arange(16) * CYCLE_S * (1.0 / d.calm_s + 1.0 / d.led_each_s)), rtol=2e-2
-    )
+    now = near_rest.filter.weights[d.calm_modes]
+    rates = np.tril(np.full((3, 3), 1.0 / d.fall_s), -1)
+    rates -= np.diag(np.array([2.0, 1.0, 0.0]) / d.rise_s + rates.sum(axis=1) + 1.0 / d.calm_s + 1.0 / d.led_each_s)
+    truth = [(now @ expm(rates * CYCLE_S * k)).sum() for k in range(16)]
+    np.testing.assert_allclose(weights, truth, rtol=2e-2)
     assert np.all(np.diff(weights) < 0.0)
     whole = predict_fast(tables, near_rest)[2]
     assert np.all(np.trace(covs, axis1=1, axis2=2) <= np.trace(whole, axis1=1, axis2=2) * (1.0 + 1e-9))
