@@ -46,19 +46,15 @@ from estimators.consistency import (
     chi_square_bounds,
     clopper_pearson,
     coverage,
-    coverage_curve,
-    coverage_over_runs,
     crps_normal,
     energy_score,
     mean_bounds,
     normalised_error_squared,
     pit_normal,
-    pit_squared,
     portmanteau,
     posterior_bound,
     reliability_bins,
     resting_bound,
-    uniformity,
 )
 from estimators.core import UnifiedFilter, filter_of
 from estimators.filters import (
@@ -263,8 +259,6 @@ __all__ = [
     "compliance",
     "constant_groups",
     "coverage",
-    "coverage_curve",
-    "coverage_over_runs",
     "crps_normal",
     "either_path",
     "energy_score",
@@ -287,7 +281,6 @@ __all__ = [
     "path_reach_s",
     "path_times",
     "pit_normal",
-    "pit_squared",
     "plan",
     "portmanteau",
     "positive_points",
@@ -299,5 +292,4 @@ __all__ = [
     "target_map",
     "tune_noise",
     "tune_strain",
-    "uniformity",
 ]
