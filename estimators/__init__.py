@@ -107,6 +107,7 @@ from estimators.guidance import (
     path_by_tables,
     path_near_rest,
     path_reach_s,
+    path_tables,
     path_times,
     plan,
 )
@@ -279,6 +280,7 @@ __all__ = [
     "path_by_tables",
     "path_near_rest",
     "path_reach_s",
+    "path_tables",
     "path_times",
     "pit_normal",
     "plan",

@@ -24,11 +24,10 @@ from estimators import (
     TargetPath,
     compliance,
     either_path,
-    fast_prediction_tables,
     filter_of,
     health_fault,
     path_reach_s,
-    predict_fast,
+    path_tables,
 )
 from estimators.process.target import target_map
 from estimators.tissue.target_filter import Restored
@@ -237,7 +236,7 @@ class Ahead(Filtered):
 
     def path(self, pushes: Floats) -> TargetPath:
         """By the filter's tables, and by the breath as far as the target goes by one."""
-        path = TargetPath(*predict_fast(self._tables, self.tissue, pushes))
+        path = TargetPath(*self._tables.ahead(self.tissue, pushes))
         if self._breathing.breath() is None:
             return path
         n, times = self._tables.n_times, path.times_s
@@ -275,7 +274,7 @@ def _tables(model: bytes, ahead_s: float) -> PathTables:
     """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = filter_of(network, target, marked, settings, uncertainty=uncertainty)
-    return fast_prediction_tables(tissue, ahead_s, at_once=False)
+    return path_tables(tissue, ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:

@@ -20,10 +20,10 @@ from estimators import (
     Lesion,
     MarkMeasurement,
     UnifiedFilter,
-    fast_prediction_tables,
     fixed_interval,
     guide,
     path_near_rest,
+    path_tables,
     tune_noise,
 )
 
@@ -68,7 +68,7 @@ def advised(frames: Frames) -> dict[str, float]:
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
-    tables, settings = fast_prediction_tables(tissue, 2.7), AdviceSettings(horizon_s=2.0)
+    tables, settings = path_tables(tissue, 2.7), AdviceSettings(horizon_s=2.0)
     asked = partial(guide, insertion=towards, lesion=Lesion.ball(5e-3, 2), settings=settings)
     fast, slow = [], []
     for k, (time_s, marks) in enumerate(frames):
