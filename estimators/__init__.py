@@ -46,19 +46,15 @@ from estimators.consistency import (
     chi_square_bounds,
     clopper_pearson,
     coverage,
-    coverage_curve,
-    coverage_over_runs,
     crps_normal,
     energy_score,
     mean_bounds,
     normalised_error_squared,
     pit_normal,
-    pit_squared,
     portmanteau,
     posterior_bound,
     reliability_bins,
     resting_bound,
-    uniformity,
 )
 from estimators.core import UnifiedFilter, filter_of
 from estimators.filters import (
@@ -111,6 +107,7 @@ from estimators.guidance import (
     path_by_tables,
     path_near_rest,
     path_reach_s,
+    path_tables,
     path_times,
     plan,
 )
@@ -263,8 +260,6 @@ __all__ = [
     "compliance",
     "constant_groups",
     "coverage",
-    "coverage_curve",
-    "coverage_over_runs",
     "crps_normal",
     "either_path",
     "energy_score",
@@ -285,9 +280,9 @@ __all__ = [
     "path_by_tables",
     "path_near_rest",
     "path_reach_s",
+    "path_tables",
     "path_times",
     "pit_normal",
-    "pit_squared",
     "plan",
     "portmanteau",
     "positive_points",
@@ -299,5 +294,4 @@ __all__ = [
     "target_map",
     "tune_noise",
     "tune_strain",
-    "uniformity",
 ]

@@ -13,7 +13,6 @@ from estimators.association.exchanges import InterchangeableMarks, Names, rename
 from estimators.association.settings import IdentitySettings
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.health import diverged
 from estimators.tissue.target_filter import Restored, TargetFilter
 
 
@@ -65,8 +64,8 @@ class AssociationFilter:
     likelihoods of its marks, frame by frame, with the odds against each exchange. It is dropped when it is clearly the
     worse; when it is clearly the better, and TRACKING, the filter goes on as if it had been adopted from the start.
 
-    Where there is no estimate yet, any names may be right: at a start, after a divergence, and when innovations are
-    too large for some time. Then the filter restarts by each of those that lie best about the rest shape; for the
+    Where there is no estimate yet, any names may be right: at a start, after a divergence, and when marks are refused.
+    Then the filter restarts by each of those that lie best about the rest shape; for the
     tissue may be turned or displaced, that counts for no more than `settings.decisive`. One by the present names
     restarts beside them, which they must beat as well: or else a filter of large covariance, which nothing refutes,
     would win by that and not by its names.
@@ -122,7 +121,7 @@ class AssociationFilter:
         estimate = tissue.update(marks)
         if starting:
             self.rivals, self.same_names = [], None
-        try_all = starting or self._uncertain(estimate)
+        try_all = starting or self._uncertain(estimate, marks)
         if not others and not self.rivals and not try_all:
             return AssociatedEstimate(estimate, tuple(marks))
         present = Hypothesis(groups.own, 0.0, estimate.time_s, tissue.snapshot(), estimate)
@@ -144,7 +143,7 @@ class AssociationFilter:
 
     @property
     def _shortest_pause_s(self) -> float:
-        """Until innovations have been tested that are not those of the last time [s], and as long again."""
+        """Of all names tried from a start [s]; by then the wrong ones are ruled out."""
         return 2.0 * self.tissue.settings.test_s
 
     def _others(self, names: Names, costs: Floats, worst: float) -> Mapping[Names, int]:
@@ -154,13 +153,11 @@ class AssociationFilter:
         """Other names by the state of a rival, after so many exchanges of two."""
         return replace(rival, names=names, ahead=rival.ahead - n_changes * self.settings.exchange)
 
-    def _uncertain(self, estimate: TargetEstimate) -> bool:
-        """Whether the innovations are such that any names may be right, and it is time to try them."""
-        tested, now_s = self.tissue.health.innovations, estimate.time_s
-        refuted = estimate.status is Status.DIVERGED and not tested
-        if now_s < self._next_s or not (
-            refuted or (estimate.marks_used and diverged(tested, 0.5 * self.tissue.settings.test_sigmas))
-        ):
+    def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
+        """Whether marks are refused, so that any names may be right, and it is time to try them."""
+        now_s, seen = estimate.time_s, {mark.node for mark in marks}.intersection(self.interchangeable.nodes)
+        refuted = estimate.status is Status.DIVERGED or not seen <= estimate.information_share.keys()
+        if now_s < self._next_s or not refuted:
             return False
         if now_s - self._next_s > self._pause_s:
             self._pause_s = self._shortest_pause_s

@@ -10,8 +10,7 @@ from math import factorial, log
 class IdentitySettings:
     """When other names of interchangeable marks are followed, and when they are adopted.
 
-    What else it takes from the tissue filter's settings: other names are tried from a start when the innovations of
-    test_s are half as many standard deviations out as mean divergence, and again no sooner than twice test_s later.
+    Other names are tried from a start when a mark is refused, and again no sooner than twice the filter's test_s later.
 
     decisive: log of the odds at which names are ruled out, or adopted [1]; choice
     exchange: log of the odds against one exchange of two names before any mark speaks for it [1]; choice

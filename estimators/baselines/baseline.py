@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from dynamics import MassSpringNetwork
+from dynamics import MassSpringNetwork, pack, rest_shape
 from estimators.arrays import Floats
-from estimators.process.process_model import TissueModel
+from estimators.process.process_model import TissueModel, accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.filter import TissueFilter
 from estimators.tissue.settings import FilterSettings
 
 
 class Baseline(ABC):
-    """A method to compare with; the filter that the project recommends is `TissueFilter`.
+    """A method to compare with; the filter that the project recommends is `UnifiedFilter`.
 
-    Until the first marks it has the state of `TissueFilter`, and starts from the state that those leave there. Unlike
-    there no mark is ever gated.
+    It starts at rest, as uncertain as pokes of `settings.lost_s` make the tissue, and stays there until the first
+    marks. No mark is ever gated.
 
     State: time_s of the estimate, None before the first frame; seen_s, time of the last mark used.
     """
@@ -40,7 +38,6 @@ class Baseline(ABC):
         self.time_s: float | None = None
         self.seen_s: float | None = None
         self.target = target_map(network, target)
-        self._starter = TissueFilter(network, target, marked, self.settings)
 
     @abstractmethod
     def _start(self, mean: Floats, cov: Floats) -> None:
@@ -81,10 +78,10 @@ class Baseline(ABC):
         """Predict to this exposure time [s]; raises ValueError where time goes back or is not finite."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
-        if self.seen_s is None:
-            self._starter.predict(time_s)
-        elif self.time_s is not None and time_s > self.time_s:
-            # over more `TissueFilter` forgets the state, and no step through days is worth its time
+        if self.time_s is None:
+            self._begin()
+        elif self.seen_s is not None and time_s > self.time_s:
+            # over more a filter forgets the state, and no step through days is worth its time
             self._advance(min(time_s - self.time_s, self.settings.forget_s))
         self.time_s = time_s
 
@@ -95,23 +92,20 @@ class Baseline(ABC):
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
-        if self.seen_s is None:
-            return self._begin(marks)
         nis = None
         if marks:
             nis = self._take(*self._stacked(marks))
             self.seen_s = self.time_s
         mean, cov = self._moments()
         mean, cov = self.target.position(mean), self.target.cov(cov)
-        status = self._status(self.time_s - self.seen_s)
-        return TargetEstimate(self.time_s, mean, cov, status, len(marks), nis, self._poked())
+        return TargetEstimate(self.time_s, mean, cov, self._status(self.time_s), len(marks), nis, self._poked())
 
-    def _begin(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        estimate = self._starter.update(marks)
-        if estimate.marks_used:
-            self._start(self._starter.mixture.x.copy(), self._starter.mixture.P.copy())
-            self.seen_s = self.time_s
-        return replace(estimate, poked=self._poked() if estimate.marks_used else None)
+    def _begin(self) -> None:
+        network, shape = self.model.network, rest_shape(self.model.network)
+        mean = np.zeros(self.model.dim_x)
+        mean[: network.n_state] = pack(shape[network.free], np.zeros_like(shape[network.free]))
+        poked = self.model.linearised(shape, self.settings.poked)
+        self._start(mean, accumulated_noise(*poked, self.settings.lost_s))
 
     def _stacked(self, marks: Sequence[MarkMeasurement]) -> tuple[Floats, NDArray[np.int64], Floats]:
         network = self.model.network
@@ -124,13 +118,9 @@ class Baseline(ABC):
         rows = np.concatenate([np.arange(place.start, place.stop) for place in places])
         return np.concatenate([mark.position for mark in marks]), rows, block_diag(*(mark.total_cov for mark in marks))
 
-    def _status(self, unseen_s: float) -> Status:
-        if unseen_s == 0.0:
+    def _status(self, time_s: float) -> Status:
+        if self.seen_s is None:
+            return Status.INITIALISING
+        if time_s == self.seen_s:
             return Status.TRACKING
-        return Status.COASTING if unseen_s <= self.settings.lost_s else Status.LOST
-
-
-def sub_steps(model: TissueModel, settings: FilterSettings, dt: float) -> tuple[int, int]:
-    """In how many intervals of about mix_s, and in how many steps each, `TissueFilter` goes through dt [s]."""
-    n = max(1, round(dt / settings.mix_s))
-    return n, model.stepper.n_steps(dt / n)
+        return Status.COASTING if time_s - self.seen_s <= self.settings.lost_s else Status.LOST

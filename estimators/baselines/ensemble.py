@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
-from estimators.baselines.baseline import Baseline, sub_steps
+from estimators.baselines.baseline import Baseline
 from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
@@ -53,8 +53,7 @@ class EnsembleKalmanFilter(Baseline):
 
     def _advance(self, dt: float) -> None:
         mode = self.settings.poked
-        intervals, steps = sub_steps(self.model, self.settings, dt)
-        n = intervals * steps
+        n = self.model.stepper.n_steps(dt)
         Q = self.model.noise(dt / n, mode)
         for _ in range(n):
             self.members = self.model.propagate(self.members, dt / n, mode) + self._drawn(Q)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Floats
-from estimators.baselines.baseline import Baseline, sub_steps
+from estimators.baselines.baseline import Baseline
 from estimators.filters.kernels import joseph_update
 from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
@@ -39,8 +39,7 @@ class ExtendedKalmanFilter(Baseline):
 
     def _advance(self, dt: float) -> None:
         mode = self.settings.poked
-        intervals, steps = sub_steps(self.model, self.settings, dt)
-        n = intervals * steps
+        n = self.model.stepper.n_steps(dt)
         Q = self.model.noise(dt / n, mode)
         for _ in range(n):
             self.x, F = transition(self.model, self.x, dt / n, mode)

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, Stepper, rest_shape
-from estimators.process.led import Simulated, led_along
+from dynamics import MassSpringNetwork, Stepper, pack, rest_shape, unpack
 from estimators.process.target import TargetPoint, target_map
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Of a longer time between two frames so much is simulated [s]: after it `TissueFilter` forgets, too."""
+"""Of a longer time between two frames so much is simulated [s]: after it the filter forgets, too."""
 
 
 class OpenLoop:
@@ -44,9 +43,16 @@ class OpenLoop:
         if not set(seen) <= self._free:
             raise ValueError(f"marks: expected them on free nodes, found {[mark.node for mark in marks]}")
         dt = 0.0 if self.time_s is None else min(time_s - self.time_s, LONGEST_S)
-        moved = led_along(self._stepper, Simulated(self.positions, self.velocities), dt, seen)
-        self.positions, self.velocities = moved.positions, moved.velocities
-        self.time_s = time_s
+        positions, velocities, free = self.positions.copy(), self.velocities.copy(), self.network.free
+        if dt > 0.0:
+            for node, place in seen.items():
+                velocities[node] = (place - positions[node]) / dt
+            state = pack(positions[free], velocities[free])
+            moved = self._stepper.advance(state[None], dt, driven=sorted(seen))[0]
+            positions[free], velocities[free] = unpack(moved, self.network.dim)
+        for node, place in seen.items():
+            positions[node] = place  # without the last rounding
+        self.positions, self.velocities, self.time_s = positions, velocities, time_s
         status = Status.TRACKING if marks else Status.COASTING
         mean = self.target.position(self.positions[self.network.free].ravel())
         return TargetEstimate(time_s, mean, None, status, len(marks))

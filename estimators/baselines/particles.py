@@ -9,24 +9,30 @@ from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
-from estimators.baselines.baseline import Baseline, sub_steps
+from estimators.baselines.baseline import Baseline
+from estimators.core.disturbances import Disturbances
+from estimators.core.moments import mixed
 from estimators.filters.exponential import small_expm
-from estimators.filters.kernels import joseph_update, mixed_each, moments_each, symmetric_points_each
+from estimators.filters.kernels import joseph_update, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
+from estimators.process.process_model import ForceMode
 from estimators.process.target import TargetPoint
-from estimators.tissue.settings import FilterSettings, stationary
+from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Size of the sample: with 100 histories kept the chain's six states are resolved over two mixing intervals (6^2)."""
+"""Size of the sample: with 100 histories kept the two modes are resolved over six intervals (2^6)."""
+
+BRANCH_S = 1.0 / 30.0
+"""Every particle has its successors about this often [s]; choice."""
 
 
 class ParticleFilter(Baseline):
-    """Particles of the history of the modes (calm, between, poked), each with an unscented filter of the state.
+    """Particles of the history of the modes (calm, poked), each with an unscented filter of the state.
 
     Rao-Blackwellised [doucet2000]: given when the tissue was poked the rest is nearly Gaussian. A particle filter of
     the state itself leaves no particle alive: without pokes its 16 dimensions have hardly any noise. Every particle
     has all its successors weighted, one for each mode; of these at most n_particles are kept, without bias or twins
-    [fearnhead2003]. What `TissueFilter` adds to this by merging histories into one Gaussian a mode is the difference.
+    [fearnhead2003]. Modes last as long as `Disturbances` says.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """
@@ -54,37 +60,35 @@ class ParticleFilter(Baseline):
         points = positive_points(self.model.dim_x)
         self._scale = points.alpha**2 * (points.n + points.kappa)
         self._weights = points.Wm, points.Wc
+        usual = Disturbances()
+        self._lasting_s = np.array([usual.calm_s, usual.poked_s])
+        self._rates = np.array([[-1.0, 1.0], [1.0, -1.0]]) / self._lasting_s[:, None]
 
     def _start(self, mean: Floats, cov: Floats) -> None:
-        odds = stationary(self.settings.rates)
-        n = len(odds)
-        self.means, self.covs = np.tile(mean, (n, 1)), np.tile(cov, (n, 1, 1))
-        self.states, self.weights = np.arange(n), odds
+        self.means, self.covs, self.modes = np.tile(mean, (2, 1)), np.tile(cov, (2, 1, 1)), np.arange(2)
+        self.weights = self._lasting_s / self._lasting_s.sum()
 
     def _advance(self, dt: float) -> None:
-        n, n_steps = sub_steps(self.model, self.settings, dt)
+        n = max(1, round(dt / BRANCH_S))
         for _ in range(n):
-            self._branch(dt / n, n_steps)
+            self._branch(dt / n)
 
-    def _branch(self, dt: float, n_steps: int) -> None:
-        """Every particle into its successors dt [s] later, one for each state; before that down to the number kept."""
+    def _branch(self, dt: float) -> None:
+        """Every particle into its successors dt [s] later, one for each mode; before that down to the number kept."""
         self._thin()
-        by_mode = self.settings.modes
-        modes = [by_mode[mode] for mode in self.settings.of_state]
-        odds = small_expm(self.settings.rates * dt)[self.states]
-        moved = {mode: self._moved(mode, dt, n_steps) for mode in set(modes)}
-        self.means = np.concatenate([moved[mode][0] for mode in modes])
-        self.covs = np.concatenate([moved[mode][1] for mode in modes])
+        odds = small_expm(self._rates * dt)[self.modes]
+        moved = [self._moved(mode, dt) for mode in (self.settings.quiet, self.settings.poked)]
+        self.means, self.covs = (np.concatenate(each) for each in zip(*moved, strict=True))
         self.weights = (self.weights[:, None] * odds).T.ravel()
-        self.states = np.repeat(np.arange(len(modes)), len(odds))
+        self.modes = np.repeat(np.arange(2), len(odds))
 
-    def _moved(self, mode: object, dt: float, n_steps: int) -> tuple[Floats, Floats]:
-        xs, Ps, k = self.means, self.covs, len(self.means)
+    def _moved(self, mode: ForceMode, dt: float) -> tuple[Floats, Floats]:
+        xs, Ps, k, n_steps = self.means, self.covs, len(self.means), self.model.stepper.n_steps(dt)
         Wm, Wc = (np.tile(w, (k, 1)) for w in self._weights)
-        Q = np.tile(self.model.noise(dt / n_steps, mode), (k, 1, 1))  # type: ignore[arg-type]
+        Q = np.tile(self.model.noise(dt / n_steps, mode), (k, 1, 1))
         for _ in range(n_steps):
             points, _ = symmetric_points_each(xs, Ps, np.full(k, self._scale))
-            moved = self.model.propagate_each(points, dt / n_steps, [mode] * k)  # type: ignore[list-item]
+            moved = self.model.propagate_each(points, dt / n_steps, [mode] * k)
             xs, Ps = moments_each(moved, Wm, Wc, Q)
         return xs, Ps
 
@@ -99,17 +103,14 @@ class ParticleFilter(Baseline):
 
     def _thin(self) -> None:
         kept, weights = resample(self.weights, self._n, self._rng)
-        self.means, self.covs, self.states = self.means[kept], self.covs[kept], self.states[kept]
+        self.means, self.covs, self.modes = self.means[kept], self.covs[kept], self.modes[kept]
         self.weights = weights
 
     def _moments(self) -> tuple[Floats, Floats]:
-        columns = np.zeros((len(self.means), self.model.dim_x, 0))
-        means, covs, _ = mixed_each(self.weights[:, None], self.means, self.covs, columns)
-        return means[0], covs[0]
+        return mixed(self.weights, self.means, self.covs)
 
     def _poked(self) -> float:
-        modes = np.asarray(self.settings.of_state)[self.states]
-        return float(self.weights[~np.isin(modes, self.settings.quiet_modes)].sum())
+        return float(self.weights[self.modes == 1].sum())
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:

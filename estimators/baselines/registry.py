@@ -32,7 +32,7 @@ class UnknownMethodError(LookupError):
 class TrackingProblem:
     """What every method is given: the tissue, the target (a node or a point beside it), and the belief about forces.
 
-    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
+    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `UnifiedFilter`
     seed: of methods that draw random numbers; fixes: direct sightings of the target, for a method that uses them
     """
 

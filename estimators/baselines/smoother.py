@@ -1,11 +1,11 @@
-"""The fixed-interval smoother of the tissue filter, as a method to compare with: it uses the marks of all frames."""
+"""The fixed-interval smoother, as a method to compare with: it uses the marks of all frames."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
-from estimators.core.choice import filter_of
+from estimators.core.track import UnifiedFilter
 from estimators.process.target import TargetPoint
 from estimators.smoothing.smoother import TimedFix, fixed_interval
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
@@ -31,7 +31,9 @@ class FixedIntervalSmoother:
         fixes: Sequence[TimedFix] = (),
     ) -> None:
         self._fixes = tuple(fixes)
-        self.tissue = filter_of(network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
+        self.tissue = UnifiedFilter(
+            network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
+        )
 
     def run(
         self,

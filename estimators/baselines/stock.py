@@ -17,8 +17,8 @@ class StockUnscented(Baseline):
     """filterpy's UnscentedKalmanFilter, nothing changed: one mode, the poked one, and one prediction a frame.
 
     Every sigma point moves in steps of at most 1/120 s, but points are drawn, and noise is added, once a frame: that of
-    masses that fly freely from one frame to the next (`TissueModel.noise`), where `TissueFilter` adds that of a step at
-    every step. At 30 frames/s this costs little, from 10 frames/s down it is the difference; it is the point here.
+    masses that fly freely from one frame to the next (`TissueModel.noise`), where the others add that of each step.
+    At 30 frames/s this costs little, from 10 frames/s down it is the difference; it is the point here.
 
     State: filter, filterpy's, beside what `Baseline` has; restarts: how often its covariance was no longer positive
     definite, and it restarted from its first state.

@@ -10,19 +10,15 @@ from estimators.consistency.nees import (
     anees,
     chi_square_bounds,
     coverage,
-    coverage_over_runs,
     mean_bounds,
     normalised_error_squared,
 )
 from estimators.consistency.reliability import ReliabilityBin, clopper_pearson, reliability_bins
 from estimators.consistency.rest_bound import resting_bound
 from estimators.consistency.scores import (
-    coverage_curve,
     crps_normal,
     energy_score,
     pit_normal,
-    pit_squared,
-    uniformity,
 )
 from estimators.consistency.static_balance import Balance, BalanceSettings, StaticBalance
 from estimators.consistency.whiteness import autocorrelation, effective_count, portmanteau
@@ -41,18 +37,14 @@ __all__ = [
     "chi_square_bounds",
     "clopper_pearson",
     "coverage",
-    "coverage_curve",
-    "coverage_over_runs",
     "crps_normal",
     "effective_count",
     "energy_score",
     "mean_bounds",
     "normalised_error_squared",
     "pit_normal",
-    "pit_squared",
     "portmanteau",
     "posterior_bound",
     "reliability_bins",
     "resting_bound",
-    "uniformity",
 ]

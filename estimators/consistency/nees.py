@@ -42,16 +42,6 @@ def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 
-def coverage_over_runs(squared: ArrayLike, degrees: int, share: float = 0.95) -> tuple[Floats, tuple[float, float]]:
-    """Mean over runs of the normalised squared errors at each time, (n_times,), and the bounds that hold this share.
-
-    squared (n_runs, n_times), runs independent. Of NEES it is the ANEES times the degrees; of NIS the same for filters
-    without truth.
-    """
-    values = np.asarray(squared, dtype=float)
-    return values.mean(axis=0), mean_bounds(degrees, len(values), share)
-
-
 def anees(squared: ArrayLike, degrees: int) -> float:
     """Average NEES, (n,), by degrees of freedom: 1 is right, above it the covariance is too small. Source: [li2006]."""
     return float(np.mean(np.asarray(squared, dtype=float))) / degrees

@@ -1,18 +1,15 @@
-"""How good Gaussian predictions are, error and covariance together: proper scores, PIT, calibration curves.
+"""How good Gaussian predictions are, error and covariance together: proper scores, PIT.
 
 Source: [gneiting2007].
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2, kstest, norm
+from scipy.stats import norm
 
 from estimators.arrays import Floats
-from estimators.consistency.nees import coverage
 
 
 def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
@@ -46,21 +43,3 @@ def pit_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
     """Probability integral transform of normal predictions: uniform on (0, 1) where they are right."""
     z = (np.asarray(truths, dtype=float) - np.asarray(means, dtype=float)) / np.asarray(sds, dtype=float)
     return np.asarray(norm.cdf(z))
-
-
-def pit_squared(squared: ArrayLike, degrees: int) -> Floats:
-    """The same of normalised squared errors or innovations (NEES, NIS) of so many degrees of freedom."""
-    return np.asarray(chi2.cdf(np.asarray(squared, dtype=float), degrees))
-
-
-def uniformity(pit: ArrayLike) -> float:
-    """Probability that independent transforms, (n,), of right predictions were so far from uniform.
-
-    Kolmogorov's and Smirnov's test.
-    """
-    return float(kstest(np.asarray(pit, dtype=float).ravel(), "uniform").pvalue)
-
-
-def coverage_curve(squared: ArrayLike, degrees: int, shares: Sequence[float]) -> Floats:
-    """Part of the normalised squared errors inside the regions that ought to hold these shares of them, (n_shares,)."""
-    return np.array([coverage(squared, degrees, share) for share in shares])

@@ -47,10 +47,12 @@ class BalanceSettings:
     mean_s: the time [s]; choice: pokes do not average away in half of it, and twice is what a fault that no frame shows
         may take to be noticed
     least_share: of that time that has to be seen, and of its frames that a mark has to be in [1]; choice
+    often: share of the time that a poke acts where pokes are about [1]; choice: 0.3 s of every 1.8 s
     """
 
     mean_s: float = 1.0
     least_share: float = 0.5
+    often: float = 1.0 / 6.0
 
 
 BALANCE = BalanceSettings()
@@ -96,7 +98,6 @@ class StaticBalance:
         self._network: MassSpringNetwork = tissue.network
         # a hand that leads holds a body for as long as it likes, and links turn
         self._of = None if tissue.may_be_led else tissue.settings.poked
-        self._often = tissue.settings.poked_s / (tissue.settings.poked_s + tissue.settings.between_s)
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()
         self._seen: dict[tuple[str, ...], _Condensed] = {}
@@ -136,7 +137,7 @@ class StaticBalance:
         alike = np.zeros((len(poke), dim))
         alike[np.arange(len(poke)), np.arange(len(poke)) % dim] = poke
         span_s = max(frames[-1].time_s - frames[0].time_s, of.lasting_s)
-        averaged = self._often * max(min(2.0 * of.lasting_s / span_s, 1.0), 1.0 / len(frames))
+        averaged = self._settings.often * max(min(2.0 * of.lasting_s / span_s, 1.0), 1.0 / len(frames))
         cov = np.diag(averaged * poke**2 + np.repeat(network.friction[at], dim) ** 2)
         for k, node in enumerate(nodes):  # what errs in all frames alike does not average away
             own = seen.stiffness[:, k * dim : (k + 1) * dim]

@@ -126,7 +126,7 @@ class AheadTables:
 
     def _whole(self, tissue: Tissue) -> tuple[Floats, Floats, Floats]:
         if tissue.time_s is None:
-            raise ValueError("predict_fast: expected a filter after its first frame, found no time")
+            raise ValueError("ahead: expected a filter after its first frame, found no time")
         weights, times = tissue.filter.weights, self.cycle_s * np.arange(self.n_times, dtype=np.float64)
         _, means, covs = self._moments(tissue, weights, self.chain)
         return tissue.time_s + times, means, covs

@@ -12,7 +12,15 @@ from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Hit, Insertion, Needle
 from estimators.guidance.needle_tracking import Arrival, NeedleNoise, NeedleTracker
 from estimators.guidance.obstacles import Obstacle, ball, clearances
-from estimators.guidance.path import PathParts, TargetPath, either_path, path_by_tables, path_near_rest, path_reach_s
+from estimators.guidance.path import (
+    PathParts,
+    TargetPath,
+    either_path,
+    path_by_tables,
+    path_near_rest,
+    path_reach_s,
+    path_tables,
+)
 from estimators.guidance.planning import (
     Plan,
     PlannedNeedle,
@@ -68,6 +76,7 @@ __all__ = [
     "path_by_tables",
     "path_near_rest",
     "path_reach_s",
+    "path_tables",
     "path_times",
     "plan",
 ]

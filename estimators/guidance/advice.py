@@ -213,7 +213,7 @@ def guide(
     """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
 
     The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
-    times [s], (n,), or more of them; None: a `TissueFilter`'s by tables, which the first call makes and later ones use
+    times [s], (n,), or more of them; None: a `UnifiedFilter`'s by tables, which the first call makes and later ones use
     again, as `softaim advise` has it; another source's `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle

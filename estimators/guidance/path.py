@@ -12,13 +12,17 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dynamics import rest_shape
+from dynamics import SAME_STEP, rest_shape
 from estimators.arrays import Floats
+from estimators.core.track import UnifiedFilter
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
 from estimators.threads import one_blas_thread
 from estimators.tissue.fast_prediction import fast_prediction_tables
-from estimators.tissue.target_filter import PathTables, TargetFilter, times_until
+from estimators.tissue.target_filter import PathTables, TargetFilter
+
+CYCLE_S = 1.0 / 30.0
+"""Between two times of the tables [s]; choice."""
 
 TURNED = 0.35
 """Angle by which a spring may be turned from its direction at rest for the tables to hold [rad]; measured:
@@ -113,8 +117,7 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
 
 def path_reach_s(tissue: TargetFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
     """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
-    network = tissue.network
-    rest = tissue.target.position(rest_shape(network)[network.free].ravel())
+    rest = tissue.target.position(rest_shape(tissue.network)[tissue.network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
     return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
 
@@ -122,6 +125,18 @@ def path_reach_s(tissue: TargetFilter, insertion: Insertion, needle: Needle, set
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
     """Time that the needle takes until what is to hit is so far from the entry [m]: [s], 0 where it is farther."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
+
+
+def path_tables(tissue: TargetFilter, ahead_s: float) -> PathTables:
+    """Tables of a filter's path as far ahead as this [s]; its posterior does not matter, its model does."""
+    if not isinstance(tissue, UnifiedFilter):
+        return fast_prediction_tables(tissue, ahead_s, at_once=False)
+    return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
+
+
+def _times_until(ahead_s: float, cycle_s: float) -> int:
+    """How many times, cycle_s [s] apart from now on, reach so far ahead [s]."""
+    return int(np.ceil(ahead_s / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
 def path_by_tables(tables: PathTables, tissue: TargetFilter) -> TargetPath:
@@ -136,7 +151,7 @@ def path_near_rest(tables: PathTables, tissue: TargetFilter, times_s: Floats) ->
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
-    n = times_until(float(times_s[-1] - tissue.time_s), tables.cycle_s)
+    n = _times_until(float(times_s[-1] - tissue.time_s), tables.cycle_s)
     if n > tables.n_times or not _is_near_rest(tables, tissue):
         return TargetPath(times_s, *tissue.predict_path(times_s))
     return _first_of_tables(tables, tissue, max(n, 2))
@@ -150,11 +165,11 @@ def kept_path(tissue: TargetFilter, times_s: Floats) -> TargetPath:
     """As `path_near_rest`, by tables that are made where they are first needed, or reach farther, and kept."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
-    if tables is None or times_until(ahead_s, tables.cycle_s) > tables.n_times:
+    if tables is None or _times_until(ahead_s, tables.cycle_s) > tables.n_times:
         if ahead_s > MOST_S:
             return TargetPath(times_s, *tissue.predict_path(times_s))
         # a needle that moves asks for a little more each time
-        tables = _KEPT[tissue] = fast_prediction_tables(tissue, 1.25 * ahead_s, at_once=False)
+        tables = _KEPT[tissue] = path_tables(tissue, 1.25 * ahead_s)
     return path_near_rest(tables, tissue, times_s)
 
 

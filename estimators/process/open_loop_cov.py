@@ -46,7 +46,7 @@ class OpenLoopCovariance:
         self._target = np.zeros((network.dim, len(self.cov)))
         self._target[:, [*range(len(hidden)), *range(self._n, self._n + self._m)]] = matrix[:, [*hidden, *driven]]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
-        self._frames: dict[tuple[bool, float, frozenset[str]], tuple[Floats, Floats, Floats]] = {}
+        self._frames: dict[tuple[float, frozenset[str]], tuple[Floats, Floats, Floats]] = {}
 
     @property
     def target_cov(self) -> Floats:
@@ -55,7 +55,8 @@ class OpenLoopCovariance:
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
         """Go on by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
-        key = dt > 0.0, round(dt, 9), frozenset(noise)
+        dt = round(dt, 10)  # frames at one rate differ by rounding
+        key = dt, frozenset(noise)
         if key not in self._frames:
             if len(self._frames) >= KEPT:
                 self._frames.clear()
@@ -91,10 +92,9 @@ class OpenLoopCovariance:
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
         """What the hidden masses, the marked ones' error at the start and that at the end make of the hidden ones.
 
-        And the covariance that unknown force adds. To a nanosecond: frames at one rate differ by rounding.
+        And the covariance that unknown force adds.
         """
-        key = round(dt, 9)
-        if self._steps is None or self._steps[0] != key:
+        if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m
             block = np.zeros((n + 2 * m, n + 2 * m))
             block[:n, :n], block[:n, n : n + m], block[:n, n + m :] = self._own, self._by_place, self._by_velocity
@@ -102,5 +102,5 @@ class OpenLoopCovariance:
             moved = small_expm(block * dt)
             end = moved[:n, n + m :] / dt
             noise = accumulated_noise(self._own, self._density, dt)
-            self._steps = key, (moved[:n, :n], moved[:n, n : n + m] - end, end, noise)
+            self._steps = dt, (moved[:n, :n], moved[:n, n : n + m] - end, end, noise)
         return self._steps[1]

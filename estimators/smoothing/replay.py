@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from estimators.arrays import Floats
+from estimators.core.track import FilterSnapshot, UnifiedFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
-from estimators.tissue.target_filter import Restored, TargetFilter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +26,7 @@ class _Kept:
     """An event and the state of the filter before it."""
 
     event: Event
-    before: Restored = field(repr=False)
+    before: FilterSnapshot = field(repr=False)
 
 
 class Replay:
@@ -40,7 +40,7 @@ class Replay:
     came out of order and were fused, `fused`, or were older than all that is kept, `rejected`.
     """
 
-    def __init__(self, tissue: TargetFilter, horizon_s: float = 0.5) -> None:
+    def __init__(self, tissue: UnifiedFilter, horizon_s: float = 0.5) -> None:
         if not horizon_s >= 0:
             raise ValueError(f"horizon_s: expected 0 s or more, found {horizon_s}")
         self.tissue = tissue

@@ -17,11 +17,11 @@ from estimators import (
     Guidance,
     TargetFilter,
     TargetPath,
-    fast_prediction_tables,
     guide,
     hit_probability,
     path_near_rest,
     path_reach_s,
+    path_tables,
 )
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -70,7 +70,7 @@ def advise(
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
     times, guidance, due_s, watched = [], [], -np.inf, AbortWatch()
-    tables = fast_prediction_tables(line.filter, reach_s(plan, line.filter), at_once=False)
+    tables = path_tables(line.filter, reach_s(plan, line.filter))
     integrity = IntegrityMonitor(recording.scene, line.filter)
     push = plan.push_on(recording.scene.network, recording.scene.target.point)
 

@@ -24,11 +24,11 @@ from estimators import (
     TargetPath,
     compliance,
     either_path,
-    fast_prediction_tables,
     filter_of,
     health_fault,
     path_by_tables,
     path_reach_s,
+    path_tables,
 )
 from estimators.process.target import target_map
 from estimators.tissue.target_filter import Restored
@@ -276,7 +276,7 @@ def _tables(model: bytes, ahead_s: float) -> PathTables:
     """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = filter_of(network, target, marked, settings, uncertainty=uncertainty)
-    return fast_prediction_tables(tissue, ahead_s, at_once=False)
+    return path_tables(tissue, ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:

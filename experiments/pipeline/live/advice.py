@@ -20,9 +20,9 @@ from estimators import (
     TargetPath,
     advise,
     either_path,
-    fast_prediction_tables,
     health_fault,
     path_by_tables,
+    path_tables,
 )
 from experiments.arrays import Floats
 from experiments.formats.needle_file import NeedlePlan
@@ -52,7 +52,7 @@ class LiveAdvice:
         self._push = plan.push_on(tissue.network, tissue.target.point)
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.network.dim
-        self._tables = fast_prediction_tables(tissue, reach_s(plan, tissue))
+        self._tables = path_tables(tissue, reach_s(plan, tissue))
         self._breathing = Breathing(self._dim)
         self._learn_s = np.inf
         self._last: TargetEstimate | None = None

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dynamics import NeedlePose
-from estimators import Insertion, TissueFilter
+from estimators import Insertion, UnifiedFilter
 from experiments.pipeline.live.session import Session
 from experiments.studies.faults.judge import FOREVER, LASTS_S
 from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
@@ -18,8 +18,8 @@ GOES_IN_S = 0.5
 """Before the onset, a needle that was told to go begins to [s]."""
 INSIDE_M = 0.005
 """Depth of a needle that is held there [m]."""
-BEND_RAD = np.deg2rad(60.0)
-"""By so much it bends: it would pass the target by 22 mm."""
+BEND_RAD = np.deg2rad(90.0)
+"""By so much it bends: it would pass the target by 25 mm, twice the lesion's radius, wherever a breath moves it."""
 BESIDE_M = 0.025
 """From a needle's line to the one on which it would be told to go [m]."""
 DENT_M, DENT_N = 0.005, 2.0
@@ -56,22 +56,16 @@ def _displaced(by_m: float) -> Callable[[Session], None]:
     """Displaces all nodes in the mean of every mode of the filter [m], which stays as sure of them as it was."""
 
     def upsets(session: Session) -> None:
-        network = session.line.scene.network
         tissue = session.line.filter
-        if not isinstance(tissue, TissueFilter):
-            raise TypeError("displaced: expected the usual filter")
-        mixture = tissue.mixture
-        by = np.where(np.arange(len(mixture.x)) < network.dim * len(network.free), by_m, 0.0)
-        mixture.x = mixture.x + by
-        for one in mixture.filters:
-            one.x = one.x + by
+        assert isinstance(tissue, UnifiedFilter)
+        tissue.filter.means[:, tissue.process.parts["position"]] += by_m
 
     return upsets
 
 
 LOOP: tuple[ScriptedFault, ...] = (
     ScriptedFault(
-        "needle bent", "a needle that was told to go bends by 60 degrees inside", needle=TrackedNeedle(_bends)
+        "needle bent", "a needle that was told to go bends by 90 degrees inside", needle=TrackedNeedle(_bends)
     ),
     ScriptedFault(
         "needle unseen",

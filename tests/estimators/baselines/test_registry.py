@@ -13,7 +13,6 @@ from estimators import (
     MarkMeasurement,
     ParticleFilter,
     StockUnscented,
-    TissueFilter,
     TrackingProblem,
     UnknownMethodError,
     fixed_interval,
@@ -78,7 +77,7 @@ def test_a_baseline_runs_as_predict_and_update(problem, frames):
 
 def test_the_smoother_gives_all_frames_at_the_end(problem, frames):
     (block,) = make_method("smoother", problem).run(frames)
-    expected = fixed_interval(TissueFilter(*problem.physics), frames)
+    expected = fixed_interval(UnifiedFilter(*problem.physics), frames)
     np.testing.assert_array_equal([one.mean for one in block], [one.mean for one in expected])
 
 

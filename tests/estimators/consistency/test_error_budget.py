@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, parameter_forces, parameters, rest_shape, scale_parameters
-from estimators import ErrorSource, StaticResponse, TissueFilter
+from estimators import ErrorSource, StaticResponse, UnifiedFilter
 
 
 @pytest.fixture(scope="module")
-def tissue() -> TissueFilter:
-    return TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
+def tissue() -> UnifiedFilter:
+    return UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
 
 
 def held_at_marks(network, positions):
@@ -23,7 +23,7 @@ def held_at_marks(network, positions):
 
 def test_a_target_follows_constants_that_are_wrong(tissue):
     """The hidden mass on springs 1 % stiffer."""
-    network = tissue.model.network
+    network = tissue.network
     which = parameters(network, ("stiffness",))
     stiffer = scale_parameters(network, which, np.full(len(which), 0.01))
     shift = (held_at_marks(stiffer, network.positions) - network.positions)[network.index(HIDDEN)]
@@ -35,7 +35,7 @@ def test_a_target_follows_constants_that_are_wrong(tissue):
 
 def test_a_target_follows_marks_that_are_off(tissue):
     """Every mark by its own 20 um: so little that springs stay straight to 1 %."""
-    network = tissue.model.network
+    network = tissue.network
     off = 2e-5 * np.array([[1.0, -0.5], [0.3, 0.8], [-0.6, 0.2]])
     positions = network.positions.copy()
     positions[[network.index(node) for node in OUTER]] += off

@@ -1,10 +1,12 @@
 """Each mark predicted as if it were hidden: the check that needs no truth, and what it makes of the covariance."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, parameters, scale_parameters
-from estimators import LeaveOneOut, Status, TissueFilter, chi_square_bounds
+from estimators import LeaveOneOut, Status, UnifiedFilter, chi_square_bounds
 
 SD = 0.001
 
@@ -42,10 +44,10 @@ def wrong(phantom, motion, marks_of):
 
 
 def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, rest_state, marks_of):
-    """Error and NEES of M3 from a TissueFilter aimed at M3 and fed with the other marks alone. Rounding."""
+    """Error and NEES of M3 from a UnifiedFilter aimed at M3 and fed with the other marks alone. Rounding."""
     rng = np.random.default_rng(2)
     both = LeaveOneOut(phantom, HIDDEN, OUTER)
-    alone = TissueFilter(phantom, "M3", OUTER)
+    alone = UnifiedFilter(phantom, "M3", OUTER)
     for k in range(10):
         marks = [mark for mark in marks_of(phantom, rest_state, SD, rng) if k != 5 or mark.node != "M1"]
         both.predict(k / 30.0)
@@ -57,6 +59,24 @@ def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, res
     np.testing.assert_allclose(both.checks["M3"].error, error, rtol=0, atol=1e-14)
     expected = error @ np.linalg.solve(predicted.cov + mark.cov, error)
     assert both.checks["M3"].nees == pytest.approx(expected, rel=1e-9)
+
+
+def test_withheld_marks_are_judged_with_what_the_calibration_moves_them_by(phantom, motion, marks_of):
+    """A filter without M1 errs by what moves M1, too: H P H' with the mark's own directions in H. 1e-9."""
+    rng = np.random.default_rng(3)
+    shared = {node: rng.normal(0.0, 1e-3, (2, 3)) for node in OUTER}
+    both = LeaveOneOut(phantom, HIDDEN, OUTER, n_calibration=3)
+    for k, state in enumerate(motion[:10]):
+        marks = [replace(mark, shared=shared[mark.node]) for mark in marks_of(phantom, state, SD, rng)]
+        both.predict(k / 30.0)
+        both.update(marks)
+    other, mark = both.without["M1"], next(mark for mark in marks if mark.node == "M1")
+    x, P = other.filter.moments_by(other.filter.weights)
+    H = other.process.node("M1")
+    error = mark.position - H @ x
+    H[:, other.process.parts["calibration"]] = mark.shared
+    expected = error @ np.linalg.solve(H @ P @ H.T + mark.cov, error)
+    assert both.checks["M1"].nees == pytest.approx(expected, rel=1e-9)
 
 
 def test_checks_hold_where_the_model_is_right(right):
@@ -74,7 +94,7 @@ def test_checks_hold_where_the_model_is_right(right):
 def test_the_covariance_is_left_alone_where_the_model_is_right(right):
     both, _, estimates, _ = right
     assert 1.0 <= both.scale < 1.6
-    own = both.tissue.target.cov(both.tissue.mixture.P)
+    own = both.tissue.place_of(both.tissue.target)[1]
     np.testing.assert_allclose(estimates[-1].cov, both.scale * own, rtol=1e-12)
 
 

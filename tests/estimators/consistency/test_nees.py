@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from estimators import anees, chi_square_bounds, coverage, coverage_over_runs, mean_bounds, normalised_error_squared
+from estimators import anees, chi_square_bounds, coverage, mean_bounds, normalised_error_squared
 
 # Printed tables (Abramowitz and Stegun, 26.8): upper points of chi-square, five figures.
 TABLE = {1: (0.00098207, 5.02389), 2: (0.0506356, 7.37776), 6: (1.237344, 14.4494), 100: (74.2219, 129.561)}
@@ -61,15 +61,6 @@ def test_drawn_errors_are_covered_as_they_should(share):
 def test_a_singular_covariance_is_an_error():
     with pytest.raises(np.linalg.LinAlgError):
         normalised_error_squared([[1.0, 1.0]], [np.ones((2, 2))])
-
-
-def test_over_runs_is_the_mean_at_each_time_with_the_bounds_of_that_mean():
-    """40 runs of 3 times, two degrees: the mean of 40 lies in the bounds of 80 degrees; one time is too large."""
-    squared = np.random.default_rng(7).chisquare(2, size=(40, 3)) * [1.0, 1.0, 3.0]
-    means, (low, high) = coverage_over_runs(squared, 2)
-    np.testing.assert_allclose(means, [squared[:, k].sum() / 40 for k in range(3)], rtol=1e-14)
-    assert (low, high) == mean_bounds(2, 40)
-    assert low < means[0] < high < means[2]
 
 
 def test_anees_is_one_where_the_covariance_is_right():

@@ -7,8 +7,7 @@ from scipy.linalg import expm
 from dynamics import HIDDEN, OUTER, breast_phantom
 from estimators import MarkMeasurement, UnifiedFilter
 from estimators.core.disturbances import Disturbances
-from estimators.guidance.path import path_near_rest
-from estimators.tissue.fast_prediction import fast_prediction_tables, predict_fast
+from estimators.guidance.path import path_near_rest, path_tables
 
 HZ = 1.0 / 30.0
 CYCLE_S = 1.0 / 30.0
@@ -43,7 +42,7 @@ def near_rest(request, phantom):
 def test_tables_are_the_predictions_near_rest(near_rest):
     """Mean to 2 % of where the body is aside or a tenth of sigma, covariance to 12 %, over half a second."""
     tables = near_rest.tables(16, CYCLE_S)
-    times, means, covs = predict_fast(tables, near_rest)
+    times, means, covs = tables.ahead(near_rest)
     path, path_covs = near_rest.predict_path(times)
     sigma = np.sqrt(np.trace(path_covs, axis1=1, axis2=2))
     assert np.all(np.linalg.norm(means - path, axis=1) < 0.02 * 2e-3 + 0.1 * sigma)
@@ -62,7 +61,7 @@ def test_the_probability_of_quiet_is_that_of_the_chain(near_rest):
     truth = [(now @ expm(rates * CYCLE_S * k)).sum() for k in range(16)]
     np.testing.assert_allclose(weights, truth, rtol=2e-2)
     assert np.all(np.diff(weights) < 0.0)
-    whole = predict_fast(tables, near_rest)[2]
+    whole = tables.ahead(near_rest)[2]
     assert np.all(np.trace(covs, axis1=1, axis2=2) <= np.trace(whole, axis1=1, axis2=2) * (1.0 + 1e-9))
     assert means.shape == (16, len(near_rest.rest[0]))
 
@@ -72,22 +71,22 @@ def test_a_push_moves_the_tables_as_a_prediction_under_it(near_rest):
     tables = near_rest.tables(16, CYCLE_S)
     network = near_rest.network
     push = 0.3 * network.masses[network.free, None] * np.ones(network.dim)
-    moved = predict_fast(tables, near_rest, np.tile(push, (15, 1, 1)))[1] - predict_fast(tables, near_rest)[1]
+    moved = tables.ahead(near_rest, np.tile(push, (15, 1, 1)))[1] - tables.ahead(near_rest)[1]
     then_s = near_rest.time_s + 15 * CYCLE_S
     truth = near_rest.predict_at(then_s, push).mean - near_rest.predict_at(then_s).mean
     assert np.linalg.norm(moved[-1] - truth) < 0.12 * np.linalg.norm(truth)
     with pytest.raises(ValueError, match=r"push: expected shape \(15, n_free, dim\), found"):
-        predict_fast(tables, near_rest, np.zeros((3, 1, 1)))
+        tables.ahead(near_rest, np.zeros((3, 1, 1)))
 
 
 def test_tables_need_a_first_frame(phantom):
     unified = UnifiedFilter(phantom, HIDDEN, OUTER)
     with pytest.raises(ValueError, match="expected a filter after its first frame"):
-        predict_fast(unified.tables(3, CYCLE_S), unified)
+        unified.tables(3, CYCLE_S).ahead(unified)
 
 
 def test_guidance_near_rest_is_by_tables_of_the_filter(near_rest):
-    tables = fast_prediction_tables(near_rest, 0.4)
+    tables = path_tables(near_rest, 0.4)
     times_s = near_rest.time_s + np.arange(0.0, 0.4, 0.1)
     path = path_near_rest(tables, near_rest, times_s)
     means, _ = near_rest.predict_path(path.times_s)

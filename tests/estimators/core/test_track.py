@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import FixedLag, MarkMeasurement, OpenLoop, Status, normalised_error_squared
+from estimators import MarkMeasurement, OpenLoop, Status, normalised_error_squared
 from estimators.core.discrepancy import Discrepancy
 from estimators.core.track import UnifiedFilter
 from tests.estimators.conftest import STEP, driven
@@ -181,8 +181,3 @@ def test_what_cannot_be_taken_in_is_an_error() -> None:
     for node, place in (("nobody", [0.0, 0.0]), (OUTER[0], [0.0, 0.0, 0.0])):
         with pytest.raises(ValueError, match=f"mark {node}"):
             tissue.update([MarkMeasurement(node, np.array(place), np.eye(len(place)))])
-
-
-def test_smoothing_with_a_lag_needs_the_usual_filter() -> None:
-    with pytest.raises(TypeError, match="expected a TissueFilter, found UnifiedFilter"):
-        FixedLag(UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER))

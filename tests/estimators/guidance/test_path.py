@@ -10,29 +10,29 @@ import pytest
 
 from dynamics import HIDDEN, OUTER
 from estimators import (
-    FilterSettings,
     GaussianMixture,
     MarkMeasurement,
     Needle,
     PathParts,
     TargetPath,
-    TissueFilter,
+    UnifiedFilter,
     advise,
-    fast_prediction_tables,
     guide,
     hit_probability,
     path_by_tables,
     path_near_rest,
+    path_tables,
 )
+from estimators.core.disturbances import Disturbances
 from tests.estimators.guidance.straight_down import DISC, DOWN, NOW_S
 
 FRAME_S = 1.0 / 30.0
 NEVER_S = 1e12
 
 
-def resting(phantom, settings=None, shift=0.0, **known):
+def resting(phantom, shift=0.0):
     """A filter after 20 frames of a phantom at rest, its outer marks seen so far aside [m]."""
-    tissue, rng = TissueFilter(phantom, HIDDEN, OUTER, settings, **known), np.random.default_rng(1)
+    tissue, rng = UnifiedFilter(phantom, HIDDEN, OUTER), np.random.default_rng(1)
     for k in range(20):
         tissue.predict(k * FRAME_S)
         places = [phantom.positions[phantom.index(node)] + [shift, 0.0] + rng.normal(0.0, 1e-3, 2) for node in OUTER]
@@ -47,7 +47,7 @@ def tissue(phantom):
 
 @pytest.fixture(scope="module")
 def tables(tissue):
-    return fast_prediction_tables(tissue, 1.0)
+    return path_tables(tissue, 1.0)
 
 
 def test_both_parts_together_are_the_whole(tissue, tables):
@@ -64,15 +64,11 @@ def test_both_parts_together_are_the_whole(tissue, tables):
 
 
 def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phantom, tissue, tables):
-    """The same belief under a chain that never leaves its quiet states: means within 0.2 sigma, sigmas within 10 %."""
-    settings = FilterSettings(calm_s=NEVER_S, between_s=NEVER_S, unstruck_s=NEVER_S)
-    knowing = TissueFilter(phantom, HIDDEN, OUTER, settings)
-    knowing.predict(tissue.time_s)
-    for own, f in zip(knowing.mixture.filters, tissue.mixture.filters, strict=True):
-        own.x, own.P = f.x, f.P
-    knowing.mixture.level.resume(tissue.mixture.level.state)
-    quiet = np.isin(np.arange(len(settings.modes)), settings.quiet_modes)
-    knowing.mixture.mu = np.where(quiet, tissue.mixture.mu, 0.0) / tissue.mixture.mu[quiet].sum()
+    """The same state under a chain that never leaves calm: means within 0.2 sigma, sigmas within 10 %."""
+    knowing = UnifiedFilter(phantom, HIDDEN, OUTER, disturbances=Disturbances(calm_s=NEVER_S, led_each_s=NEVER_S))
+    now, calm = tissue.snapshot(), tissue.process.disturbances.calm_modes
+    weights = np.where(calm, now.filter.weights, 0.0) / now.filter.weights[calm].sum()
+    knowing.restore(replace(now, filter=replace(now.filter, weights=weights)))
     path = path_by_tables(tables, tissue)
     exact, covs = knowing.predict_path(path.times_s)
     sigma, own = (np.sqrt(np.trace(c, axis1=1, axis2=2)) for c in (covs, path.mixture.covs[:, 0]))
@@ -80,16 +76,6 @@ def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phanto
     np.testing.assert_allclose(own[1:], sigma[1:], rtol=0.1)
     # while the whole, in which somebody may poke, is much wider
     assert np.sqrt(np.trace(path.covs[-1])) > 2.0 * sigma[-1]
-
-
-def test_calm_stays_calm_with_the_probability_of_a_poisson_process(tissue, tables):
-    """exp(-t (1 / calm_s + 1 / unstruck_s)); of pokes of 0.3 s one in 18 begins and ends unseen within a cycle."""
-    chain, settings = tissue.mixture.chain, tissue.settings
-    before, chain.odds = chain.odds, np.eye(len(chain.odds))[0]
-    path = path_by_tables(tables, tissue)
-    chain.odds = before
-    expected = np.exp(-(path.times_s - path.times_s[0]) * (1.0 / settings.calm_s + 1.0 / settings.unstruck_s))
-    np.testing.assert_allclose(1.0 - path.mixture.weights[:, 0], 1.0 - expected, rtol=0.06)
 
 
 def test_a_hit_is_judged_part_by_part():
@@ -119,7 +105,7 @@ def test_tables_are_used_near_rest_and_as_far_as_they_reach_else_the_filter(phan
     far = tissue.time_s + FRAME_S * np.arange(40)
     assert path_near_rest(tables, tissue, far).mixture is None
     pushed = resting(phantom, shift=0.12)
-    turned = path_near_rest(fast_prediction_tables(pushed, 1.0), pushed, times)
+    turned = path_near_rest(path_tables(pushed, 1.0), pushed, times)
     assert turned.mixture is None
     np.testing.assert_array_equal(turned.means, pushed.predict_path(times)[0])
 
@@ -129,11 +115,11 @@ def test_guide_goes_by_tables_that_are_made_once(phantom, monkeypatch):
     own = resting(phantom)
     estimate = own.predict_at(own.time_s)
     estimate = replace(estimate, nis=1.0)
-    tables = fast_prediction_tables(own, 4.0)
+    tables = path_tables(own, 4.0)
     down = replace(DOWN, entry=estimate.mean + np.array([0.0, 0.06]))
     made = []
-    monkeypatch.setattr("estimators.guidance.path.fast_prediction_tables", lambda *at, **how: made.append(at) or tables)
-    monkeypatch.setattr(TissueFilter, "predict_path", lambda _own, _times_s: pytest.fail("not by tables"))
+    monkeypatch.setattr("estimators.guidance.path.path_tables", lambda *at: made.append(at) or tables)
+    monkeypatch.setattr(UnifiedFilter, "predict_path", lambda _own, _times_s: pytest.fail("not by tables"))
     for now_s in (None, own.time_s + 0.05):
         found = guide(own, estimate, down, DISC, now_s=now_s)
         expected = guide(own, estimate, down, DISC, now_s=now_s, path_at=partial(path_near_rest, tables, own))

@@ -12,6 +12,7 @@ from estimators import (
     OpenLoop,
     TargetPoint,
     TissueFilter,
+    UnifiedFilter,
     fast_prediction_tables,
     fixed_interval,
     predict_fast,
@@ -50,9 +51,9 @@ def outputs(phantom, frames, target):
     found["predict_modes"] = modes.means, modes.covs
     found["predict_path"] = tissue.predict_path(tissue.time_s + np.array([0.0, 0.1]))
     found["predict_fast"] = predict_fast(fast_prediction_tables(tissue, 0.2), tissue)[1:]
-    smooth = fixed_interval(TissueFilter(phantom, target, OUTER), frames)[5]
+    smooth = fixed_interval(UnifiedFilter(phantom, target, OUTER), frames)[5]
     found["fixed_interval"] = smooth.mean, smooth.cov
-    lag = FixedLag(TissueFilter(phantom, target, OUTER))
+    lag = FixedLag(UnifiedFilter(phantom, target, OUTER))
     lagged = [lag.take(*frame) for frame in frames][-1]
     found["FixedLag"] = lagged.mean, lagged.cov
     check, loop = LeaveOneOut(phantom, target, OUTER), OpenLoop(phantom, target)

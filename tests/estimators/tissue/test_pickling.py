@@ -16,6 +16,7 @@ from estimators import (
     MarkMeasurement,
     Replay,
     TissueFilter,
+    UnifiedFilter,
 )
 
 WAYS = {
@@ -203,8 +204,8 @@ def test_what_is_built_on_a_filter_goes_along(way):
 
     for made, follow in (
         (LeaveOneOut(network, HIDDEN, OUTER), checked),
-        (Replay(TissueFilter(network, HIDDEN, OUTER)), lambda each, k: each.take(k / 30.0, frame(plain, k))),
-        (FixedLag(TissueFilter(network, HIDDEN, OUTER), 0.1), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+        (Replay(UnifiedFilter(network, HIDDEN, OUTER)), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+        (FixedLag(UnifiedFilter(network, HIDDEN, OUTER), 0.1), lambda each, k: each.take(k / 30.0, frame(plain, k))),
     ):
         for k in range(5):
             follow(made, k)

@@ -46,13 +46,10 @@ BODIES = {
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
-    """The body of this name with a colour for each mark, as a user writes it who states nothing of how well.
-
-    The breast has the filter that a new project gives it.
-    """
-    scene, settings = scene_with_marks(BODIES[name].phantom(), {}), FilterSettings(unified=name == "breast")
+    """The body of this name with a colour for each mark, as a user writes it who states nothing of how well."""
+    scene = scene_with_marks(BODIES[name].phantom(), {})
     target = replace(scene.target, position_sd_m=None)
-    return replace(scene, target=target, reference=Reference(), settings=settings)
+    return replace(scene, target=target, reference=Reference(), settings=FilterSettings(unified=True))
 
 
 def plan_of(scene: Scene) -> NeedlePlan:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, ParticleFilter, TissueFilter, fixed_interval
+from estimators import FilterSettings, TissueFilter
 from estimators.tissue.settings import stationary
 
 FRAME_S = 4 / 120.0
@@ -41,19 +41,6 @@ def test_it_tells_which_node_is_poked(phantom, poked_on, k):
     assert tissue.mixture.mu[2 + k] > 0.8
     assert estimate.poked == pytest.approx(tissue.mixture.mu[2:].sum(), rel=1e-12)
     assert max(before) < 0.05
-
-
-def test_smoother_and_particles_tell_the_poke_of_all_modes(phantom, poked_on):
-    """M3, whose mode is not the last one, is poked: at the last frame both say so, as the filter does."""
-    frames = poked_on("M3")
-    particles = ParticleFilter(phantom, HIDDEN, OUTER, ONE, rng=np.random.default_rng(0), n_particles=10)
-    for time_s, marks in frames:
-        particles.predict(time_s)
-        said = particles.update(marks)
-    assert said.poked > 0.9
-    smoothed = fixed_interval(TissueFilter(phantom, HIDDEN, OUTER, ONE), frames)
-    assert smoothed[-1].poked > 0.9
-    assert smoothed[10].poked < 0.05
 
 
 def test_pokes_come_as_often_as_with_one_poked_mode():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, independent_uncertainty, parameters, scale_parameters
-from estimators import FilterSettings, OpenLoopCovariance, TissueFilter, coverage, fixed_interval
+from estimators import FilterSettings, OpenLoopCovariance, TissueFilter, coverage
 
 USUAL = FilterSettings()
 ONE_MODE = replace(USUAL, quiet=USUAL.poked, jolt=0.0)
@@ -120,16 +120,3 @@ def test_the_covariance_knows_of_constants_that_are_off(wrong_runs):
     """95 % regions hold 88 to 100 % where it is told so, and below 80 % where it is not. Truth by DOP853."""
     assert covered(wrong_runs, wrong_runs[0]) > 0.88
     assert covered(wrong_runs, None) < 0.8
-
-
-def test_a_smoother_adds_what_constants_make_of_the_target(phantom, wrong_runs):
-    """The smoothed covariance is never below what the columns alone make of the target at that time."""
-    network, frames, _ = wrong_runs[1][0]
-    smooth = fixed_interval(TissueFilter(network, HIDDEN, OUTER, uncertainty=wrong_runs[0]), frames[:40])
-    tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=wrong_runs[0])
-    for (time_s, marks), one in zip(frames[:40], smooth, strict=True):
-        tissue.predict(time_s)
-        tissue.update(marks)
-        columns = np.einsum("k,kij->ij", tissue.mixture.mu, tissue.mixture.columns[:, 2:4])
-        assert np.linalg.eigvalsh(one.cov - columns @ columns.T)[0] > 0.0
-    assert np.trace(columns @ columns.T) > 1e-8
