@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
 from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
-from estimators.association import IdentitySettings
 from experiments.arrays import Floats
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
@@ -110,15 +109,13 @@ def reported_run(
     kind: str,
     reported: NDArray[np.int64],
     alike: list[tuple[str, ...]],
-    *,
-    settings: IdentitySettings | None = None,
 ) -> dict[str, object]:
     """A run with names that another gave; alike empty: they are fixed."""
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
     tissue = TissueFilter(network, HIDDEN, OUTER)
-    identity = AssociationFilter(tissue, alike, settings)
+    identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
     for k, time_s in enumerate(one.times_s):
@@ -148,12 +145,10 @@ def reported_run(
     }
 
 
-def nameless_run(
-    one: World, kind: str, alike: list[tuple[str, ...]], *, settings: IdentitySettings | None = None
-) -> dict[str, object]:
+def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
     """A run in which each frame's marks are named by where the filter expects them."""
     tissue = TissueFilter(one.network, HIDDEN, OUTER)
-    identity = AssociationFilter(tissue, alike, settings)
+    identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, wrong, at_end = [], 0, False
     for k in range(0, len(one.times_s), NAMELESS[kind]):
