@@ -31,7 +31,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
-from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
+from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, UnifiedFilter
 from experiments.arrays import Floats
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
@@ -40,6 +40,7 @@ from experiments.engine.workers import Workers, add_worker_options, chosen_worke
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
+from experiments.studies.estimation.trials import EXACTLY
 from vision import Detection, Expected, associate_marks
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
@@ -114,7 +115,7 @@ def reported_run(
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
-    tissue = TissueFilter(network, HIDDEN, OUTER)
+    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
     identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
@@ -147,7 +148,7 @@ def reported_run(
 
 def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
     """A run in which each frame's marks are named by where the filter expects them."""
-    tissue = TissueFilter(one.network, HIDDEN, OUTER)
+    tissue = UnifiedFilter(one.network, HIDDEN, OUTER, EXACTLY)
     identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, wrong, at_end = [], 0, False
