@@ -1,12 +1,11 @@
 """How fast it is, against what: everything timed in one run on the same work.
 
-filter_step: one predict of 1/30 s in ten Runge-Kutta steps for 33 sigma points of 16 states, one update with three
-marks; ours, and stock filterpy with the same model in plain NumPy, one sigma point after the other.
-full_step: predict of 1/30 s and update with three marks of the filter that is used: three modes, gates, health, what
-the marks carry, association of marks alike; 16 states of the network and six pokes. considered: the same with
-ten unknown constants beside.
-bodies: predict of 1/30 s and update of grids in space, springs along edges and diagonals: 18 free
-nodes of which 17 are marked, 48 of which 40 are.
+filter_step: one frame of the filter, three marks of the phantom; and of filterpy's interacting mixture of as many stock
+unscented filters as it has modes, with the same states, noise, rates and marks: its motion in plain NumPy, one sigma
+point after the other, and compiled as ours is.
+full_step: the same with association of marks alike, frame after frame; considered: with ten unknown constants beside.
+bodies: frames of grids in space, springs along edges and diagonals: 18 free nodes of which 17 are marked, 48 of which
+40 are.
 advice: what `guide` does in two parts: one second of the target's path, at 30 times; advice from a path, 21 starts
 over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
 live_frame: all that a live loop adds to a frame for it: the breath's fit, 1.5 s of path by tables, advice from it on 4
@@ -20,21 +19,21 @@ loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x4
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 
 import cv2
 import filterpy.kalman as filterpy
 import numpy as np
+from scipy.linalg import expm
 
 import vision
 from dynamics import (
     HIDDEN,
     OUTER,
     MassSpringNetwork,
-    Stepper,
     four_mass_phantom,
     independent_uncertainty,
-    pack,
     parameters,
     plain_step,
 )
@@ -52,28 +51,35 @@ from estimators import (
     PlannedTarget,
     Skin,
     TargetPath,
-    TissueFilter,
-    UnscentedKalmanFilter,
+    UnifiedFilter,
     advise,
     ball,
     candidate_paths,
-    fast_prediction_tables,
     hit_probability,
+    path_by_tables,
     plan,
-    positive_points,
-    predict_fast,
 )
+from estimators.core.moments import propagated
+from experiments.arrays import Floats
 from experiments.film.speed import film_640x480
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.simulate import film, scene_of, true_motion
 from experiments.studies.bench_recording import recording
+from experiments.studies.estimation.trials import EXACTLY
 from vision.arrays import Image
 
 Report = dict[str, dict[str, float]]
+Moments = tuple[Floats, Floats]
+Groups = Sequence[Sequence[str]]
+
 FRAME_S = 1.0 / 30.0
-SUB_STEPS = 10
+SUB_STEPS = 4
+"""Runge-Kutta steps of a frame in plain NumPy."""
+
+SHORT_S = 1e-6
+"""Over so short a time a force changes the speed alone [s]."""
 
 
 def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
@@ -108,82 +114,96 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
     return 1e3 * float(np.median(seconds))
 
 
-def filter_pair() -> tuple[Callable[[], UnscentedKalmanFilter], Callable[[], filterpy.UnscentedKalmanFilter]]:
-    """One step of ours and one of stock filterpy from the same belief on the same measurement, as two functions."""
+def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
+    """The target after a frame of ours, of filterpy's in plain NumPy and compiled, from one posterior and marks."""
     network = four_mass_phantom()
-    rest = pack(network.positions[network.free], np.zeros((len(network.free), network.dim)))
-    n, half = network.n_state, network.n_state // 2
-    rows = [i for node in OUTER for i in range(network.n_state)[network.coordinates(node)]]
-    H = np.eye(n)[rows]
-    P = np.diag([1e-4] * half + [1e-2] * half)
-    Q, R = 1e-6 * np.eye(n), 0.00414**2 * np.eye(len(rows))
-    z = H @ rest + 0.005
-    stepper = Stepper(network, FRAME_S / SUB_STEPS)
+    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    frames = list(_marks(network, OUTER, 0.00414, 31))
+    for time_s, marks in frames[:-1]:
+        tissue.predict(time_s)
+        tissue.update(marks)
+    (time_s, marks), before = frames[-1], tissue.snapshot()
+    process, own, target = tissue.process, tissue.filter, tissue.target
+    means, covs, weights = own.means.copy(), own.covs.copy(), own.weights.copy()
+    rows, by_state = np.vstack([process.node(node) for node in OUTER]), tissue.rows_of(target)
+    z, rates = np.concatenate([mark.position for mark in marks]), expm(process.rates * FRAME_S)
+    noises = np.empty_like(covs)
+    found = process.linearize(own.mean, FRAME_S)
+    propagated(np.zeros_like(covs), found, own.variances, noises)
+    points = filterpy.MerweScaledSigmaPoints(process.n, 1.0, 0.0, 0.0)
+    velocity, force, n = process.parts["velocity"], process.parts["force"], network.n_state
+    pushes, fading = process.linearize(own.mean, SHORT_S).matrix[velocity, force] / SHORT_S, found.matrix.diagonal()[n:]
 
-    def ours() -> UnscentedKalmanFilter:
-        ukf.x, ukf.P = rest, P
-        ukf.predict(FRAME_S)
-        ukf.update_linear(z, H, R)
-        return ukf
+    def plain(x: Floats, dt: float) -> Floats:
+        moving, last = x[:n].copy(), x[n:].copy()
+        for _ in range(SUB_STEPS):
+            moving[velocity] += dt / SUB_STEPS * (pushes @ last[: pushes.shape[1]])
+            moving = plain_step(network, moving, dt / SUB_STEPS, 1)
+            last *= fading ** (1.0 / SUB_STEPS)
+        return np.concatenate([moving, last])
 
-    def stock() -> filterpy.UnscentedKalmanFilter:
-        theirs.x, theirs.P = rest.copy(), P.copy()
+    def ours() -> Moments:
+        tissue.restore(before)
+        tissue.predict(time_s)
+        tissue.update(marks)
+        return tissue.place_of(target)
+
+    def stock(motion: Callable[[Floats, float], Floats]) -> Moments:
+        modes = []
+        for mean, cov, noise in zip(means, covs, noises, strict=True):
+            mode = filterpy.UnscentedKalmanFilter(process.n, len(z), FRAME_S, lambda x: rows @ x, motion, points)
+            mode.x, mode.P, mode.Q, mode.R = mean, cov, noise, marks[0].cov[0, 0] * np.eye(len(z))
+            modes.append(mode)
+        theirs = filterpy.IMMEstimator(modes, weights.copy(), rates)
         theirs.predict()
         theirs.update(z)
-        return theirs
+        return by_state @ theirs.x + target.constant, by_state @ theirs.P @ by_state.T
 
-    ukf = UnscentedKalmanFilter(n, stepper.advance)
-    ukf.Q = Q
-    theirs = filterpy.UnscentedKalmanFilter(
-        n,
-        len(rows),
-        FRAME_S,
-        hx=lambda x: x[rows],
-        fx=lambda x, dt: plain_step(network, x, dt, SUB_STEPS),
-        points=positive_points(n),
-    )
-    theirs.Q, theirs.R = Q, R
-    return ours, stock
+    return ours, partial(stock, plain), partial(stock, process.moved)
 
 
 def filter_step() -> dict[str, float]:
-    """Our filter step against stock filterpy with a plain NumPy process model."""
-    ours, stock = filter_pair()
-    apart = np.abs(ours().x - stock().x).max()
-    if not apart < 1e-9:
-        raise RuntimeError(f"filter_step: expected the same work of both, found estimates {apart:.3g} m apart")
-    ours_ms, filterpy_ms = median_ms(ours, 300), median_ms(stock, 10)
-    return {"ours_ms": ours_ms, "filterpy_ms": filterpy_ms, "ratio": filterpy_ms / ours_ms}
+    """A frame of our filter against stock filterpy's."""
+    ours, plain, compiled = filter_pair()
+    apart = max(np.abs(ours()[0] - stock()[0]).max() for stock in (plain, compiled))
+    if not apart < 1e-4:
+        raise RuntimeError(f"filter_step: expected the same work of all, found estimates {apart:.3g} m apart")
+    took = {"ours_ms": median_ms(ours, 300), "filterpy_ms": median_ms(plain, 2)}
+    took["filterpy_compiled_ms"] = median_ms(compiled, 5)
+    ratio, ratio_compiled = (took[name] / took["ours_ms"] for name in ("filterpy_ms", "filterpy_compiled_ms"))
+    return took | {"ratio": ratio, "ratio_compiled": ratio_compiled}
+
+
+def _marks(
+    network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int
+) -> Iterator[tuple[float, list[MarkMeasurement]]]:
+    """Frames of a body that rests as drawn: times [s] and marks to so much an axis."""
+    rng, cov = np.random.default_rng(0), sd_m**2 * np.eye(network.dim)
+    for k in range(n_frames):
+        at = [network.positions[network.index(node)] + rng.normal(0.0, sd_m, network.dim) for node in nodes]
+        yield k * FRAME_S, [MarkMeasurement(node, place, cov) for node, place in zip(nodes, at, strict=True)]
+
+
+def _frame_ms(tissue: UnifiedFilter, frames: Iterable[tuple[float, list[MarkMeasurement]]], groups: Groups) -> float:
+    """Median of a frame of a filter [ms], the first tenth of them left out."""
+    identity, seconds = AssociationFilter(tissue, groups), []
+    for time_s, marks in frames:
+        began = time.perf_counter()
+        tissue.predict(time_s)
+        identity.update(marks)
+        seconds.append(time.perf_counter() - began)
+    return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
     """The whole filter, frame after frame, with exact constants and with uncertain ones."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
+    frames = list(_marks(network, OUTER, 0.00414, n_frames))
     return {
-        "ours_ms": _step_ms(TissueFilter(network, HIDDEN, OUTER), n_frames),
-        "considered_ms": _step_ms(TissueFilter(network, HIDDEN, OUTER, uncertainty=ten), n_frames),
+        "ours_ms": _frame_ms(UnifiedFilter(network, HIDDEN, OUTER, EXACTLY), frames, [OUTER]),
+        "considered_ms": _frame_ms(UnifiedFilter(network, HIDDEN, OUTER, uncertainty=ten), frames, [OUTER]),
     }
-
-
-def _step_ms(tissue: TissueFilter, n_frames: int) -> float:
-    rng = np.random.default_rng(0)
-    network = tissue.model.network
-    identity = AssociationFilter(tissue, [OUTER])
-    noise = 0.00414
-    seconds = []
-    for k in range(n_frames):
-        marks = [
-            MarkMeasurement(
-                node, network.positions[network.index(node)] + rng.normal(0.0, noise, 2), noise**2 * np.eye(2)
-            )
-            for node in OUTER
-        ]
-        began = time.perf_counter()
-        tissue.predict(k * FRAME_S)
-        identity.update(marks)
-        seconds.append(time.perf_counter() - began)
-    return 1e3 * float(np.median(seconds[n_frames // 10 :]))
 
 
 def bodies(n_frames: int = 40) -> dict[str, float]:
@@ -214,34 +234,25 @@ def _grid_ms(side: int, n_frames: int) -> float:
     )
     inner = ((places > 0.0) & (places < side - 1.0)).all(axis=1)
     marked = [names[i] for i in np.flatnonzero(~(inner | network.fixed))]
-    tissue = TissueFilter(network, names[int(np.argmax(inner))], marked)
-    rng, noise, seconds = np.random.default_rng(0), 0.5e-3, []
-    for k in range(n_frames):
-        at = [network.positions[network.index(node)] + noise * rng.normal(size=3) for node in marked]
-        marks = [MarkMeasurement(node, one, noise**2 * np.eye(3)) for node, one in zip(marked, at, strict=True)]
-        began = time.perf_counter()
-        tissue.predict(k * FRAME_S)
-        tissue.update(marks)
-        seconds.append(time.perf_counter() - began)
-    return 1e3 * float(np.median(seconds[n_frames // 10 :]))
+    tissue = UnifiedFilter(network, names[int(np.argmax(inner))], marked)
+    return _frame_ms(tissue, _marks(network, marked, 0.5e-3, n_frames), [])
 
 
 def advice() -> dict[str, float]:
     """The path of the phantom's target for a second [ms], advice on a needle from a path, a hit's probability."""
     network = four_mass_phantom()
-    tissue = TissueFilter(network, HIDDEN, OUTER)
-    at = {node: network.positions[network.index(node)] for node in OUTER}
-    for k in range(10):
-        tissue.predict(k * FRAME_S)
-        tissue.update([MarkMeasurement(node, at[node], 1e-6 * np.eye(2)) for node in OUTER])
+    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    for time_s, marks in _marks(network, OUTER, 1e-3, 10):
+        tissue.predict(time_s)
+        tissue.update(marks)
     times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
     report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
     t = FRAME_S * np.arange(121, dtype=np.float64)
-    tables, breathing, first = fast_prediction_tables(tissue, 1.5), Breathing(2), 9 * FRAME_S
+    tables, breathing, first = tissue.tables(46, FRAME_S), Breathing(2), 9 * FRAME_S
     for k in range(400):
         angle = 2.0 * np.pi * k * FRAME_S / 4.0
         breathing.update(k * FRAME_S, 0.01 * np.array([np.cos(angle), np.sin(angle)]), 1e-6 * np.eye(2))
-    report["quick_path_ms"] = median_ms(lambda: predict_fast(tables, tissue), 200)
+    report["quick_path_ms"] = median_ms(lambda: path_by_tables(tables, tissue), 200)
     clock = iter(400 * FRAME_S + FRAME_S * np.arange(1000, dtype=np.float64))
     place = network.positions[network.index(HIDDEN)]
     ahead, disc = AdviceSettings(horizon_s=0.3), Lesion.ball(5e-3, 2)
@@ -250,7 +261,7 @@ def advice() -> dict[str, float]:
     def live_frame() -> Guidance:
         breathing.update(next(clock), place, 1e-6 * np.eye(2))
         breathing.breath()
-        return advise(TargetPath(*predict_fast(tables, tissue)), towards, disc, settings=ahead, now_s=first)
+        return advise(path_by_tables(tables, tissue), towards, disc, settings=ahead, now_s=first)
 
     report["live_frame_ms"] = median_ms(live_frame, 200)
     for dim, name in ((2, "plane"), (3, "space")):

@@ -1,8 +1,8 @@
-"""How fast what goes through whole recordings is: advice on a needle, noise levels, the smoother.
+"""How fast what goes through whole recordings is: advice on a needle, the level of the discrepancy, the smoother.
 
 One recording of the phantom at rest, three marks to 1 mm, 30 frames/s; figures of `softaim bench`, row `recording`.
 advise: a frame's advice, 21 starts over 2 s, from a path by tables, and from one by `UnifiedFilter.predict_path`.
-tune: `tune_noise` on 50 frames, for each frame of them, and how many passes of the filter that is worth.
+tune: `tune_strain` on 50 frames, for each frame of them, and how many passes of the filter that is worth.
 smooth: `fixed_interval`, for each frame; ratio: by the filter alone on the same frames.
 """
 
@@ -23,9 +23,9 @@ from estimators import (
     fixed_interval,
     guide,
     path_near_rest,
-    path_tables,
-    tune_noise,
+    tune_strain,
 )
+from experiments.studies.estimation.trials import EXACTLY
 
 FRAME_S, MARK_SD_M = 1.0 / 30.0, 1e-3
 N_ADVISED, N_BY_FILTER, N_TUNED, N_SMOOTHED = 30, 3, 50, 60
@@ -51,7 +51,7 @@ def resting_frames(n_frames: int) -> Frames:
 
 
 def _filter() -> UnifiedFilter:
-    return UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+    return UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY)
 
 
 def _passed(frames: Frames) -> float:
@@ -68,7 +68,7 @@ def advised(frames: Frames) -> dict[str, float]:
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
-    tables, settings = path_tables(tissue, 2.7), AdviceSettings(horizon_s=2.0)
+    tables, settings = tissue.tables(82, FRAME_S), AdviceSettings(horizon_s=2.0)
     asked = partial(guide, insertion=towards, lesion=Lesion.ball(5e-3, 2), settings=settings)
     fast, slow = [], []
     for k, (time_s, marks) in enumerate(frames):
@@ -89,9 +89,9 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """Noise levels of the frames, and what a pass through them takes in the same run."""
+    """The level of the discrepancy by the frames, and what a pass through them takes in the same run."""
     pass_s, began = min(_passed(frames), _passed(frames)), time.perf_counter()
-    tune_noise(four_mass_phantom(), frames, OUTER, HIDDEN)
+    tune_strain(four_mass_phantom(), frames, OUTER, HIDDEN)
     took_s = time.perf_counter() - began
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 

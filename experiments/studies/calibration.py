@@ -2,9 +2,9 @@
 
 Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their own, 30 frames/s, runs of 5 s,
 the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place have errors along directions
-drawn once for each run and scaled to an error of marks of so much on average (rms, both axes). Three filters on the
-same marks, given the same directions: one takes them as independent in each frame (n_calibration 0), one considers them
-as constant with Schmidt's own gain (added_share 0), one as the filter does by itself.
+drawn once for each run and scaled to an error of marks of so much on average (rms, both axes). Two filters on the same
+marks, given the same directions: one takes them as independent in each frame (n_calibration 0), one considers them as
+constant.
 
 `python -m experiments.studies.calibration` prints, with 100 runs of each (last figures in docs/calibration.md):
 
@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,12 +23,12 @@ from pathlib import Path
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import TissueFilter, coverage, normalised_error_squared
+from estimators import UnifiedFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.engine.executor import results
 from experiments.engine.progress import run_bar
 from experiments.engine.workers import add_worker_options, chosen_workers
-from experiments.studies.estimation.trials import Trial, seen
+from experiments.studies.estimation.trials import EXACTLY, Trial, seen
 from vision import Lens, PlaneCamera, Pose, posed_camera
 
 MARK_SD_M = 0.0005
@@ -38,8 +37,7 @@ ERRORS_M = (0.0003, 0.001, 0.002)
 SETTLED = 15
 """Frames of the start that are left out."""
 
-INDEPENDENT, SCHMIDT, CONSIDERED = "independent", "Schmidt's gain", "considered"
-FILTERS = (INDEPENDENT, SCHMIDT, CONSIDERED)
+FILTERS = (INDEPENDENT, CONSIDERED) = "independent", "considered"
 
 WHOLE, TURNED = "whole", "turned"
 DIRECTIONS = {
@@ -84,8 +82,6 @@ def run(
     case: tuple[str, str, float],
     cache: Path,
     duration_s: float = 5.0,
-    *,
-    filters: Sequence[str] = FILTERS,
 ) -> Run:
     """The filters on the same marks, seen by a camera miscalibrated by one draw of its directions."""
     kind, scenario, error_m = case
@@ -104,12 +100,9 @@ def run(
             )
         )
     found = Run({}, {}, {})
-    for name in filters:
-        tissue = TissueFilter(
-            four_mass_phantom(), HIDDEN, OUTER, n_calibration=0 if name == INDEPENDENT else len(theta)
-        )
-        if name == SCHMIDT:
-            tissue.mixture.added_share = 0.0
+    for name in FILTERS:
+        n = 0 if name == INDEPENDENT else len(theta)
+        tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY, n_calibration=n)
         errors, covs = [], []
         for (time_s, marks), place in zip(frames, hidden, strict=True):
             tissue.predict(time_s)
@@ -136,12 +129,14 @@ def figures(runs: list[Run], name: str) -> dict[str, float]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser.add_argument("--runs", type=int, default=len(SEEDS))
     add_worker_options(parser)
-    workers = chosen_workers(parser.parse_args())
+    given = parser.parse_args()
+    workers = chosen_workers(given)
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
             with run_bar(" ".join(map(str, case))) as advance:
-                runs = results(partial(run, case=case, cache=Path(folder)), SEEDS, workers, advance)
+                runs = results(partial(run, case=case, cache=Path(folder)), SEEDS[: given.runs], workers, advance)
             for name in FILTERS:
                 row = "  ".join(f"{key} {value:.3g}" for key, value in figures(runs, name).items())
                 sys.stdout.write(f"{case[0]:6} {case[1]:6} {1e3 * case[2]:g} mm  {name:15} {row}\n")

@@ -31,8 +31,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
-from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
-from estimators.association import IdentitySettings
+from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, UnifiedFilter
 from experiments.arrays import Floats
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
@@ -41,6 +40,7 @@ from experiments.engine.workers import Workers, add_worker_options, chosen_worke
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
+from experiments.studies.estimation.trials import EXACTLY
 from vision import Detection, Expected, associate_marks
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
@@ -110,15 +110,13 @@ def reported_run(
     kind: str,
     reported: NDArray[np.int64],
     alike: list[tuple[str, ...]],
-    *,
-    settings: IdentitySettings | None = None,
 ) -> dict[str, object]:
     """A run with names that another gave; alike empty: they are fixed."""
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
-    tissue = TissueFilter(network, HIDDEN, OUTER)
-    identity = AssociationFilter(tissue, alike, settings)
+    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
     for k, time_s in enumerate(one.times_s):
@@ -148,12 +146,10 @@ def reported_run(
     }
 
 
-def nameless_run(
-    one: World, kind: str, alike: list[tuple[str, ...]], *, settings: IdentitySettings | None = None
-) -> dict[str, object]:
+def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
     """A run in which each frame's marks are named by where the filter expects them."""
-    tissue = TissueFilter(one.network, HIDDEN, OUTER)
-    identity = AssociationFilter(tissue, alike, settings)
+    tissue = UnifiedFilter(one.network, HIDDEN, OUTER, EXACTLY)
+    identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, wrong, at_end = [], 0, False
     for k in range(0, len(one.times_s), NAMELESS[kind]):

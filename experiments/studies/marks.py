@@ -14,8 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -46,15 +45,11 @@ from vision import (
     posed_camera,
     synthetic_run,
 )
-from vision.tracking.settings import FINDER, FinderSettings
+from vision.tracking.settings import FINDER
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
 """Seeds below were used to choose figures by; the study's are from this one on."""
-DEVELOPMENT_SEEDS = (102, 118, 121, 152, 177, 188, 207, 241, 314)
-"""Runs that show what a setting is worth: of those that settings were chosen by, 101 to 315, some that are hard."""
-COMPARED = ("found", "rms_px", "predicted_by_real", "false_per_1000_frames")
-"""Figures that a setting is judged by."""
 VISIBLE = 0.5
 """Share of a mark that must be seen for it to count as visible."""
 FAR_PX = 4.0
@@ -65,22 +60,15 @@ PREDICTED_SD_PX = 3.0
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
     """A row a mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether it was named so."""
-    return followed(seed, synthetic_run(seed, n_frames, level))
-
-
-def followed(
-    seed: int, run_frames: Iterable[RunFrame], settings: FinderSettings = FINDER, *, even: bool = True
-) -> pd.DataFrame:
-    """The rows of `run` for rendered frames; even: marks are of one colour, else found by their rim."""
-    frames = iter(run_frames)
+    frames = iter(synthetic_run(seed, n_frames, level))
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
     lens = Lens(view.matrix, np.array(view.distortion))
     camera = posed_camera("drawn", view.size_px, lens, Pose(view.rotation, view.translation_m))
     names = [f"M{k}" for k in range(len(first.marks))]
     clearest = int(np.argmax(first.frame.visible))
-    hue = learn_hue(first.frame.image, first.frame.centers_px[clearest], settings.hue.learning)
-    finder = MarkFinder([hue], settings)
+    hue = learn_hue(first.frame.image, first.frame.centers_px[clearest], FINDER.hue.learning)
+    finder = MarkFinder([hue])
     rng = np.random.default_rng([seed, 7])
     gate = PREDICTED_SD_PX**2 * np.eye(2)
 
@@ -91,7 +79,7 @@ def followed(
         for name, truth in zip(names, one.frame.centers_px, strict=True):
             place = truth + rng.normal(0.0, PREDICTED_SD_PX, 2)
             at = camera.to_plane(np.clip(place, 0.0, np.array(view.size_px) - 1.0))[0]
-            outline = Outline(camera.disc_shape(at, radius_m), 0.05, even)
+            outline = Outline(camera.disc_shape(at, radius_m), 0.05)
             expected.append(Expected(name, place, gate, hue.hue_deg, outline))
         radius_px = [float(np.sqrt(one.outline.area_px / np.pi)) for one in expected if one.outline is not None]
         try:
@@ -142,36 +130,7 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
-@lru_cache(maxsize=64)
-def _rendered(seed: int, level: Level, n_frames: int) -> tuple[RunFrame, ...]:
-    return tuple(synthetic_run(seed, n_frames, level))
-
-
-def marks_figures(
-    settings: FinderSettings, seeds: Sequence[int] = DEVELOPMENT_SEEDS, n_frames: int = 8
-) -> dict[str, float]:
-    """Figures of the mark finder with these settings, at both levels, by rims alone, and where two marks cross.
-
-    seeds: of runs that settings may be chosen by, below FIRST_SEED; frames are rendered once a process
-    """
-    compared: dict[str, float] = {}
-    kinds: tuple[tuple[str, Level, bool, Sequence[int]], ...] = (
-        ("good light", "good light", True, seeds[:2]),
-        ("whole range", "whole range", True, seeds),
-        ("rim alone", "whole range", False, seeds[:2]),
-    )
-    for name, level, even, own in kinds:
-        rows = pd.concat([followed(seed, _rendered(seed, level, n_frames), settings, even=even) for seed in own])
-        row = figures(rows)
-        compared |= {f"{name}: {key}": row[key] for key in COMPARED}
-    lost = [crossing(FIRST_SEED + seed, settings=settings) for seed in seeds[:2]]
-    return compared | {
-        "crossing: frames_lost": float(sum(n for n, _, _ in lost)),
-        "crossing: found": sum(n for _, _, n in lost) / sum(2 * n for _, n, _ in lost),
-    }
-
-
-def crossing(seed: int, n_frames: int = 50, settings: FinderSettings | None = None) -> tuple[int, int, int]:
+def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
     """Two marks of one hue that cross, touching or one over the other, at 2 px a frame or more.
 
     Returns the frames lost, all frames, and the marks found.
@@ -190,7 +149,7 @@ def crossing(seed: int, n_frames: int = 50, settings: FinderSettings | None = No
     times = np.arange(n_frames) - n_frames / 2.0
     hue, outline = MarkHue(0.0), Outline(radius * np.eye(2), 0.05)
     places = middle + miss[:, None] + times[None, :, None] * ways[:, None]
-    follower = PxFollower({"a": hue, "b": hue}, 60.0, {"a": places[0, 0], "b": places[1, 0]}, settings=settings)
+    follower = PxFollower({"a": hue, "b": hue}, 60.0, {"a": places[0, 0], "b": places[1, 0]})
     lost = n_found = 0
     for k in range(n_frames):
         discs = [Disc(place, (radius, radius), 0.0) for place in places[:, k]]

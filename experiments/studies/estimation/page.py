@@ -19,8 +19,6 @@ from experiments.studies.estimation.study import NOISES_MM, PARTS, RATES
 PAGE = Path(__file__).parents[3] / "docs" / "estimation-study.md"
 Rows = Mapping[str, Mapping[str, Any]]
 
-KINDS = ("all", "quiet", "poked", "shoved")
-
 
 def table(heads: list[str], rows: list[list[str]]) -> str:
     """A table in Markdown, the first column to the left."""
@@ -48,26 +46,6 @@ def usual_table(rows: Rows) -> str:
     return table(heads, body)
 
 
-def choices_table(rows: Rows) -> str:
-    """Mean error and coverage of each variant, all frames and by scenario; rows are named `VARIANT, SCENARIO`."""
-    variants: dict[str, dict[str, Mapping[str, Any]]] = {}
-    for label, row in rows.items():
-        variant, _, kind = label.rpartition(", ")
-        variants.setdefault(variant, {})[kind] = row
-    kinds = [kind for kind in KINDS if all(kind in by_kind for by_kind in variants.values())]
-    heads = ["", "runs", *(f"{kind} [mm]" for kind in kinds), *(f"{kind}, in the 95 % region" for kind in kinds)]
-    body = [
-        [
-            variant,
-            str(by_kind["all"]["runs"]),
-            *(f"{by_kind[kind]['filter_mm']:.2f}" for kind in kinds),
-            *(f"{by_kind[kind]['coverage95']:.1%}" for kind in kinds),
-        ]
-        for variant, by_kind in variants.items()
-    ]
-    return table(heads, body)
-
-
 def grid_table(rows: Rows) -> str:
     """Ratios by noise and frame rate, all frames; their largest and their geometric mean below."""
     ratios = np.array([[rows[f"{noise:g} mm, {rate}/s, all"]["ratio"] for rate in RATES] for noise in NOISES_MM])
@@ -86,15 +64,6 @@ def bound_table(rows: Rows) -> str:
         for label, row in rows.items()
     ]
     return table(["", "runs", "RMSE of the filter [mm]", "bound [mm]", "ratio"], body)
-
-
-def optimum_table(rows: Rows) -> str:
-    """RMSE by the particle filter's."""
-    body = [
-        [label, str(row["runs"]), f"{row['rmse_mm']:.3f}", f"{row['particles_mm']:.3f}", f"{row['ratio']:.3f}"]
-        for label, row in rows.items()
-    ]
-    return table(["", "runs", "RMSE of the filter [mm]", "of the particles [mm]", "ratio"], body)
 
 
 def hard_table(rows: Rows) -> str:
@@ -139,10 +108,8 @@ def lost_table(rows: Rows) -> str:
 TABLES: Mapping[str, Callable[[Rows], str]] = {
     "identified": usual_table,
     "unidentified": usual_table,
-    "choices": choices_table,
     "grid": grid_table,
     "bound": bound_table,
-    "optimum": optimum_table,
     "hard": hard_table,
     "overturned": hard_table,
     "lost": lost_table,

@@ -1,4 +1,4 @@
-"""What each choice of the filter is worth, in seeded runs on the phantom: the figures of docs/estimation-study.md.
+"""How accurate and consistent the filter is, in seeded runs on the phantom: the figures of docs/estimation-study.md.
 
     python -m experiments.studies.estimation.study --out study             # all parts: hours on two cores
     python -m experiments.studies.estimation.study grid --runs 10 --out study
@@ -35,11 +35,11 @@ from dynamics import (
     parameters,
     scale_parameters,
 )
-from estimators import FilterSettings, ForceMode, identify_constants, principal_uncertainty
+from estimators import FilterSettings, identify_constants, principal_uncertainty
 from experiments.engine.runs import Case
 from experiments.engine.workers import add_worker_options, chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.estimation.limits import bound, hard, lost, optimum, overturned
+from experiments.studies.estimation.limits import bound, hard, lost, overturned
 from experiments.studies.estimation.runs import Row, Study, by_scenario
 from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, outcome_of, outcome_row, run, seen
 
@@ -60,7 +60,7 @@ def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertaint
     network = four_mass_phantom()
     which = parameters(network, tuple(sds))
     change = np.random.default_rng([seed, 1]).normal(size=len(which)) * [sds[one.kind] for one in which]
-    return Model(scale_parameters(network, which, change), uncertainty)
+    return Model(scale_parameters(network, which, change), uncertainty, FilterSettings())
 
 
 def resting(model: Model) -> Model:
@@ -78,7 +78,7 @@ def identified_run(seed: int, cache: Path) -> dict[str, Any]:
     """One phantom with wrong constants, identified from a calibration recording, then tracked in all scenarios."""
     model = perturbed(seed, CONSTANT_SDS)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
-    known = Model(found.network, found.uncertainty)
+    known = replace(model, network=found.network, uncertainty=found.uncertainty)
     network = four_mass_phantom()
     true = np.log([parameter_value(network, one) / parameter_value(model.network, one) for one in found.parameters])
     error = found.change - true
@@ -173,54 +173,11 @@ def _left(cache: Path) -> ParameterUncertainty:
     return principal_uncertainty(network, wide, calibration(0, cache), OUTER, HIDDEN)
 
 
-def choices(study: Study) -> dict[str, Row]:
-    """What each choice is worth: the filter with one thing changed; true constants, 4.14 mm, 30 frames/s."""
-    cases = [
-        {"variant": label, "scenario": name, "seed": seed}
-        for label in variants()
-        for name in SCENARIOS
-        for seed in study.seeds
-    ]
-    found = study.rows("choices", choices_row, cases)
-    return _labelled({label: [row for row in found if row["variant"] == label] for label in variants()})
-
-
-def choices_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One run of one variant."""
-    model = Model(settings=variants()[case["variant"]])
-    return outcome_row(run(Trial(case["scenario"], case["seed"]), model, cache))
-
-
-def variants() -> dict[str, FilterSettings]:
-    """The filter's settings, and these with one thing changed."""
-    usual = FilterSettings()
-    strong = ForceMode(white=5.0, poke=0.05, lasting_s=0.05)
-    never = {"calm_s": 1e9, "between_s": 1e9, "calm_share": 1.0}
-    return {
-        "as it is": usual,
-        "one filter, white force of 5 m/s²/√Hz": replace(usual, quiet=strong, poked=strong),
-        "one filter, poke as a state": replace(usual, quiet=usual.poked),
-        "one filter, nobody pokes": replace(usual, **never),  # type: ignore[arg-type]
-        "quiet and white force of 5 m/s²/√Hz": replace(usual, poked=strong),
-        "two modes: a poke may come at any time": replace(usual, calm_s=usual.between_s),
-        "poke of 3 m/s²": replace(usual, poked=replace(usual.poked, poke=3.0)),
-        "poke of 10 m/s²": replace(usual, poked=replace(usual.poked, poke=10.0)),
-        "white noise of 0.03 m/s²/√Hz": _white(usual, 0.03),
-        "white noise of 0.06 m/s²/√Hz": _white(usual, 0.06),
-    }
-
-
-def _white(settings: FilterSettings, white: float) -> FilterSettings:
-    return replace(settings, quiet=replace(settings.quiet, white=white), poked=replace(settings.poked, white=white))
-
-
 PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
     "identified": identified,
     "grid": grid,
     "unidentified": unidentified,
-    "choices": choices,
     "bound": bound,
-    "optimum": optimum,
     "hard": hard,
     "overturned": overturned,
     "lost": lost,

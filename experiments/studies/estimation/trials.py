@@ -16,11 +16,18 @@ from typing import Any
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, four_mass_phantom
-from estimators import FilterSettings, MarkMeasurement, OpenLoop, TargetEstimate, TissueFilter, normalised_error_squared
+from estimators import (
+    FilterSettings,
+    MarkMeasurement,
+    OpenLoop,
+    TargetEstimate,
+    UnifiedFilter,
+    normalised_error_squared,
+)
 from experiments.arrays import Floats
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
-from experiments.simulation.simulate import true_motion
+from experiments.simulation.simulate import EXACT, true_motion
 
 Frames = list[tuple[float, list[MarkMeasurement]]]
 
@@ -29,6 +36,9 @@ KNOTS_PER_S = 120
 MISPLACED_M = (0.03, 0.15)
 """How far from its place an outlier is [m]."""
 
+
+EXACTLY = FilterSettings(discrepancy=EXACT)
+"""Of a filter whose model is the true one, as scenes of simulated phantoms state."""
 
 SERIES = ("times_s", "open_loop", "filtered", "nees", "sigma")
 """Fields of an outcome that have a number for each frame."""
@@ -57,7 +67,7 @@ class Model:
 
     network: MassSpringNetwork = field(default_factory=four_mass_phantom)
     uncertainty: ParameterUncertainty | None = None
-    settings: FilterSettings = field(default_factory=FilterSettings)
+    settings: FilterSettings = EXACTLY
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +157,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
     """The paper's method and ours on the same marks."""
     rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
     frames, hidden = seen(trial, cache, rng)
-    tissue = TissueFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
+    tissue = UnifiedFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
     open_loop = OpenLoop(model.network, HIDDEN)
     paper, ours = [], []
     for time_s, marks in frames:
@@ -162,7 +172,7 @@ def outcome(
     hidden: Floats,
     paper: Floats,
     ours: Sequence[TargetEstimate],
-    tissue: TissueFilter,
+    tissue: UnifiedFilter,
     over: bool,
 ) -> Outcome:
     """Errors and counts of one run."""

@@ -57,21 +57,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     of 95 %, and those on a wrong estimate; nees: mean of normalised squared errors by the dimension
     error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
     """
-    duration_s, dt = float(case["duration_s"]), INTERVAL_S
-    motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
-    scene = scene_of_body(case["body"])
-    scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
-    network, dim = scene.network, scene.network.dim
-    rng = np.random.default_rng([case["seed"], 7])
-    at, cov = network.index(scene.target.node), (case["sd_m"] * case["stated"]) ** 2 * np.eye(dim)
-    truth, frames = [], []
-    for time_s in np.arange(0.0, duration_s, dt):
-        places = motion.at(float(time_s))
-        seen = places[[network.index(node) for node in scene.measured_nodes]]
-        seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
-        marks = [MarkMeasurement(node, z, cov) for node, z in zip(scene.measured_nodes, seen, strict=True)]
-        truth.append(places[at])
-        frames.append((float(time_s), marks))
+    scene, frames, truth = recorded(case)
     errors, covs, wrong, n, lost = [], [], 0, 0, 0
     for place, estimate in zip(truth, _estimates(scene, case["method"], frames), strict=True):
         if estimate.time_s < AFTER_S:
@@ -85,6 +71,27 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
         covs.append(estimate.cov)
         wrong += is_wrong(estimate.mean, estimate.cov, place)
     return {"frames": n, "lost": lost, "wrong": wrong, **_figures(np.array(errors), np.array(covs))}
+
+
+def recorded(case: Mapping[str, Any]) -> tuple[Scene, list[tuple[float, Marks]], list[Floats]]:
+    """The scene of a case, its frames, and where the target truly is in each [m]; arguments as for `run`."""
+    duration_s, dt = float(case["duration_s"]), INTERVAL_S
+    motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
+    scene = scene_of_body(case["body"])
+    scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
+    network, dim = scene.network, scene.network.dim
+    rng = np.random.default_rng([case["seed"], 7])
+    at, cov = network.index(scene.target.node), (case["sd_m"] * case["stated"]) ** 2 * np.eye(dim)
+    truth: list[Floats] = []
+    frames: list[tuple[float, Marks]] = []
+    for time_s in np.arange(0.0, duration_s, dt):
+        places = motion.at(float(time_s))
+        seen = places[[network.index(node) for node in scene.measured_nodes]]
+        seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
+        marks = [MarkMeasurement(node, z, cov) for node, z in zip(scene.measured_nodes, seen, strict=True)]
+        truth.append(places[at])
+        frames.append((float(time_s), marks))
+    return scene, frames, truth
 
 
 def _estimates(scene: Scene, method: str, frames: Sequence[tuple[float, Marks]]) -> Iterator[TargetEstimate]:

@@ -20,14 +20,12 @@ class LungConstants:
     strand_n: stiffness of a spring times its length [N]: strands of 20 mm x 20 mm of 2 kPa; choice
     damping_s: dashpot of a spring by its stiffness [s]: air and blood follow slowly; choice
     mass_kg: of a lung, spread evenly over its landmarks [kg]; choice
-    strain_sd: by which springs may be off, smoothly over the lung [1]; choice
     reading_sd_m: scatter of a landmark's reading, each axis [m]; source: readers scatter by about 1 mm
     """
 
     strand_n: float = 0.8
     damping_s: float = 0.1
     mass_kg: float = 0.5
-    strain_sd: float = 0.05
     reading_sd_m: float = 1e-3
 
 

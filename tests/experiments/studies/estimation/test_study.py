@@ -110,14 +110,14 @@ def test_the_page_has_room_for_every_part_and_its_tables_are_whole():
 
 def test_the_command_puts_the_tables_that_are_there_into_the_page(outcomes, tmp_path, monkeypatch):
     page = tmp_path / "page.md"
-    page.write_text("a\n<!-- choices -->\nold\n<!-- end of choices -->\nz", encoding="utf-8")
-    (tmp_path / "choices.json").write_text(json.dumps(by_scenario(outcomes)), encoding="utf-8")
+    page.write_text("a\n<!-- unidentified -->\nold\n<!-- end of unidentified -->\nz", encoding="utf-8")
+    (tmp_path / "unidentified.json").write_text(json.dumps(by_scenario(outcomes)), encoding="utf-8")
     monkeypatch.setattr(estimation_page, "PAGE", page)
     monkeypatch.setattr("sys.argv", ["page", str(tmp_path)])
     estimation_page.main()
     new = page.read_text(encoding="utf-8")
-    assert new.startswith("a\n<!-- choices -->\n|  | runs |")
-    assert new.endswith("\n<!-- end of choices -->\nz")
+    assert new.startswith("a\n<!-- unidentified -->\n|  | runs |")
+    assert new.endswith("\n<!-- end of unidentified -->\nz")
     assert "old" not in new
 
 

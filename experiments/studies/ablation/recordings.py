@@ -1,0 +1,127 @@
+"""Recordings of the study: marks of a body, and where its hidden points truly are."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, independent_uncertainty, parameters
+from estimators import FilterSettings, MarkMeasurement
+from estimators.process.target import TargetPoint
+from experiments.arrays import Floats
+from experiments.studies.estimation.study import CONSTANT_SDS, perturbed
+from experiments.studies.estimation.trials import Model, Trial, seen
+from experiments.studies.honesty.run import recorded
+from experiments.studies.lungs.landmarks import read_lungs
+from experiments.studies.lungs.model import LungConstants, lung_network
+from experiments.studies.zoo.case import Case
+from experiments.studies.zoo.constants import assumed, measured
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """What a filter is given, and what is true.
+
+    Attributes
+    ----------
+    targets : sequence of str or TargetPoint
+        Hidden points.
+    frames : sequence of (float, sequence of MarkMeasurement)
+        Times [s] and marks.
+    truth : (n_frames, n_targets, dim)
+        Places of the targets [m].
+    read_sd_m : float
+        Standard deviation of the truth itself, an axis [m].
+    """
+
+    network: MassSpringNetwork
+    marked: Sequence[str]
+    targets: Sequence[str | TargetPoint]
+    frames: Sequence[tuple[float, Sequence[MarkMeasurement]]]
+    truth: Floats
+    settings: FilterSettings = field(default_factory=FilterSettings)
+    uncertainty: ParameterUncertainty | None = None
+    read_sd_m: float = 0.0
+
+
+def _zoo(name: str, constants: str, seconds: float) -> Callable[[int], Recording]:
+    def made(seed: int) -> Recording:
+        case = Case(name, seed, constants, length_s=seconds)
+        body, model = case.motion, assumed(case.motion, case)
+        marks = measured(body, body.marked, seed)
+        frames = [(float(time_s), seen) for time_s, seen in zip(body.times_s, marks, strict=True)]
+        truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
+        settings = FilterSettings(led_nodes=body.led)
+        return Recording(model.network, body.marked, body.hidden, frames, truth, settings, model.uncertainty)
+
+    return made
+
+
+def _honest(body: str, sd_mm: float, seconds: float) -> Callable[[int], Recording]:
+    def made(seed: int) -> Recording:
+        case = {"body": body, "pushes": "both", "seed": seed, "sd_m": 1e-3 * sd_mm, "stated": 1.0}
+        scene, frames, truth = recorded({**case, "duration_s": seconds})
+        places = np.array(truth)[:, None]
+        return Recording(scene.network, scene.measured_nodes, [scene.target.point], frames, places)
+
+    return made
+
+
+def _four_masses(outliers: float, model: Callable[[int], Model], seconds: float) -> Callable[[int], Recording]:
+    def made(seed: int) -> Recording:
+        own, rng = model(seed), np.random.default_rng([seed, 1])
+        with tempfile.TemporaryDirectory() as cache:
+            frames, hidden = seen(Trial("poked", seed, seconds, outliers=outliers), Path(cache), rng)
+        return Recording(own.network, OUTER, [HIDDEN], frames, hidden[:, None], uncertainty=own.uncertainty)
+
+    return made
+
+
+def _wrong(seed: int) -> Model:
+    which = parameters(Model().network)
+    return perturbed(seed, CONSTANT_SDS, independent_uncertainty(which, [CONSTANT_SDS[one.kind] for one in which]))
+
+
+def lung(folder: Path) -> Recording:
+    """The first lung of the folder, ten landmarks of its hull seen."""
+    one, constants = read_lungs(folder)[0], LungConstants()
+    network = lung_network(one.positions[0], constants)
+    cov, marked = constants.reading_sd_m**2 * np.eye(3), one.seen(10)
+    names = network.names
+    frames = [
+        (float(time_s), [MarkMeasurement(names[i], places[i], cov) for i in marked])
+        for time_s, places in zip(one.times_s, one.positions, strict=True)
+    ]
+    hidden = [names[i] for i in one.inner]
+    truth = one.positions[:, one.inner]
+    return Recording(network, [names[i] for i in marked], hidden, frames, truth, read_sd_m=constants.reading_sd_m)
+
+
+BODIES: Mapping[str, Callable[[int], Recording]] = {
+    "phantom": _zoo("phantom", "true", 3.0),
+    "phantom, constants wrong": _zoo("phantom", "wrong", 3.0),
+    "four masses, outliers": _four_masses(0.03, lambda _seed: Model(), 5.0),
+    "four masses, known to 10 %": _four_masses(0.0, _wrong, 5.0),
+    "four masses, marks to 10 mm": _honest("four masses", 10.0, 5.0),
+    "breast, marks to 1 mm": _honest("breast", 1.0, 2.0),
+    "cable, slow": _zoo("cable-slow", "true", 2.0),
+    "cable, fast": _zoo("cable-fast", "true", 1.5),
+    "block of 27": _zoo("block27", "true", 1.5),
+    "cloth": _zoo("sheet", "true", 1.5),
+    "floating block": _zoo("floating", "true", 1.5),
+}
+"""By name, made from a seed."""
+
+LUNG = "lung"
+"""Of a folder of landmarks; it has no seed."""
+
+
+@lru_cache(maxsize=1)
+def recording(body: str, seed: int, lungs: str) -> Recording:
+    """The recording of a body, `LUNG` or one of `BODIES`; runs that follow each other share it."""
+    return lung(Path(lungs)) if body == LUNG else BODIES[body](seed)
