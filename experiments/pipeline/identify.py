@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from estimators import (
     group_label,
     group_value,
     identify_constants,
-    tune_noise,
     tune_strain,
 )
 from estimators.identification import MAX_VARIANCE_LEFT, Workers
@@ -134,21 +132,21 @@ def tuned_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
-    """The scene with the noise levels under which the recording is most probable, and all that was found.
+    """The scene with the level of its discrepancy by the recording, and all that was found.
 
     workers: to which passes of the filter are shared out.
     Raises InputError where the time is too short for anything.
     """
     scene = recording.scene
-    tune = partial(tune_strain, is_identified=is_identified(scene)) if scene.settings.unified else tune_noise
     try:
-        found = tune(
+        found = tune_strain(
             scene.network,
             frames,
             scene.measured_nodes,
             scene.target.node,
             uncertainty=scene.uncertainty,
             settings=scene.settings,
+            is_identified=is_identified(scene),
             budget=Budget(60.0 * minutes),
             workers=workers,
             advance=advance,
@@ -273,8 +271,6 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
         larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
         lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
-    if residuals.noise_ratio > 1.0:
-        lines += [f"The stated noise is {residuals.noise_ratio:.2f} times as large as the residuals show: softaim tune"]
     lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
@@ -305,7 +301,7 @@ def tuning_report(found: TuningResult) -> dict[str, object]:
             name: {"value": float(level), "relative_standard_error": float(sd)}
             for name, level, sd in zip(found.names, found.values, found.log_sd, strict=True)
         },
-        "strain": found.settings.discrepancy if found.settings.unified else found.settings.strain_sd,
+        "strain": found.settings.discrepancy,
         "log_likelihood": found.log_likelihood,
         "log_likelihood_before": found.log_likelihood_before,
         "frames": found.n_frames,
