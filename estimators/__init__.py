@@ -8,7 +8,7 @@ Names to start with:
     TargetEstimate        what comes out: mean, covariance, status
     OpenLoop              the paper's method, to compare with
     identify_constants    stiffness, damping, rest lengths from a recording
-    tune_noise            noise levels from the innovations
+    tune_strain           how far a tissue departs from its model
     Replay                marks that come late or out of order
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where
@@ -124,7 +124,6 @@ from estimators.identification import (
     group_value,
     identify_constants,
     principal_uncertainty,
-    tune_noise,
     tune_strain,
 )
 from estimators.pose import CameraMove, PoseEstimate, PoseFilter, PoseSettings, RigidMotion
@@ -292,6 +291,5 @@ __all__ = [
     "reliability_bins",
     "resting_bound",
     "target_map",
-    "tune_noise",
     "tune_strain",
 ]

@@ -1,4 +1,4 @@
-"""System identification: constants of the tissue and noise levels, from recordings.
+"""System identification: constants of the tissue and the level of the discrepancy, from recordings.
 
 What may enter: what is estimated once from a recording and then fixed.
 """
@@ -12,9 +12,8 @@ from estimators.identification.constants import (
 )
 from estimators.identification.determined import MAX_VARIANCE_LEFT
 from estimators.identification.groups import ConstantGroup, constant_groups, group_label, group_value
-from estimators.identification.noise_levels import TuningResult, tune_noise
 from estimators.identification.residuals import ResidualTest
-from estimators.identification.strain import tune_strain
+from estimators.identification.strain import TuningResult, tune_strain
 
 __all__ = [
     "MAX_VARIANCE_LEFT",
@@ -31,6 +30,5 @@ __all__ = [
     "group_value",
     "identify_constants",
     "principal_uncertainty",
-    "tune_noise",
     "tune_strain",
 ]

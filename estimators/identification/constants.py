@@ -1,8 +1,8 @@
 """The constants of a network from a calibration recording in which the hidden mark is seen, too.
 
-Gauss-Newton on the filter's innovations: a filter that takes the constants as exact runs beside the sensitivities of
-its error to each of them; its innovations y, of covariance S, are then noise and T theta, T their sensitivity to the
-constants, theta the errors of these. Source: [friedland1969]. Unknown pokes are states of the filter.
+Gauss-Newton on the innovations of hidden marks: the filter runs with constants taken as exact, beside the sensitivities
+of its error to each of them; its innovations y, of covariance S, are then noise and T theta, T their sensitivity to
+the constants, theta the errors of these. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -19,20 +19,12 @@ from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers, too_short
 from estimators.identification.determined import keeping_undetermined, left_open
-from estimators.identification.filter_pass import Frames, Pass, frame_interval, is_linear, with_short_gaps
-from estimators.identification.forced.refined import Refined, Scaled, under_forces
+from estimators.identification.filter_pass import Frames, Pass, pass_through
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
-from estimators.identification.problem import PASSES_A_START, SCREENED, Problem
+from estimators.identification.problem import PASSES_A_SEARCH, SCREENED, Problem
 from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
 from estimators.identification.search import Optimum, begun, climbed, from_starts, most_probable, starts
-from estimators.identification.stretch import liveliest
-from estimators.identification.withheld import (
-    ALL_RESOLVED,
-    against_hands,
-    is_elastic,
-    principal_directions,
-    withheld_target,
-)
+from estimators.identification.stretch import from_first_marks, liveliest
 from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
@@ -42,9 +34,6 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
 """Starts are within this of the constants given, in logarithms: a third to three times; rest lengths, which are
 measured on a picture, to a tenth; choice, its cost in docs/settings.md."""
-
-SEARCH_SHARE = 0.85
-"""Share of the time for the search; what is left is for the target without its mark, before and after."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +60,13 @@ class IdentificationResult:
 
     network: with the constants found
     groups, change: which, and the log of each group's factor, (n,); 0 of those that the recording does not determine
-    cov: covariance of these logs, (n, n), inflated by what the model leaves unexplained and the search leaves open
+    cov: covariance of these logs, (n, n), inflated as innovations are correlated and by what the search leaves open
     prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
     residuals: what is unexplained
-    log_likelihood: of the recording's innovations; before, with the constants given
-    target_error_m: median error of the target by its mark where that is not used [m]; before; None: not measured
+    log_likelihood: of the recording's hidden marks; before, with the constants given
+    target_error_m: median error of the target by its mark, which is not used [m]; before; None: not measured
     n_starts, n_agreeing: starts that were followed, and how many of them led to these constants
     n_frames: of the recording that were used
     in_time: False where the time was too short for all frames, starts and passes
@@ -153,19 +142,12 @@ def identify_constants(
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
-    first = next(k for k, (_, marks) in enumerate(frames) if marks)
-    chosen = IdentificationSettings() if search is None else search
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
-    calm = replace(FilterSettings() if settings is None else settings, test_sigmas=np.inf, white_bounds=(1.0, 1.0))
-    elastic = is_elastic(network, len(marked))
-    if elastic:
-        calm = against_hands(calm, network)
-    dt = frame_interval(frames) if is_linear(network, len(marked)) and not elastic else ALL_RESOLVED
-    sd = group_prior_sd(network, groups, prior_sd, dt)
-    problem = Problem(network, groups, sd, (tuple(marked), target), calm, limit, elastic)
+    sd, nodes = group_prior_sd(groups, prior_sd), (tuple(marked), target)
+    problem = Problem(network, groups, sd, nodes, settings or FilterSettings(), limit)
     try:
-        return _identified(problem, with_short_gaps(frames[first:], calm.forget_s), chosen, workers, advance)
+        return _identified(problem, from_first_marks(frames), search or IdentificationSettings(), workers, advance)
     except OutOfTimeError:
         raise too_short(limit) from None
 
@@ -174,7 +156,7 @@ def identify_constants(
 class _Found:
     """Where the search ended: best of the starts, pass with the constants given, starts that were followed and agree.
 
-    refined: under the forces of the recording, None where that was not to be or had no time; used: the frames
+    used: the frames
     left_open: mean square of what the starts, and a last search that did not come to its end, leave open, (n, n)
     """
 
@@ -182,15 +164,8 @@ class _Found:
     before: Pass
     n_starts: int
     n_agreeing: int
-    refined: Refined | None
     used: Frames
     left_open: Floats
-
-    def at(self, problem: Problem, theta: Floats) -> Pass:
-        """The filter through the frames at another point, as at the end. Raises OutOfTimeError."""
-        if self.refined is None:
-            return problem.at(theta, self.used)
-        return self.refined.less_slope(problem.under(theta, self.used, self.refined.forces), theta)
 
 
 def _searched(
@@ -201,38 +176,32 @@ def _searched(
     From these where they are the more probable by all frames. Raises OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
-    expected, passes = PASSES_A_START * n_starts + problem.n_passes, 0.0
+    screened = liveliest(used, SCREENED)
+    expected, passed = PASSES_A_SEARCH * (n_starts * len(screened) + len(used)), 0.0
 
-    def note(n: float = 1.0) -> None:
-        nonlocal passes
-        advance(passes / expected)
-        passes += n
+    def note(n: float) -> None:
+        nonlocal passed
+        passed += n
+        advance(passed / expected)
 
     def counted(optimum: Optimum | None) -> Optimum | None:
-        note(0 if optimum is None else optimum.passes)
+        note(0.0 if optimum is None else optimum.passes * len(screened))
         return optimum
 
     def of_all(theta: Floats) -> Pass:
-        note()
-        return problem.at(theta, used)
+        found = problem.at(theta, used)
+        note(len(used))
+        return found
 
-    screened = liveliest(used, SCREENED)
-    supposed = None if problem.linear else problem.first_forces(screened)
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
-    led_to = workers(partial(problem.followed, screened, supposed), starts(spread, n_starts))
-    found = from_starts(counted(optimum) for optimum in led_to)
+    found = from_starts(counted(one) for one in workers(partial(problem.followed, screened), starts(spread, n_starts)))
     before, best = found[0].at_start, most_probable(found)
     n_agreeing = sum(best.agrees(one) for one in found)
     if not np.isfinite(best.log_posterior):
         raise IdentificationError("expected constants under which the filter stays finite, found none")
-    refined, between = None, left_open(found, best)
-    try:
-        if not problem.linear:
-            scaled = Scaled(problem.model, problem.moved, problem.prior, problem.alike, problem.sd, note)
-            refined = under_forces(scaled, problem.recorded(used), best.theta)
-        if refined is not None:
-            best, before = refined.optimum, refined.given
-        elif len(screened) < len(used):
+    between = left_open(found, best)
+    if len(screened) < len(used):
+        try:
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
             # what explains a part, begun in motion, may be less probable by the whole than what was given
             begins = most_probable([there, given])
@@ -240,9 +209,9 @@ def _searched(
             if not best.converged:
                 between = between + np.outer(best.theta - begins.theta, best.theta - begins.theta)
             n_agreeing = sum(best.agrees(one) for one in found) if best.at_start is given.found else n_agreeing
-    except OutOfTimeError:
-        best, used = replace(best, in_time=False), screened
-    return _Found(best, before, len(found), n_agreeing, refined, used, between)
+        except OutOfTimeError:
+            best, used = replace(best, in_time=False), screened
+    return _Found(best, before, len(found), n_agreeing, used, between)
 
 
 def _identified(
@@ -252,33 +221,28 @@ def _identified(
     workers: Workers,
     advance: Callable[[float], None],
 ) -> IdentificationResult:
-    n = len(problem.groups)
     found = _searched(
-        replace(problem, budget=problem.budget.part(SEARCH_SHARE)),
+        problem,
         frames,
         chosen.n_starts,
         workers,
         lambda share: advance(min(0.99, max(problem.budget.share, share))),
     )
-    best, refined, used = found.best, found.refined, found.used
-    by_prior, residuals = residual_covariance(best.found, np.eye(n), None if refined is None else refined.information)
-    if refined is not None and refined.information is not None and refined.mean_cov is not None:
-        reach = np.linalg.inv(refined.information + np.eye(n))
-        by_prior = by_prior + reach @ refined.mean_cov @ reach
-    left, log_likelihood = by_prior + found.left_open, best.found.log_likelihood
+    best, used, after = found.best, found.used, found.best.found
+    by_prior, residuals = residual_covariance(after)
+    left = by_prior + found.left_open
     theta, by_prior, n_limited = keeping_undetermined(best.theta, left)
     if (theta != best.theta).any():
         with suppress(OutOfTimeError):
-            as_kept = (found.at(problem, theta) if theta.any() else found.before).log_likelihood
-            if as_kept < found.before.log_likelihood:  # beside values as given, the others fit worse than as given
+            as_kept = problem.at(theta, used) if theta.any() else found.before
+            if as_kept.log_likelihood < found.before.log_likelihood:
+                # beside values as given, the others fit worse than as given
                 theta, (by_prior, n_limited) = best.theta, within_prior(left, best.theta)
             else:
-                log_likelihood = as_kept
+                after = as_kept
     model = problem.model(theta)
     cov = by_prior * np.outer(problem.sd, problem.sd)
-    wide = problem.directions(model, np.asarray(np.linalg.cholesky(cov).T, dtype=np.float64))
-    cases = (model, wide), (problem.network, problem.prior(problem.network))
-    after, given = workers(partial(problem.withheld, used), cases)
+    root = np.asarray(np.linalg.cholesky(by_prior).T, dtype=np.float64)
     advance(1.0)
     return IdentificationResult(
         network=model,
@@ -286,14 +250,14 @@ def _identified(
         change=problem.sd * theta,
         cov=cov,
         prior_sd=problem.sd,
-        uncertainty=wide if after is None else principal_directions(wide, after.effect, chosen.kept),
+        uncertainty=_principal(problem.directions(model, root * problem.sd), root @ after.effect @ root.T, chosen.kept),
         passes=best.passes,
         converged=best.converged,
         residuals=residuals,
-        log_likelihood=log_likelihood,
+        log_likelihood=after.log_likelihood,
         log_likelihood_before=found.before.log_likelihood,
-        target_error_m=None if after is None else after.median_m,
-        target_error_before_m=None if given is None else given.median_m,
+        target_error_m=after.target_error_m,
+        target_error_before_m=found.before.target_error_m,
         n_starts=found.n_starts,
         n_agreeing=found.n_agreeing,
         n_frames=len(used),
@@ -317,6 +281,15 @@ def principal_uncertainty(
     The same covariance turned to the axes of the target's variance along the frames; the smallest axes, together below
     1 - `kept` of it, are left out.
     """
-    share = (IdentificationSettings() if kept is None else kept).kept
-    found = withheld_target(network, uncertainty, frames, (marked, target), settings)
-    return principal_directions(uncertainty, found.effect, share)
+    share = (kept or IdentificationSettings()).kept
+    nodes = tuple(marked), target
+    found = pass_through(network, uncertainty, frames, nodes, settings or FilterSettings(), Budget())
+    return _principal(uncertainty, found.effect, share)
+
+
+def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
+    """An uncertainty turned to the axes of its effect, (n, n), the smallest, below 1 - kept of it, left out."""
+    values, axes = np.linalg.eigh(effect)
+    values, axes = values[::-1], axes[:, ::-1]
+    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), kept)) + 1
+    return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)

@@ -1,43 +1,47 @@
-"""One pass of the filter through a recording: likelihood of its innovations, and their sensitivity to constants."""
+"""One pass of the filter through a recording: how well it predicts the hidden marks, and its derivatives by constants.
+
+The filter takes in the marks of the marked nodes only, as it does when it tracks. The marks of all other nodes, the
+target's at least, are compared with what it predicts. Pushes on the marked nodes then matter little, whatever their
+prior; with all marks taken in, errors of that prior pass for errors of constants.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, ParameterUncertainty, stable_step
+from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
+from estimators.core.track import UnifiedFilter
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
-from estimators.identification.linear_filter import LinearFilter, first_shape
-from estimators.tissue.estimate import MarkMeasurement, Status
-from estimators.tissue.filter import TissueFilter
+from estimators.tissue.estimate import MarkMeasurement
 from estimators.tissue.settings import FilterSettings
 
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
-LARGEST = 60
-"""Length of the state up to which sigma points are passed through: the cost of a pass grows with its cube."""
+LEVEL = 0.003
+"""Discrepancy, by the body's extent, where the settings do not state one [1]; choice: among several the marks would
+choose a large one to explain wrong constants."""
 
-SHORTEST_STEP = 1.0 / 120.0
-"""Stable step [s] below which sigma points of a network scatter off its stiff springs; choice, its cost in
-docs/settings.md."""
-
-LEAST_WEIGHT = 1e-6
-"""Probability of a mode below which its innovations add nothing: rounding."""
+SMALL = 1e-3
+"""Share of a standard deviation of each constant that the filter considers: its gains are those of exact constants;
+numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """What innovations of a recording contain about errors of the constants, in units of their directions.
+    """What the hidden marks of a recording contain about errors of the constants, in units of their directions.
+
+    The log likelihood is composite: a sum over frames that are not independent of each other.
 
     scores: gradient of the log likelihood by each direction, frame by frame, (n_frames, n)
-    information: its Fisher information, (n, n); log_likelihood: of all marks, rejected ones as if at the gate
+    information: its Fisher information, (n, n); log_likelihood: of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
-    composite: whether the log likelihood is a sum over frames that are not independent of each other
+    effect: sum of the squared shares of each direction in the target's error [m²], (n, n)
+    target_error_m: median error of the target by its mark [m], None where it has none
     """
 
     scores: Floats
@@ -45,7 +49,8 @@ class Pass:
     log_likelihood: float
     nis: Floats
     dof: Floats
-    composite: bool = False
+    effect: Floats
+    target_error_m: float | None = None
 
     @property
     def gradient(self) -> Floats:
@@ -55,7 +60,8 @@ class Pass:
 
 def failed_pass(n: int) -> Pass:
     """Of constants under which the filter has no finite state: of no likelihood, and without information."""
-    return Pass(np.zeros((0, n)), np.zeros((n, n)), -np.inf, np.zeros(0), np.zeros(0))
+    none = np.zeros((n, n))
+    return Pass(np.zeros((0, n)), none, -np.inf, np.zeros(0), np.zeros(0), none)
 
 
 def pass_through(
@@ -68,94 +74,45 @@ def pass_through(
 ) -> Pass:
     """The filter through the frames, constants taken as exact, beside the sensitivities to each direction.
 
-    nodes: those that may be poked, and the target. Source: [friedland1969]. Raises OutOfTimeError.
+    A constant that is considered has a covariance with the state: by its variance, it is the sensitivity of the
+    state's error to it. Source: [friedland1969]. nodes: those that may be poked, and the target. Raises OutOfTimeError.
     """
     marked, target = nodes
+    taken = frozenset(marked) - {target}
+    level = LEVEL if settings.discrepancy is None else settings.discrepancy
+    exact = replace(settings, discrepancy=level, test_sigmas=np.inf)
+    small = ParameterUncertainty(uncertainty.parameters, SMALL * uncertainty.directions)
+    n, log_likelihood = len(small.directions), 0.0
+    information, effect = np.zeros((n, n)), np.zeros((n, n))
+    scores, nis, dof, errors = list[Floats](), list[float](), list[float](), list[float]()
     try:
-        if is_linear(network, len(marked)):
-            return _linear_pass(network, uncertainty, frames, marked, settings, budget)
-        exact = replace(settings, strain_sd=0.0)  # directions are those of the constants that are sought, no others
-        return _passed(TissueFilter(network, target, marked, exact, uncertainty=uncertainty), frames, budget)
+        tissue = UnifiedFilter(network, target, marked, exact, uncertainty=small)
+        own = tissue.process.parts.get("constants", slice(0, 0))
+        at_target = tissue.rows_of(tissue.target)
+        for time_s, marks in frames:
+            budget.check()
+            tissue.predict(time_s)
+            estimate = tissue.update([mark for mark in marks if mark.node in taken])
+            if tissue.seen_s is None:
+                continue
+            T = at_target @ np.tensordot(tissue.filter.weights, tissue.filter.covs[:, :, own], 1) / SMALL
+            effect += T.T @ T
+            hidden = [mark for mark in marks if mark.node not in taken]
+            errors += [float(np.linalg.norm(estimate.mean - mark.position)) for mark in hidden if mark.node == target]
+            if not hidden:
+                continue
+            found = tissue.filter.innovations([tissue.places(hidden)])
+            total = float(np.logaddexp.reduce(found.logs))
+            weights, Ts = np.exp(found.logs - total), found.root @ found.HP[:, :, own] / SMALL
+            log_likelihood += total - 0.5 * found.y.shape[1] * float(np.log(2.0 * np.pi))
+            information += np.einsum("k,kmi,kmj->ij", weights, Ts, Ts)
+            scores.append(np.einsum("k,kmi,km->i", weights, Ts, found.white))
+            nis.append(float(weights @ found.nis))
+            dof.append(float(found.y.shape[1]))
     except (CovarianceError, np.linalg.LinAlgError):
-        return failed_pass(len(uncertainty.directions))
-
-
-def frame_interval(frames: Frames) -> float:
-    """Median time between two frames [s], 0 of a single one."""
-    times = [time_s for time_s, _ in frames]
-    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-
-
-def with_short_gaps(frames: Frames, longest_s: float) -> Frames:
-    """The frames, later by less where longer than this passes between two [s]: an integrator steps through a gap."""
-    times = np.array([time_s for time_s, _ in frames])
-    shorter = times[:1] + np.r_[0.0, np.cumsum(np.minimum(np.diff(times), longest_s))]
-    closed = shorter if np.diff(times).max(initial=0.0) > longest_s else times
-    return [(time_s, marks) for time_s, (_, marks) in zip(closed.tolist(), frames, strict=True)]
-
-
-def is_linear(network: MassSpringNetwork, n_marked: int) -> bool:
-    """Whether a network is too large or too stiff for sigma points."""
-    large = network.n_state + n_marked * network.dim > LARGEST
-    return large or stable_step(network) < SHORTEST_STEP
-
-
-def _linear_pass(
-    network: MassSpringNetwork,
-    uncertainty: ParameterUncertainty,
-    frames: Frames,
-    marked: Sequence[str],
-    settings: FilterSettings,
-    budget: Budget,
-) -> Pass:
-    linear = LinearFilter(network, marked, settings, uncertainty, frame_interval(frames))
-    linear.start(first_shape(network, frames[0][1]), frames[0][1])
-    n = linear.columns.shape[1]
-    information, log_likelihood = np.zeros((n, n)), 0.0
-    scores, nis, dof = [], [], []
-    for dt, marks in steps(frames):
-        budget.check()
-        one = linear.advance(dt, marks)
-        if one is not None:
-            log_likelihood += one.log_likelihood
-            information += one.T.T @ one.T
-            scores.append(one.T.T @ one.y)
-            nis.append(float(one.y @ one.y))
-            dof.append(float(len(one.y)))
-    return Pass(np.array(scores).reshape(-1, n), information, log_likelihood, np.array(nis), np.array(dof))
-
-
-def steps(frames: Frames) -> Iterator[tuple[float, Sequence[MarkMeasurement]]]:
-    """Time since the frame before [s] and marks of each frame after the first."""
-    for (before_s, _), (time_s, marks) in pairwise(frames):
-        yield time_s - before_s, marks
-
-
-def _passed(tissue: TissueFilter, frames: Frames, budget: Budget) -> Pass:
-    mixture = tissue.mixture
-    mixture.considered = False
-    n = tissue.model.n_columns
-    information, log_likelihood = np.zeros((n, n)), 0.0
-    scores, nis, dof = [], [], []
-    for time_s, marks in frames:
-        budget.check()
-        starting = tissue.seen_s is None or tissue.health.status is Status.LOST
-        tissue.predict(time_s)
-        starting = starting or tissue.health.status is Status.LOST
-        used = tissue.update(marks).marks_used
-        if starting:
-            continue
-        log_likelihood += tissue.log_likelihood
-        if not used:
-            continue
-        score, squared = np.zeros(n), 0.0
-        for weight, f, T in zip(mixture.mu, mixture.filters, mixture.innovation_columns, strict=True):
-            if weight > LEAST_WEIGHT:
-                solved = np.linalg.solve(f.S, np.column_stack([T, f.y]))
-                information += weight * T.T @ solved[:, :-1]
-                score += weight * T.T @ solved[:, -1]
-                squared += weight * float(f.y @ solved[:, -1])
-        scores.append(score)
-        nis.append(squared)
-        dof.append(float(len(mixture.filters[0].y)))
-    return Pass(np.array(scores).reshape(-1, n), information, log_likelihood, np.array(nis), np.array(dof))
+        return failed_pass(n)
+    if not np.isfinite(log_likelihood):
+        return failed_pass(n)
+    median = float(np.median(errors)) if errors else None
+    told = np.array(scores).reshape(len(scores), n)
+    return Pass(told, information, log_likelihood, np.array(nis), np.array(dof), effect, median)

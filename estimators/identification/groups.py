@@ -19,15 +19,10 @@ from dynamics import (
     scale_parameters,
 )
 from estimators.arrays import Floats
-from estimators.identification.linear_filter import rigid_links
 
 MOST_SINGLE = 24
 """Springs that have constants of their own at most, where no groups are given: a recording of half a minute determines
 some twenty combinations, and each costs a column of the filter."""
-
-RIGID_SD = float(np.log(10.0))
-"""Prior standard deviation of the log stiffness of a rigid link, a number that stands for "stiff": a tenth to ten
-times; choice, its cost in docs/settings.md."""
 
 LEAST_REST = 0.1
 """Share of a rest length that is left at the least where a soft spring has to keep a large tension."""
@@ -81,22 +76,9 @@ def constant_groups(
     return tuple(groups)
 
 
-def group_prior_sd(
-    network: MassSpringNetwork, groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], dt: float
-) -> Floats:
-    """Prior standard deviation of the logarithm of each group's factor, (n_groups,), for frames dt [s] apart.
-
-    The stiffness of a rigid link, whose length no oscillation changes that these frames show, is known to `RIGID_SD`.
-    """
-    stiff = rigid_links(network, dt)
-    return np.array(
-        [
-            max(prior_sd[group.kind], RIGID_SD)
-            if group.kind == "stiffness" and stiff[list(group.places)].all()
-            else prior_sd[group.kind]
-            for group in groups
-        ]
-    )
+def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float]) -> Floats:
+    """Prior standard deviation of the logarithm of each group's factor, (n_groups,)."""
+    return np.array([prior_sd[group.kind] for group in groups])
 
 
 def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
@@ -132,27 +114,6 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
         [Parameter("rest_length", s) for s in range(len(rest))],
         np.log(rest / found.rest_lengths),
     )
-
-
-def with_straight_tensions(
-    network: MassSpringNetwork, groups: Sequence[ConstantGroup], logs: Floats, move: Floats
-) -> Floats:
-    """Logs of the groups' factors moved by so much, (n_groups,), to first order, on a curve of straight tensions.
-
-    The tension in the drawn shape of a spring that has a stiffness and a rest length of its own changes in proportion
-    to the move, so that the body goes on resting where it does: rest lengths are changed by the rest that this takes.
-    """
-    ends = np.asarray(logs + move, dtype=float)
-    own = {(group.kind, group.places[0]): k for k, group in enumerate(groups) if len(group.places) == 1}
-    model, drawn = scale_groups(network, groups, logs), _drawn_lengths(network)
-    for (kind, s), at in own.items():
-        if kind == "rest_length" and ("stiffness", s) in own:
-            stiffer = move[own["stiffness", s]]
-            stretch = drawn[s] - model.rest_lengths[s]
-            stretch = (stretch * (1.0 + stiffer) - model.rest_lengths[s] * move[at]) * np.exp(-stiffer)
-            if drawn[s] - stretch > LEAST_REST * model.rest_lengths[s]:
-                ends[at] = logs[at] + np.log((drawn[s] - stretch) / model.rest_lengths[s])
-    return ends
 
 
 def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup], which: Sequence[Parameter]) -> Floats:

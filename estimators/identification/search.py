@@ -19,12 +19,6 @@ MOST_PASSES = 12
 CONVERGED = 0.1
 """Tolerance of the iteration in standard errors of a constant: it adds 0.5 % to the error at most."""
 
-SLACK = 0.01
-"""Tolerance of the log posterior in the line search for each innovation: steps leave out what constants change of the
-innovations' covariance, and merging modes leaves it uneven. On the phantom, at 0 and without limit the same constants
-were found in the same number of passes; on a block of 27 nodes steps that are right lose up to 0.005; choice, its cost
-in docs/settings.md."""
-
 FULL_STEPS = 5
 """Passes after which steps are halved, so that two points that lead to each other end in the middle."""
 
@@ -116,16 +110,15 @@ def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
             if np.abs(move / error).max() < CONVERGED:
                 return replace(best, converged=True)
             whole = 1.0 if best.passes < FULL_STEPS else 0.5
-            slack = 0.0 if best.found.composite else SLACK * float(best.found.dof.sum())
             step = min(whole, LONGEST_MOVE / float(np.abs(move * unit).max()))
             tried = best
             for passes in range(best.passes + 1, MOST_PASSES + 1):
                 theta = best.theta + step * move
                 tried = replace(best, theta=theta, found=at(theta), passes=passes)
-                if tried.log_posterior >= best.log_posterior - slack:
+                if tried.log_posterior >= best.log_posterior:
                     break
                 step *= 0.5
-            if tried.log_posterior < best.log_posterior - slack:
+            if tried.log_posterior < best.log_posterior:
                 return replace(best, passes=tried.passes)
             best = replace(tried, times=times_counted(tried.found))
     except OutOfTimeError:

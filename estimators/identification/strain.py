@@ -12,7 +12,6 @@ from estimators.arrays import Floats
 from estimators.core.track import UnifiedFilter
 from estimators.identification.budget import Budget, OutOfTimeError, Workers, too_short
 from estimators.identification.filter_pass import Frames
-from estimators.identification.noise_levels import TuningResult, summed
 from estimators.identification.stretch import affordable, frame_seconds, from_first_marks
 from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
@@ -26,6 +25,27 @@ measured: docs/unified.md."""
 
 REFUTED = 3.0
 """Difference of log likelihood from which on a level is refuted by the best [1]; choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TuningResult:
+    """The level of the discrepancy that was found.
+
+    settings: with that level
+    names, values, log_sd: what was tuned, its value in the unit of its setting, and the standard error of the value's
+        logarithm [1], each (1,)
+    log_likelihood: of each mark given the others of its frame, summed, at that level, and with the level from before
+    n_frames: of the recording that were used; in_time: False where the time was too short for all frames and passes
+    """
+
+    settings: FilterSettings
+    names: tuple[str, ...]
+    values: Floats
+    log_sd: Floats
+    log_likelihood: float
+    log_likelihood_before: float
+    n_frames: int
+    in_time: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +63,15 @@ class _Passes:
         marked, target = self.nodes
         settings = replace(self.settings, discrepancy=strain)
         tissue = UnifiedFilter(self.network, target, marked, settings, uncertainty=self.uncertainty)
+        total = 0.0
         with one_blas_thread():
-            return summed(tissue, self.frames, lambda: tissue.level.log_withheld, self.budget)
+            for time_s, marks in self.frames:
+                self.budget.check()
+                started = tissue.seen_s is not None
+                tissue.predict(time_s)
+                if tissue.update(marks).marks_used and started:
+                    total += tissue.level.log_withheld
+        return total
 
 
 def tune_strain(
@@ -63,9 +90,11 @@ def tune_strain(
     """Find the level of the discrepancy: the largest one that the marks do not refute.
 
     Levels are compared by the likelihood of each mark given the others of its frame: the joint likelihood hardly asks
-    how well a hidden place follows from the marks. Parameters as `tune_noise` has them. The standard error is that of
-    the level's logarithm if all levels are equally probable at first.
+    how well a hidden place follows from the marks. The standard error is that of the level's logarithm if all levels
+    are equally probable at first.
 
+    frames: (time [s], marks) in order; marked: the nodes whose marks are measured; uncertainty: of the constants
+    budget: the time that it may take; workers: that passes are shared out to; `advance` gets the share done
     is_identified: whether the constants were found from the tissue; levels below `UNSEEN` are compared only then
     Raises IdentificationError where the time is too short for anything.
     """
@@ -86,7 +115,6 @@ def tune_strain(
     best = int(np.flatnonzero(logs >= logs.max() - REFUTED)[-1])
     return TuningResult(
         replace(before, discrepancy=strains[best]),
-        1.0,
         ("strain",),
         np.array([strains[best]]),
         np.array([_log_sd(np.log(strains), logs)]),

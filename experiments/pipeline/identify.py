@@ -132,7 +132,7 @@ def tuned_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
-    """The scene with the noise levels under which the recording is most probable, and all that was found.
+    """The scene with the level of its discrepancy by the recording, and all that was found.
 
     workers: to which passes of the filter are shared out.
     Raises InputError where the time is too short for anything.
@@ -271,8 +271,6 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
         larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
         lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
-    if residuals.noise_ratio > 1.0:
-        lines += [f"The stated noise is {residuals.noise_ratio:.2f} times as large as the residuals show: softaim tune"]
     lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m

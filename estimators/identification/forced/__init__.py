@@ -1,1 +1,0 @@
-"""Constants under the forces of the recording: who was poked and when, the filter that knows it, its score, centred."""
