@@ -2,7 +2,7 @@
 
 Names to start with:
 
-    TissueFilter          predict, update, and where the target is
+    UnifiedFilter         predict, update, and where the target is
     FilterSettings        what it assumes about unknown forces
     MarkMeasurement       what goes in: a mark's position and covariance
     TargetEstimate        what comes out: mean, covariance, status
@@ -59,10 +59,8 @@ from estimators.consistency import (
 from estimators.core import UnifiedFilter, filter_of
 from estimators.filters import (
     CovarianceError,
-    InteractingMixture,
     UnscentedKalmanFilter,
     VarianceScale,
-    moment_matched,
     positive_points,
 )
 from estimators.guidance import (
@@ -142,7 +140,6 @@ from estimators.process import (
 from estimators.smoothing import FixedLag, Replay, fixed_interval
 from estimators.tissue import (
     CommonShift,
-    FastPredictionTables,
     FilterSettings,
     GaussianMixture,
     Health,
@@ -151,10 +148,7 @@ from estimators.tissue import (
     Status,
     TargetEstimate,
     TargetFilter,
-    TissueFilter,
     after_frame,
-    fast_prediction_tables,
-    predict_fast,
 )
 
 __all__ = [
@@ -182,7 +176,6 @@ __all__ = [
     "EnsembleKalmanFilter",
     "ErrorSource",
     "ExtendedKalmanFilter",
-    "FastPredictionTables",
     "FilterSettings",
     "FixBias",
     "FixedIntervalSmoother",
@@ -198,7 +191,6 @@ __all__ = [
     "IdentificationSettings",
     "IdentitySwap",
     "Insertion",
-    "InteractingMixture",
     "KnownForce",
     "LeaveOneOut",
     "LeaveOneOutCheck",
@@ -237,7 +229,6 @@ __all__ = [
     "TargetMap",
     "TargetPath",
     "TargetPoint",
-    "TissueFilter",
     "TissueModel",
     "TrackingProblem",
     "TuningResult",
@@ -262,7 +253,6 @@ __all__ = [
     "crps_normal",
     "either_path",
     "energy_score",
-    "fast_prediction_tables",
     "filter_of",
     "fixed_interval",
     "group_label",
@@ -273,7 +263,6 @@ __all__ = [
     "identify_constants",
     "make_method",
     "mean_bounds",
-    "moment_matched",
     "needle_displacement",
     "normalised_error_squared",
     "path_by_tables",
@@ -286,7 +275,6 @@ __all__ = [
     "portmanteau",
     "positive_points",
     "posterior_bound",
-    "predict_fast",
     "principal_uncertainty",
     "reliability_bins",
     "resting_bound",

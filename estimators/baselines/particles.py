@@ -15,7 +15,7 @@ from estimators.core.moments import mixed
 from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
-from estimators.process.process_model import ForceMode
+from estimators.process.process_model import QUIET, ForceMode
 from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
@@ -77,7 +77,7 @@ class ParticleFilter(Baseline):
         """Every particle into its successors dt [s] later, one for each mode; before that down to the number kept."""
         self._thin()
         odds = small_expm(self._rates * dt)[self.modes]
-        moved = [self._moved(mode, dt) for mode in (self.settings.quiet, self.settings.poked)]
+        moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
         self.means, self.covs = (np.concatenate(each) for each in zip(*moved, strict=True))
         self.weights = (self.weights[:, None] * odds).T.ravel()
         self.modes = np.repeat(np.arange(2), len(odds))

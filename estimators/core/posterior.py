@@ -18,11 +18,16 @@ from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.filters.kernels import block_contributions, nis_left
 from estimators.process.open_loop_cov import OpenLoopCovariance
+from estimators.process.process_model import QUIET
 from estimators.process.target import TargetMap, TargetPoint, target_map
 from estimators.tissue.estimate import CommonShift, MarkMeasurement
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
+
+BESIDE = 10.0
+"""Factor on the covariance of a start within which marks are looked for before the first: the body may be displaced
+[1]; choice."""
 
 POSSIBLE = 1e-3
 """Probability of a mode from which on marks are looked for where it lets them be [1]; choice."""
@@ -95,7 +100,7 @@ class TissuePosterior:
         self.begin()
         driven = [node for node in marked if (node,) != self.target.point.nodes]
         self._driven = frozenset(driven)
-        self.open_loop = OpenLoopCovariance(network, self.target.point, driven, FilterSettings().quiet.white)
+        self.open_loop = OpenLoopCovariance(network, self.target.point, driven, QUIET.white)
         self.log_likelihood = 0.0
         self.rejected, self.repairs = Counter[str](), Counter[str]()
         self._updated_s: float | None = None
@@ -229,7 +234,7 @@ class TissuePosterior:
         """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest, without marks; inflated: it may be displaced."""
         rows = self._maps[node]
         cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
-        return self.rest[self.network.index(node)].copy(), self.settings.inflation * cov
+        return self.rest[self.network.index(node)].copy(), BESIDE * cov
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
         """Places of free nodes [m], (n, dim), and their covariances [m²], as `expected` of each."""

@@ -1,18 +1,14 @@
-"""Generic filters on filterpy: sigma points, mixture of models, considered constants.
+"""Generic filters on filterpy: sigma points, a factor on a variance.
 
 What may enter: probability without springs or marks.
 """
 
 from estimators.filters.adaptation import VarianceScale
-from estimators.filters.gaussians import moment_matched
-from estimators.filters.mixture import InteractingMixture
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
 __all__ = [
     "CovarianceError",
-    "InteractingMixture",
     "UnscentedKalmanFilter",
     "VarianceScale",
-    "moment_matched",
     "positive_points",
 ]

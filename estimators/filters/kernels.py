@@ -16,9 +16,6 @@ with the cube of the states."""
 TILE = 32
 """Rows and columns of a matrix that stay in the cache while it is mirrored; numerical."""
 
-LOOPS_OF_COLUMNS = 2
-"""Columns beyond which their sums are products of matrices in place of loops; numerical."""
-
 FASTMATH = {"contract", "reassoc"}
 """Reorderings that the compiler may make in sums; NaN and infinity keep their meaning."""
 
@@ -137,153 +134,10 @@ def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def regressions(points, moved):  # type: ignore[no-untyped-def]
-    """The transition matrix F by linear regression on a set of symmetric points, for each of several: (k, n, n).
-
-    F L = (moved along each column - moved against it) / 2 with L lower triangular: by substitution, column by column.
-    """
-    k, _n_points, n = points.shape
-    F = np.empty((k, n, n))
-    for j in range(k):
-        for row in range(n):
-            for c in range(n - 1, -1, -1):
-                entry = 0.5 * (moved[j, 1 + c, row] - moved[j, 1 + n + c, row])
-                for i in range(c + 1, n):
-                    entry -= F[j, row, i] * (points[j, 1 + c, i] - points[j, 0, i])
-                F[j, row, c] = entry / (points[j, 1 + c, c] - points[j, 0, c])
-    return F
-
-
-@njit(cache=True, nogil=True)
-def mixed_each(weights, xs, Ps, Ss):  # type: ignore[no-untyped-def]
-    """Moments of mixtures of k Gaussians: weights (k, m) give means (m, n), covariances (m, n, n), columns (m, n, r).
-
-    The columns are the part of the error that known directions make; what they differ by goes into the covariance.
-    """
-    k, m = weights.shape
-    n, r = xs.shape[1], Ss.shape[2]
-    means, covs, columns = np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, r))
-    for j in range(m):
-        for i in range(k):
-            for a in range(n):
-                means[j, a] += weights[i, j] * xs[i, a]
-                for c in range(r):
-                    columns[j, a, c] += weights[i, j] * Ss[i, a, c]
-        if r > LOOPS_OF_COLUMNS:
-            apart = np.empty((n, k * (1 + r)))
-            for i in range(k):
-                root, own = np.sqrt(weights[i, j]), i * (1 + r)
-                for a in range(n):
-                    apart[a, own] = root * (xs[i, a] - means[j, a])
-                    for c in range(r):
-                        apart[a, own + 1 + c] = root * (Ss[i, a, c] - columns[j, a, c])
-            between = apart @ apart.T
-            for a in range(n):
-                for b in range(a + 1):
-                    covs[j, a, b] = between[a, b]
-                for i in range(k):
-                    w = weights[i, j]
-                    for b in range(a + 1):
-                        covs[j, a, b] += w * Ps[i, a, b]
-        else:
-            for i in range(k):
-                w = weights[i, j]
-                for a in range(n):
-                    da = w * (xs[i, a] - means[j, a])
-                    for b in range(a + 1):
-                        entry = w * Ps[i, a, b] + da * (xs[i, b] - means[j, b])
-                        for c in range(r):
-                            entry += w * (Ss[i, a, c] - columns[j, a, c]) * (Ss[i, b, c] - columns[j, b, c])
-                        covs[j, a, b] += entry
-        for a in range(0, n, TILE):
-            for b in range(0, a + 1, TILE):
-                for c in range(a, min(a + TILE, n)):
-                    for d in range(b, min(b + TILE, c)):
-                        covs[j, d, c] = covs[j, c, d]
-    return means, covs, columns
-
-
-@njit(cache=True, nogil=True)
-def with_columns(P, C):  # type: ignore[no-untyped-def]
-    """P + C C', (n, n)."""
-    n, r = C.shape
-    if r > LOOPS_OF_COLUMNS:
-        return P + C @ C.T
-    total = P.copy()
-    for a in range(n):
-        for b in range(n):
-            for c in range(r):
-                total[a, b] += C[a, c] * C[b, c]
-    return total
-
-
-@njit(cache=True, nogil=True)
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
     """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
     HP, HPH = measured(P, H)
     return _updated(x, P, z - H @ x, R, H, HP, HPH, np.ascontiguousarray(HP.T), HPH + R)
-
-
-@njit(cache=True, nogil=True)
-def schmidt_update(x, P, z, H, R, columns, shared, added_share, common_mean, common_root):  # type: ignore[no-untyped-def]
-    """`joseph_update` where errors of unit variance move the state by columns (n, r) and z by shared (m, r).
-
-    K = (P H' + columns C') S^-1 with S = H P H' + C C' + R and C = H columns + shared. [bierman1977]
-    Differs from it by added_share shared shared' in S; P and columns are exact for whatever gain. At its end nis and
-    log det S once more, by errors of common_mean (r,), of covariance L L' with L common_root (r, any), and H P H' + R.
-    """
-    C = H @ columns + shared
-    HP, HPH = measured(P, H)
-    S = HPH + C @ C.T + added_share * (shared @ shared.T) + R
-    found = _updated(x, P, z - H @ x, R, H, HP, HPH, HP.T + columns @ C.T, S)
-    alone = HPH + R
-    if C.shape[1] == 0:
-        return (*found, found[5], found[6], alone)
-    own = C @ common_root
-    return (*found, *_distance(z - H @ x - C @ common_mean, alone + own @ own.T), alone)
-
-
-@njit(cache=True, nogil=True)
-def _distance(y, innovation_cov):  # type: ignore[no-untyped-def]
-    """NIS y' S^-1 y and log det S of an innovation y of covariance S; not numbers where S is not positive definite."""
-    C, definite = chol_lower(0.5 * (innovation_cov + innovation_cov.T))
-    if not definite:
-        return np.nan, np.nan
-    w, log_det = np.empty(len(y)), 0.0
-    for a in range(len(y)):
-        w[a] = (y[a] - np.dot(C[a, :a], w[:a])) / C[a, a]
-        log_det += 2.0 * np.log(C[a, a])
-    return np.dot(w, w), log_det
-
-
-@njit(cache=True, nogil=True)
-def with_outliers(x, P, z, H, R, C, width, variance, log_odds):  # type: ignore[no-untyped-def]
-    """R (m, m) with `variance` added to those parts of z, `width` coordinates each, that are likelier so.
-
-    C (m, r): columns of the innovation's common errors. Also the log of the odds of these parts, and by how much the
-    log determinants of their innovation covariances grew.
-    """
-    widened_R, taken, widened = R, 0.0, 0.0
-    for start in range(0, len(z), width):
-        own = slice(start, start + width)
-        h = np.ascontiguousarray(H[own])
-        S = h @ P @ h.T + C[own] @ C[own].T + R[own, own]
-        y = z[own] - h @ x
-        if not chol_lower(S)[1]:  # the update says so
-            continue
-        distance = squared_mahalanobis(y, S)
-        if not distance > -2.0 * log_odds:  # no other covariance makes up for its odds
-            continue
-        W = S + variance * np.eye(width)
-        grown = np.linalg.slogdet(W)[1] - np.linalg.slogdet(S)[1]
-        if distance > squared_mahalanobis(y, W) + grown - 2.0 * log_odds:
-            if taken == 0.0:
-                widened_R = R.copy()
-            for i in range(start, start + width):
-                widened_R[i, i] += variance
-            taken += log_odds
-            widened += grown
-    return widened_R, taken, widened
 
 
 @njit(cache=True, nogil=True)
@@ -351,16 +205,6 @@ def _updated(x, P, y, R, H, HP, HPH, PH, innovation_cov):  # type: ignore[no-unt
 def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
     """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) by its covariance S (n, n)."""
     return np.dot(y, np.linalg.inv(S) @ y)
-
-
-@njit(cache=True, nogil=True)
-def inverse_nis_gain(y, S, cross):  # type: ignore[no-untyped-def]
-    """Of an innovation y (m,) of covariance S (m, m): S^-1 (m, m), its NIS y' S^-1 y [1], the gain cross S^-1 (n, m).
-
-    cross: covariance of the state, or of the target, with the innovation, (n, m)
-    """
-    S_inv = np.linalg.inv(S)
-    return S_inv, np.dot(np.dot(y, S_inv), y), np.dot(cross, S_inv)
 
 
 @njit(cache=True, nogil=True)

@@ -18,7 +18,6 @@ from estimators.core.track import UnifiedFilter
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
 from estimators.threads import one_blas_thread
-from estimators.tissue.fast_prediction import fast_prediction_tables
 from estimators.tissue.target_filter import PathTables, TargetFilter
 
 CYCLE_S = 1.0 / 30.0
@@ -129,8 +128,6 @@ def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
 
 def path_tables(tissue: TargetFilter, ahead_s: float) -> PathTables:
     """Tables of a filter's path as far ahead as this [s]; its posterior does not matter, its model does."""
-    if not isinstance(tissue, UnifiedFilter):
-        return fast_prediction_tables(tissue, ahead_s, at_once=False)
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 

@@ -65,11 +65,11 @@ def scene_line(scene: Scene) -> str:
     """What is assumed: the network, its marks and target, how well constants are known, noise levels, steps done."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
-    own = (scene.settings.quiet, scene.settings.poked) != (usual.quiet, usual.poked)
+    own = (scene.settings.poked, scene.settings.discrepancy) != (usual.poked, usual.discrepancy)
     return (
         f"scene: {len(network.free)} free nodes and {len(network.springs)} springs in {network.dim} dimensions, "
         f"marks measured on {', '.join(scene.measured_nodes)}, target {scene.target.node}; constants {known}; "
-        f"noise levels {'its own' if own else 'the usual'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
+        f"levels {'its own' if own else 'the usual'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
     )
 
 

@@ -25,7 +25,6 @@ from estimators import (
     TargetEstimate,
     filter_of,
 )
-from estimators.tissue.model import MOST_STATES
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.recording import Fix
@@ -36,6 +35,10 @@ from experiments.pipeline.sight.reference import ReferenceMarks, ReferenceSeen
 from vision import PlaneCamera
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
+
+MOST_STATES = 600
+"""Coordinates and velocities of free nodes, 100 nodes in space, beyond which a frame takes too long, about as their
+cube; the commands refuse more; chosen."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
 """Common error of fixes where the scene states none: an ultrasound probe's calibration; the scene's to state."""

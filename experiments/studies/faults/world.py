@@ -57,7 +57,7 @@ def scene_in_view(scenario: Scenario) -> Scene:
     """The scenario's scene with a colour for each mark, of a user who does not state how exact the model is."""
     scene = scene_of(scenario)
     marks = tuple(replace(mark, hue_deg=hue) for mark, hue in zip(scene.marks, HUES_DEG, strict=True))
-    return replace(scene, marks=marks, settings=FilterSettings(unified=True))
+    return replace(scene, marks=marks, settings=FilterSettings())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -49,7 +49,7 @@ def scene_of_body(name: str) -> Scene:
     """The body of this name with a colour for each mark, as a user writes it who states nothing of how well."""
     scene = scene_with_marks(BODIES[name].phantom(), {})
     target = replace(scene.target, position_sd_m=None)
-    return replace(scene, target=target, reference=Reference(), settings=FilterSettings(unified=True))
+    return replace(scene, target=target, reference=Reference(), settings=FilterSettings())
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
