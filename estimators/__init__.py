@@ -56,7 +56,7 @@ from estimators.consistency import (
     reliability_bins,
     resting_bound,
 )
-from estimators.core import UnifiedFilter, filter_of
+from estimators.core import AheadTables, UnifiedFilter
 from estimators.filters import (
     CovarianceError,
     UnscentedKalmanFilter,
@@ -144,10 +144,8 @@ from estimators.tissue import (
     GaussianMixture,
     Health,
     MarkMeasurement,
-    PathTables,
     Status,
     TargetEstimate,
-    TargetFilter,
     after_frame,
 )
 
@@ -156,6 +154,7 @@ __all__ = [
     "AbortWatch",
     "Advice",
     "AdviceSettings",
+    "AheadTables",
     "Aim",
     "Arrival",
     "AssociatedEstimate",
@@ -208,7 +207,6 @@ __all__ = [
     "ParticleFilter",
     "PathParts",
     "PathSource",
-    "PathTables",
     "Plan",
     "PlannedNeedle",
     "PlannedTarget",
@@ -225,7 +223,6 @@ __all__ = [
     "Status",
     "StockUnscented",
     "TargetEstimate",
-    "TargetFilter",
     "TargetMap",
     "TargetPath",
     "TargetPoint",
@@ -253,7 +250,6 @@ __all__ = [
     "crps_normal",
     "either_path",
     "energy_score",
-    "filter_of",
     "fixed_interval",
     "group_label",
     "group_value",

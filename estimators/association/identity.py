@@ -11,9 +11,9 @@ import numpy as np
 from estimators.arrays import Floats
 from estimators.association.exchanges import InterchangeableMarks, Names, renamed, seen_from
 from estimators.association.settings import IdentitySettings
+from estimators.core.track import FilterSnapshot, UnifiedFilter
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
-from estimators.tissue.target_filter import Restored, TargetFilter
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Hypothesis:
     names: Names
     ahead: float
     since_s: float
-    state: Restored
+    state: FilterSnapshot
     estimate: TargetEstimate
 
 
@@ -77,7 +77,7 @@ class AssociationFilter:
     """
 
     def __init__(
-        self, tissue: TargetFilter, groups: Iterable[Collection[str]], settings: IdentitySettings | None = None
+        self, tissue: UnifiedFilter, groups: Iterable[Collection[str]], settings: IdentitySettings | None = None
     ) -> None:
         self.tissue = tissue
         self.settings = IdentitySettings() if settings is None else settings

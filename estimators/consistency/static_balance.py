@@ -35,9 +35,9 @@ from dynamics import (
     stiffness_matrix,
 )
 from estimators.arrays import Floats
+from estimators.core.track import UnifiedFilter
 from estimators.process.process_model import LOOSE, ForceMode
 from estimators.tissue.estimate import MarkMeasurement
-from estimators.tissue.target_filter import TargetFilter
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class StaticBalance:
 
     def __init__(
         self,
-        tissue: TargetFilter,
+        tissue: UnifiedFilter,
         uncertainty: ParameterUncertainty | None = None,
         calibration: Calibration | None = None,
         settings: BalanceSettings = BALANCE,

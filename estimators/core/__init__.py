@@ -3,7 +3,7 @@
 What may enter: another process model or observation, in a file of its own that satisfies the protocols.
 """
 
-from estimators.core.choice import filter_of
+from estimators.core.ahead import AheadTables
 from estimators.core.discrepancy import Discrepancy, LevelPosterior
 from estimators.core.disturbances import Disturbances
 from estimators.core.filter import HypothesisFilter
@@ -13,6 +13,7 @@ from estimators.core.tissue import TissueProcess
 from estimators.core.track import UnifiedFilter
 
 __all__ = [
+    "AheadTables",
     "Discrepancy",
     "Disturbances",
     "HypothesisFilter",
@@ -23,5 +24,4 @@ __all__ = [
     "TissueProcess",
     "Transition",
     "UnifiedFilter",
-    "filter_of",
 ]

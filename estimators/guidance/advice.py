@@ -15,13 +15,13 @@ from typing import Protocol
 import numpy as np
 
 from estimators.arrays import Floats
+from estimators.core.track import UnifiedFilter
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.path import TargetPath, kept_path, time_to
 from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
-from estimators.tissue.target_filter import TargetFilter
 
 PATH_STEP_S = 1.0 / 30.0
 """Step of the path's table [s]: cubics between its times err by under 0.1 mm for a swing of 10 mm at 3 Hz. Numerics:
@@ -200,7 +200,7 @@ def path_times(
 
 
 def guide(
-    filter_: PathSource | TargetFilter,
+    filter_: PathSource | UnifiedFilter,
     estimate: TargetEstimate,
     insertion: Insertion,
     lesion: Lesion,
@@ -225,7 +225,7 @@ def guide(
     times = path_times(estimate, insertion, needle, settings, now_s)
     if path_at is not None:
         path = path_at(times)
-    elif isinstance(filter_, TargetFilter):
+    elif isinstance(filter_, UnifiedFilter):
         path = kept_path(filter_, times)
     else:
         path = TargetPath(times, *filter_.predict_path(times))

@@ -56,7 +56,7 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
-    cov = np.linalg.inv(found.information / times + prior_precision)
+    cov: Floats = np.linalg.inv(found.information / times + prior_precision)
     dof = float(found.dof.sum())
     if not dof:
         return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, explained=True)

@@ -6,7 +6,6 @@ What may enter: what every filter of the tissue has in common.
 from estimators.tissue.estimate import CommonShift, GaussianMixture, MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.health import Health, after_frame
 from estimators.tissue.settings import FilterSettings
-from estimators.tissue.target_filter import PathTables, TargetFilter
 
 __all__ = [
     "CommonShift",
@@ -14,9 +13,7 @@ __all__ = [
     "GaussianMixture",
     "Health",
     "MarkMeasurement",
-    "PathTables",
     "Status",
     "TargetEstimate",
-    "TargetFilter",
     "after_frame",
 ]

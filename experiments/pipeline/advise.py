@@ -15,8 +15,8 @@ from estimators import (
     Advice,
     GaussianMixture,
     Guidance,
-    TargetFilter,
     TargetPath,
+    UnifiedFilter,
     guide,
     hit_probability,
     path_near_rest,
@@ -142,7 +142,7 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
     return found
 
 
-def reach_s(plan: NeedlePlan, tissue: TargetFilter) -> float:
+def reach_s(plan: NeedlePlan, tissue: UnifiedFilter) -> float:
     """How far ahead the path must be predicted for a plan [s]."""
     return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 

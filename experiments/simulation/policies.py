@@ -14,24 +14,23 @@ import numpy as np
 from dynamics import NeedleMotion, sliding_friction
 from estimators import (
     AdviceSettings,
+    AheadTables,
     Breathing,
     GaussianMixture,
     MarkMeasurement,
     OpenLoop,
-    PathTables,
     TargetEstimate,
-    TargetFilter,
     TargetPath,
+    UnifiedFilter,
     compliance,
     either_path,
-    filter_of,
     health_fault,
     path_by_tables,
     path_reach_s,
     path_tables,
 )
+from estimators.core.track import FilterSnapshot
 from estimators.process.target import target_map
-from estimators.tissue.target_filter import Restored
 from experiments.arrays import Floats
 from experiments.simulation.cases import way_m
 from experiments.simulation.world import World, needle_with
@@ -178,11 +177,11 @@ class Paper(Rest):
 class Warm:
     """A filter after the warm-up: its state, its last estimate, the breath; tables of policies, and of advice."""
 
-    tissue: TargetFilter
-    then: Restored
+    tissue: UnifiedFilter
+    then: FilterSnapshot
     estimate: TargetEstimate
-    tables: PathTables
-    of_advice: PathTables
+    tables: AheadTables
+    of_advice: AheadTables
     breathing: Breathing
 
 
@@ -272,10 +271,10 @@ class Waiting(Ahead):
 
 
 @cache
-def _tables(model: bytes, ahead_s: float) -> PathTables:
+def _tables(model: bytes, ahead_s: float) -> AheadTables:
     """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
-    tissue = filter_of(network, target, marked, settings, uncertainty=uncertainty)
+    tissue = UnifiedFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)
 
 
@@ -286,7 +285,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)
-    tissue, paper = filter_of(*own, uncertainty=given.uncertainty), Paper(world)
+    tissue, paper = UnifiedFilter(*own, uncertainty=given.uncertainty), Paper(world)
     model = pickle.dumps((*own, given.uncertainty))
     reach_s = path_reach_s(tissue, case.straight, case.plan.needle, case.plan.settings)
     tables, of_advice = _tables(model, horizon_s(world)), _tables(model, reach_s)

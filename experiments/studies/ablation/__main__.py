@@ -52,7 +52,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     means, covs, tracking, failed = [], [], [], ""
     try:
         with switch.patched():
-            tissue = switch.filter_of(given)
+            tissue = switch.filter(given)
             maps = [target_map(given.network, one) for one in given.targets]
             for time_s, marks in given.frames:
                 tissue.predict(time_s)

@@ -52,7 +52,7 @@ class Switch:
         """How many lines would go."""
         return sum(int(part) if part.isdecimal() else _length(part) for part in self.code.split())
 
-    def filter_of(self, given: Recording) -> UnifiedFilter:
+    def filter(self, given: Recording) -> UnifiedFilter:
         """The filter of a recording without the mechanism; call it and its methods within `patched`."""
         settings = replace(given.settings, **self.settings)
         return UnifiedFilter(

@@ -101,7 +101,7 @@ def test_a_filter_is_as_its_settings_say() -> None:
 
     def after_two_marks(**chosen: bool) -> np.ndarray:
         network = four_mass_phantom()
-        tissue = UnifiedFilter(network, HIDDEN, OUTER, FilterSettings(unified=True, **chosen))
+        tissue = UnifiedFilter(network, HIDDEN, OUTER, FilterSettings(**chosen))
         for frame in range(2):
             tissue.predict(frame * DT)
             places = [network.positions[network.index(node)] + 0.01 for node in OUTER]

@@ -15,10 +15,8 @@ from estimators import (
     Status,
     TissueFilter,
     UnifiedFilter,
-    filter_of,
 )
 from estimators.process.target import TargetPoint
-from estimators.tissue.target_filter import TargetFilter
 from tests.estimators.states import digest
 
 BOTH = pytest.mark.parametrize("made", [TissueFilter, UnifiedFilter])
@@ -64,8 +62,8 @@ def test_a_start_is_no_evidence(made, phantom, frames):
 
 @BOTH
 def test_it_is_a_filter_of_the_target(made, phantom):
-    assert isinstance(made(phantom, HIDDEN, OUTER), TargetFilter)
-    assert type(filter_of(phantom, HIDDEN, OUTER, FilterSettings(unified=made is UnifiedFilter))) is made
+    assert isinstance(made(phantom, HIDDEN, OUTER), UnifiedFilter)
+    assert type(UnifiedFilter(phantom, HIDDEN, OUTER, FilterSettings(unified=made is UnifiedFilter))) is made
 
 
 @BOTH

@@ -9,7 +9,7 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import Budget, FilterSettings, IdentificationError, UnifiedFilter, tune_strain
 from tests.estimators.core.test_track import breath, seen, truth_of
 
-SETTINGS = FilterSettings(unified=True)
+SETTINGS = FilterSettings()
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ def estimates(off: str, body: str, n_frames: int) -> tuple[np.ndarray, np.ndarra
     given, switch = shortened(body, n_frames), SWITCHES[off]
     means, covs = [], []
     with switch.patched():
-        filter_ = switch.filter_of(given)
+        filter_ = switch.filter(given)
         for time_s, marks in given.frames:
             filter_.predict(time_s)
             estimate = filter_.update(marks)
