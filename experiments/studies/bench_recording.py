@@ -1,8 +1,8 @@
-"""How fast what goes through whole recordings is: advice on a needle, noise levels, the smoother.
+"""How fast what goes through whole recordings is: advice on a needle, tuning, the smoother.
 
 One recording of the phantom at rest, three marks to 1 mm, 30 frames/s; figures of `softaim bench`, row `recording`.
 advise: a frame's advice, 21 starts over 2 s, from a path by tables, and from one by `TissueFilter.predict_path`.
-tune: `tune_noise` on 50 frames, for each frame of them, and how many passes of the filter that is worth.
+tune: `tune_strain` on 50 frames, for each frame of them, and how many passes of the filter that is worth.
 smooth: `fixed_interval`, for each frame; ratio: by the filter alone on the same frames.
 """
 
@@ -24,7 +24,7 @@ from estimators import (
     fixed_interval,
     guide,
     path_near_rest,
-    tune_noise,
+    tune_strain,
 )
 
 FRAME_S, MARK_SD_M = 1.0 / 30.0, 1e-3
@@ -89,9 +89,9 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """Noise levels of the frames, and what a pass through them takes in the same run."""
+    """The level of the discrepancy by the frames, and what a pass through them takes in the same run."""
     pass_s, began = min(_passed(frames), _passed(frames)), time.perf_counter()
-    tune_noise(four_mass_phantom(), frames, OUTER, HIDDEN)
+    tune_strain(four_mass_phantom(), frames, OUTER, HIDDEN)
     took_s = time.perf_counter() - began
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 

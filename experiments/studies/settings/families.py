@@ -16,9 +16,7 @@ from experiments.studies.settings.calibration_figures import calibration_figures
 from experiments.studies.settings.constants import Constants, constants_figures
 from experiments.studies.settings.constants_of_prediction import PredictionConstants, prediction_figures
 from experiments.studies.settings.guidance_figures import GuidanceSettings, guidance_figures
-from experiments.studies.settings.identification_figures import Identification, identification_figures
 from experiments.studies.settings.identity_figures import identity_figures
-from experiments.studies.settings.link_figures import LinkIdentification, link_figures
 from experiments.studies.settings.live_figures import live_figures
 from experiments.studies.settings.needle_figures import needle_figures
 from experiments.studies.settings.planning_figures import planning_figures
@@ -42,8 +40,6 @@ FAMILIES: dict[str, Family] = {
     "constants of estimation": Family(Constants(), constants_figures),
     "stiff or large bodies": Family(BodyConstants(), body_figures),
     "constants of prediction": Family(PredictionConstants(), prediction_figures),
-    "identification": Family(Identification(), identification_figures),
-    "identification of links": Family(LinkIdentification(), link_figures),
     "identity": Family(IdentitySettings(), identity_figures),
     "marks": Family(FINDER, marks_figures),
     "sources": Family(SourceSettings(), source_figures),
