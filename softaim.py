@@ -17,7 +17,7 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     TargetEstimate        what comes out: mean, covariance, status
     Status                whether an estimate may be relied upon
     identify_constants    stiffness, damping, rest lengths from a recording
-    tune_noise            noise levels from the innovations
+    tune_strain           how far a tissue departs from its model
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where
     hit_probability       of a needle that stands still
@@ -63,7 +63,7 @@ if TYPE_CHECKING:
         guide,
         hit_probability,
         identify_constants,
-        tune_noise,
+        tune_strain,
     )
     from experiments.errors import InputError
     from experiments.formats.recording import Recording, read_recording
@@ -106,7 +106,7 @@ __all__ = [
     "read_recording",
     "read_scene",
     "rest_shape",
-    "tune_noise",
+    "tune_strain",
     "unpack",
     "write_scene",
 ]
@@ -136,7 +136,7 @@ _NAMES_OF = {
         "guide",
         "hit_probability",
         "identify_constants",
-        "tune_noise",
+        "tune_strain",
     ),
     "vision": ("MarkFinder", "PlaneCamera", "open_source"),
     "experiments.errors": ("InputError",),

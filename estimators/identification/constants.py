@@ -137,11 +137,13 @@ def identify_constants(
     frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
     spring_groups: see `constant_groups`; budget: the time that it may take, then the best until then is returned
     workers: `map` of this process, or that of a pool of processes, among which passes of the filter are shared out
-    `advance` gets the share done. Raises IdentificationError where the target is never seen, where the time is too
-    short for anything, and where the constants given fit the recording as well as any that were found.
+    `advance` gets the share done. Raises IdentificationError where the target is never seen or is the only marked node,
+    where the time is too short for anything, and where no constants leave the filter finite.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
+    if not set(marked) - {target}:
+        raise IdentificationError(f"expected a marked node besides {target}, which is predicted from it, found none")
     limit = Budget() if budget is None else budget
     groups = constant_groups(network, tuple(prior_sd), spring_groups)
     sd, nodes = group_prior_sd(groups, prior_sd), (tuple(marked), target)
@@ -291,5 +293,5 @@ def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -
     """An uncertainty turned to the axes of its effect, (n, n), the smallest, below 1 - kept of it, left out."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
-    n_kept = int(np.searchsorted(np.cumsum(values) / values.sum(), kept)) + 1
+    n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1
     return ParameterUncertainty(uncertainty.parameters, axes[:, :n_kept].T @ uncertainty.directions)

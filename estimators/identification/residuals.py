@@ -59,7 +59,7 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     cov: Floats = np.linalg.inv(found.information / times + prior_precision)
     dof = float(found.dof.sum())
     if not dof:
-        return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, explained=True)
+        return np.asarray(cov, dtype=np.float64), ResidualTest(float("nan"), 1.0, 0, 0.0, explained=True)
     worst = float(np.linalg.eigvals(cov @ (found.information + prior_precision)).real.max())
     size, n_effective = float(found.nis.sum()) / dof, dof / times
     explained = bool(size <= chi2.isf(LEVEL, n_effective) / n_effective)

@@ -55,9 +55,8 @@ def _in_this_process():
 
 @pytest.fixture
 def one_start(monkeypatch):
-    """The search for constants has one start, and that for noise levels few passes: for tests of what uses them."""
+    """The search for constants has one start: for tests of what uses them."""
     monkeypatch.setattr("estimators.identification.constants.IdentificationSettings", lambda: ONE_START)
-    monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 12)
 
 
 @pytest.fixture(autouse=True)

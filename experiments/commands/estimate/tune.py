@@ -16,7 +16,7 @@ def tune(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Find the noise levels under which a recording is most probable; no truth is needed. Write a scene with them."""
+    """Find how far a tissue departs from its model, from a recording; no truth is needed. Write a scene with it."""
     from experiments.commands.console import levels_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new

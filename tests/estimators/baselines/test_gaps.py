@@ -6,7 +6,6 @@ import pytest
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, MarkMeasurement, OpenLoop
 from estimators.baselines.extended import ExtendedKalmanFilter
-from estimators.identification.filter_pass import with_short_gaps
 
 FORGET_S = FilterSettings().forget_s
 
@@ -37,11 +36,3 @@ def test_a_baseline_is_predicted_over_five_seconds_at_most(phantom, monkeypatch)
     method.predict(1e9)
     assert moved == [pytest.approx(1.0 - 2.0 / 30.0), FORGET_S]
     assert method.time_s == 1e9
-
-
-def test_an_identification_sees_short_gaps_in_place_of_long_ones():
-    frames = [(time_s, ()) for time_s in (10.0, 10.1, 12.0, 1e9, 1e9 + 0.25)]
-    assert [time_s for time_s, _ in with_short_gaps(frames, 5.0)] == pytest.approx([10.0, 10.1, 12.0, 17.0, 17.25])
-    near = [(0.1 * k, ()) for k in range(50)]
-    assert with_short_gaps(near, 5.0) == near
-    assert with_short_gaps([], 5.0) == []

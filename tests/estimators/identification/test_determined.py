@@ -38,7 +38,7 @@ def test_what_is_given_up_is_in_the_covariance():
 
 def end(theta, log_likelihood, n=100):
     """Where a search ended, of n innovations."""
-    found = Pass(np.zeros((n, 1)), np.eye(1), log_likelihood, np.zeros(n), np.ones(n))
+    found = Pass(np.zeros((n, 1)), np.eye(1), log_likelihood, np.zeros(n), np.ones(n), np.zeros((1, 1)))
     return Optimum(np.array(theta), found, found, 1, converged=True)
 
 

@@ -7,13 +7,7 @@ import pytest
 
 from dynamics import MassSpringNetwork, four_mass_phantom, node_forces, rest_shape, scale_parameters
 from estimators import constant_groups, group_label, group_value
-from estimators.identification.groups import (
-    group_directions,
-    group_prior_sd,
-    scale_groups,
-    touched,
-    with_straight_tensions,
-)
+from estimators.identification.groups import group_directions, scale_groups, touched
 
 
 def ladder(n=16):
@@ -94,46 +88,6 @@ def test_a_tissue_that_rests_where_it_is_drawn_does_so_at_any_stiffness():
     assert np.abs(left).max() > 0.1 * weight
 
 
-def test_tensions_change_in_proportion_to_a_move():
-    """Of springs with a stiffness and a rest length of their own, in the drawn shape, from wherever the move begins.
-
-    To first order it is the move given; of other constants, and of springs that share one, wholly.
-    """
-    network = four_mass_phantom()
-    groups = constant_groups(network, ("stiffness", "rest_length", "drag"), ["", "fat", "fat"] + [""] * 7)
-    rng = np.random.default_rng(3)
-    logs, move = 0.1 * rng.normal(size=(2, len(groups)))
-    i, j = network.springs.T
-    drawn = np.linalg.norm(network.positions[j] - network.positions[i], axis=1)
-
-    def tensions(change):
-        scaled = scale_groups(network, groups, change)
-        return scaled.stiffness * (drawn - scaled.rest_lengths)
-
-    def moved(share):
-        return with_straight_tensions(network, groups, logs, share * move)
-
-    single = [s for s in range(10) if s not in (1, 2)]
-    before, half, whole = (tensions(moved(share))[single] for share in (0.0, 0.5, 1.0))
-    np.testing.assert_allclose(whole - before, 2.0 * (half - before), rtol=1e-9, atol=1e-12)
-    plain = tensions(logs + move)[single]
-    assert np.abs(plain - whole).max() > 0.02 * np.abs(whole - before).max()
-    np.testing.assert_allclose((moved(1e-6) - moved(-1e-6)) / 2e-6, move, atol=1e-6)
-    others = [k for k, group in enumerate(groups) if group.kind != "rest_length" or len(group.places) > 1]
-    np.testing.assert_allclose(moved(1.0)[others], (logs + move)[others])
-
-
-def test_no_rest_length_is_moved_to_nothing():
-    """A spring that had to be shorter than nothing for its tension is moved as it is said."""
-    network = four_mass_phantom()
-    groups = constant_groups(network, ("stiffness", "rest_length"))
-    move = np.r_[np.full(10, -4.0), np.full(10, -1.0)]
-    ends = with_straight_tensions(network, groups, np.zeros(20), move)
-    scaled = scale_groups(network, groups, ends)
-    assert (scaled.rest_lengths > 0.0).all()
-    assert (ends[10:] == -1.0).any()
-
-
 def test_directions_are_the_slope_of_the_scaling():
     """Against a central difference of the logs of all constants: truncation 1e-10."""
     network = ladder()
@@ -149,13 +103,3 @@ def test_directions_are_the_slope_of_the_scaling():
     for row, e in zip(directions, np.eye(len(groups)), strict=True):
         slope = (logs(1e-5 * e) - logs(-1e-5 * e)) / 2e-5
         np.testing.assert_allclose(row, slope, rtol=0, atol=1e-9)
-
-
-def test_the_stiffness_of_a_rigid_link_has_a_wide_prior(links):
-    """At 100 frames/s two links of 2,000 N/m are rigid, at 2,000 frames/s they are springs; lengths stay."""
-    network, prior = links(), {"stiffness": 0.3, "rest_length": 0.05}
-    groups = constant_groups(network, tuple(prior))
-    slow, fast = (group_prior_sd(network, groups, prior, dt) for dt in (1 / 100.0, 1 / 2000.0))
-    assert (slow[:2] > 1.0).all()
-    np.testing.assert_array_equal(slow[2:], [0.05, 0.05])
-    np.testing.assert_array_equal(fast, [0.3, 0.3, 0.05, 0.05])

@@ -15,16 +15,25 @@ ONE = np.ones(3)
 
 
 def linear(theta):
-    """50 numbers z = T theta + noise of variance 1."""
+    """50 numbers z = T theta + noise of variance 1, in two frames: too few to repeat each other."""
     y = Z - T @ theta
-    return Pass(T * y[:, None], T.T @ T, -0.5 * float(y @ y), y**2, np.ones(50))
+    return Pass(
+        (T * y[:, None]).reshape(2, 25, 3).sum(axis=1),
+        T.T @ T,
+        -0.5 * float(y @ y),
+        y**2,
+        np.ones(50),
+        np.zeros((3, 3)),
+    )
 
 
 def bent(theta):
     """One number, 0.2 away from theta^2, that is seen 100 times: maxima at both roots of what was seen."""
     y = np.full(100, 4.2 - float(theta[0]) ** 2)
     slope = 2.0 * float(theta[0])
-    return Pass(slope * y[:, None], np.array([[100.0 * slope**2]]), -0.5 * float(y @ y), y**2, np.ones(100))
+    return Pass(
+        slope * y[:, None], np.array([[100.0 * slope**2]]), -0.5 * float(y @ y), y**2, np.ones(100), np.zeros((1, 1))
+    )
 
 
 def test_a_linear_posterior_is_found_exactly():
@@ -59,7 +68,14 @@ def test_a_step_that_fails_is_halved():
             return failed_pass(1)
         slope = 0.3 if theta[0] < 0.5 else 1.0
         y = np.full(100, slope * (1.0 - theta[0]))
-        return Pass(slope * y[:, None], np.array([[100.0 * slope**2 / 3.0]]), -0.5 * float(y @ y), y**2, np.ones(100))
+        return Pass(
+            slope * y[:, None],
+            np.array([[100.0 * slope**2 / 3.0]]),
+            -0.5 * float(y @ y),
+            y**2,
+            np.ones(100),
+            np.zeros((1, 1)),
+        )
 
     found = gauss_newton(at, np.zeros(1), np.array([0.1]))
     assert found.theta[0] == pytest.approx(1.0, abs=0.05)

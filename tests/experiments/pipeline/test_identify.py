@@ -2,6 +2,7 @@
 
 import json
 from contextlib import redirect_stdout
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -38,8 +39,6 @@ def told(network, off):
 
 def recorded(folder: Path, trial: Trial, cache: Path, nodes) -> Path:
     """A recording of marks.csv of the phantom, whose scene is 10 % off (rest lengths 1 %), with its truth."""
-    from dataclasses import replace
-
     folder.mkdir()
     network = told(four_mass_phantom(), (0.1, 0.01))
     scene = replace(scene_of(read_scenario("poked")), network=network, cameras=())
@@ -77,13 +76,16 @@ def calibrated(tmp_path_factory, cache):
 def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, cache, tmp_path):
     """Another 4 s, the hidden mark not seen: mean error below 0.9 of that with the scene that is 10 % off.
 
+    Both by constants taken as exact: what is left uncertain of 38 constants, marks to 4 mm, costs more than they gain.
     The covariance holds: 88 to 100 % of the frames in the 95 % region.
     """
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)
+    exact = tmp_path / "exact.toml"
+    write_scene(replace(read_scene(calibrated[1]), uncertainty=None), exact)
     before = summary(track(read_recording(recording)))["filter"]
-    after = summary(track(read_recording(recording, calibrated[1])))["filter"]
+    after = summary(track(read_recording(recording, exact)))["filter"]
     assert after["mae_mm"] < 0.9 * before["mae_mm"]
-    assert after["coverage95"] > 0.88
+    assert summary(track(read_recording(recording, calibrated[1])))["filter"]["coverage95"] > 0.88
 
 
 def test_the_scene_says_what_is_known_of_each_constant(calibrated):
@@ -149,32 +151,6 @@ def test_what_is_not_told_apart_is_said():
     assert "Not told apart, by their correlation: drag M1 and friction M1 (-0.90)" in lines
 
 
-@pytest.mark.parametrize(
-    ("size", "n", "told"),
-    [
-        (0.64, 100.0, "The stated noise is 1.25 times as large as the residuals show: softaim tune"),
-        (0.64, 20.0, None),  # so small or smaller in 11 % of samples of 20
-        (0.97, 100.0, None),
-        (1.3, 100.0, None),
-        (float("nan"), 100.0, None),
-    ],
-)
-def test_residuals_that_are_too_small_say_that_the_stated_noise_is_too_large(size, n, told) -> None:
-    test = ResidualTest(size, 1.0, int(n), n, explained=True)
-    found = SimpleNamespace(
-        residuals=test,
-        n_agreeing=1,
-        n_starts=1,
-        groups=[ConstantGroup("drag", (0,), "drag M1")],
-        cov=np.eye(1),
-        kept=[False],
-        in_time=True,
-    )
-    found.target_error_m = found.target_error_before_m = None
-    lines = [line for line in fit_lines(found, 5.0) if "noise" in line]
-    assert lines == ([] if told is None else [told])
-
-
 def test_whole_kinds_that_are_not_told_apart_are_said():
     """Two drags and two frictions, each known to little, their sums to nothing: only the means of kinds correlate.
 
@@ -203,8 +179,6 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
     true = rest_shape(told(four_mass_phantom(), (0.1, 0.02)))
     folder = tmp_path / "rec"
     folder.mkdir()
-    from dataclasses import replace
-
     write_scene(replace(scene, cameras=()), folder / "scene.toml")
     rows = [(0.0, n, *(1e3 * true[scene.network.index(n)]), 0.01) for n in ("M1", "M2", "M3", "M4")]
     pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
@@ -216,31 +190,27 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_tune_writes_levels_that_tracking_uses(calibrated, cache, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("estimators.identification.noise_levels.MOST_PASSES", 12)
+def test_tune_writes_the_level_that_tracking_uses(calibrated, cache, tmp_path, capsys):
     recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=2.0), cache, OUTER)
-    out, usual = tmp_path / "tuned.toml", tmp_path / "usual.toml"
-    usual.write_text(calibrated[1].read_text().replace("strain = 0.001\nunified = true\n", ""))
-    assert softaim("tune", recording, "--scene", usual, "--out", out, "--json") == 0
+    out = tmp_path / "tuned.toml"
+    assert softaim("tune", recording, "--scene", calibrated[1], "--out", out, "--json") == 0
     report = json.loads(capsys.readouterr().out)
-    assert set(report["levels"]) == {"white", "poke", "marks"}
-    assert report["log_likelihood"] > report["log_likelihood_before"]
+    assert set(report["levels"]) == {"strain"}
     scene = read_scene(out)
-    assert scene.settings.poked.poke == pytest.approx(report["levels"]["poke"]["value"], rel=1e-9)
-    assert Line(scene, baseline=False).filter.settings == scene.settings
+    assert scene.settings.discrepancy == report["strain"] == report["levels"]["strain"]["value"]
     assert scene.uncertainty is not None
 
 
 @pytest.mark.slow
-def test_compare_runs_all_methods_on_the_same_marks(calibrated, cache, tmp_path, capsys):
+def test_compare_runs_all_methods_on_the_same_marks(cache, tmp_path, capsys):
     """A second; the filter's row is what track gives; every textbook filter beats the open loop at 4.14 mm."""
     recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=1.0), cache, OUTER)
     out = tmp_path / "out"
-    assert softaim("compare", recording, "--scene", calibrated[1], "--out", out) == 0
+    assert softaim("compare", recording, "--out", out) == 0
     assert "particles" in capsys.readouterr().out
     figures = json.loads((out / "summary.json").read_text())
     assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "unified", "smoother"]
-    usual = summary(track(read_recording(recording, calibrated[1])))
+    usual = summary(track(read_recording(recording)))
     assert figures["filter"]["mae_mm"] == usual["filter"]["mae_mm"]
     assert all(
         row["mae_mm"] < 0.7 * figures["open-loop"]["mae_mm"] for name, row in figures.items() if name != "open-loop"
@@ -297,8 +267,6 @@ def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, 
     found = track(read_recording(recording, calibrated[1]), check=True).counts
     assert found["check_nees"] < 2.6
     assert 1.0 <= found["check_scale"] < 2.0
-    from dataclasses import replace
-
     scene = read_scene(recording / "scene.toml")
     write_scene(replace(scene, network=told(four_mass_phantom(), (0.3, 0.03))), tmp_path / "wrong.toml")
     words = ("track", recording, "--scene", tmp_path / "wrong.toml", "--check", "--out", tmp_path / "out")
