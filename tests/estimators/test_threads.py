@@ -3,7 +3,7 @@
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import TissueFilter
+from estimators import UnifiedFilter
 from estimators.threads import _libraries, one_blas_thread
 
 
@@ -39,7 +39,7 @@ def test_threads_are_one_inside_and_as_before_outside(counted):
 
 
 def test_a_filter_works_in_one_thread(counted, phantom, monkeypatch):
-    tissue, seen = TissueFilter(phantom, HIDDEN, OUTER), []
+    tissue, seen = UnifiedFilter(phantom, HIDDEN, OUTER), []
     advance = tissue._advance
     monkeypatch.setattr(tissue, "_advance", lambda *given: seen.append(counted[0].n) or advance(*given))
     tissue.predict(0.0)

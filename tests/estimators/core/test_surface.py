@@ -1,4 +1,4 @@
-"""What every filter of the tissue does alike: `TissueFilter` and `UnifiedFilter` by one contract."""
+"""What every filter of the tissue does alike: `UnifiedFilter` and `UnifiedFilter` by one contract."""
 
 from dataclasses import replace
 
@@ -13,13 +13,13 @@ from estimators import (
     LeaveOneOut,
     MarkMeasurement,
     Status,
-    TissueFilter,
+    UnifiedFilter,
     UnifiedFilter,
 )
 from estimators.process.target import TargetPoint
 from tests.estimators.states import digest
 
-BOTH = pytest.mark.parametrize("made", [TissueFilter, UnifiedFilter])
+BOTH = pytest.mark.parametrize("made", [UnifiedFilter, UnifiedFilter])
 HZ, NOISE_M, FIX_COV = 1.0 / 30.0, 1e-3, 4e-6 * np.eye(2)
 
 

@@ -18,7 +18,7 @@ from dynamics import (
     simulate_insertion,
     straight_insertion,
 )
-from estimators import TissueFilter, coverage, normalised_error_squared
+from estimators import UnifiedFilter, coverage, normalised_error_squared
 
 FRAME_S = 1.0 / 30.0
 
@@ -46,7 +46,7 @@ def test_a_held_push_moves_the_belief_to_where_the_tissue_rests_under_it(phantom
     Node friction leaves 0.02 N, of some 300 N/m; what else remains are the modes' sigma points, spread by pokes.
     """
     force = on_target(phantom, 1.0)
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     tissue.predict(0.0)
     said = tissue.predict_at(seconds, force)
     goal = rest_shape(phantom, force if seconds else 0.0)[phantom.index(HIDDEN)]
@@ -59,7 +59,7 @@ def test_the_push_acts_while_predicting_and_no_longer(phantom, rest_state, marks
     nothing = on_target(phantom, 0.0)
     beliefs = []
     for push in (None, nothing, lambda _t, _states: nothing):
-        tissue = TissueFilter(phantom, HIDDEN, OUTER)
+        tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
         beliefs.append(followed(tissue, [marks] * 4, [push] * 4))
         assert tissue.model.push is None
     for means, covs in beliefs[1:]:
@@ -75,7 +75,7 @@ def test_a_function_is_asked_in_the_middle_of_each_step(phantom, rest_state, mar
         asked.append((t, states.shape[-1]))
         return np.broadcast_to(on_target(phantom, 1.0), (*states.shape[:-1], 4, 2))
 
-    tissue, held = (TissueFilter(phantom, HIDDEN, OUTER) for _ in range(2))
+    tissue, held = (UnifiedFilter(phantom, HIDDEN, OUTER) for _ in range(2))
     for filtered, told in ((tissue, push), (held, on_target(phantom, 1.0))):
         filtered.predict(0.0)
         filtered.update(marks_of(phantom, rest_state))
@@ -91,7 +91,7 @@ def test_unknown_constants_make_the_same_columns_of_the_error_under_a_push(phant
     Against `rest_shape` of the network with that one stiffness 1 % off, scaled; second order is left, 5 %.
     """
     which = parameters(phantom, ("stiffness",))
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=independent_uncertainty(which, 0.01))
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, uncertainty=independent_uncertainty(which, 0.01))
     force = on_target(phantom, 1.0)
     tissue.predict(0.0)
     tissue.predict(8.0, force)
@@ -131,10 +131,10 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
             pushes.append(distributed_force(phantom, needle, middle, both, punctured=bool(truth.punctured[k])))
         after = truth.punctured
         where = truth.states[after][:, hidden]
-        means, own = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
+        means, own = followed(UnifiedFilter(phantom, HIDDEN, OUTER), frames, pushes)
         errors.append(means[after] - where)
         covs.append(own[after])
-        blind.append(followed(TissueFilter(phantom, HIDDEN, OUTER), frames, [None] * n)[0][after] - where)
+        blind.append(followed(UnifiedFilter(phantom, HIDDEN, OUTER), frames, [None] * n)[0][after] - where)
         pushed.append(np.linalg.norm(where - rest_state[hidden], axis=1).max())
     told, untold = (np.linalg.norm(np.concatenate(e), axis=1).mean() for e in (errors, blind))
     assert min(pushed) > 3e-3
@@ -152,7 +152,7 @@ def test_the_needle_itself_may_be_the_function(phantom, rest_state, hidden, mark
     truth = simulate_insertion(phantom, needle, rest_state, times, rtol=1e-4, atol=1e-8)
     frames = [marks_of(phantom, state, 1e-3, np.random.default_rng(k)) for k, state in enumerate(truth.states)]
     pushes = [force_on_free(phantom, needle, punctured=bool(punctured)) for punctured in truth.punctured]
-    means, _ = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
+    means, _ = followed(UnifiedFilter(phantom, HIDDEN, OUTER), frames, pushes)
     off = np.linalg.norm(means - truth.states[:, hidden], axis=1)
     assert np.linalg.norm(truth.states[-1, hidden] - rest_state[hidden]) > 5e-3
     assert off[10:].max() < 1e-3
@@ -160,7 +160,7 @@ def test_the_needle_itself_may_be_the_function(phantom, rest_state, hidden, mark
 
 @pytest.mark.parametrize("push", [np.zeros((3, 2)), np.full((4, 2), np.nan), lambda _t, _s: np.zeros(4)])
 def test_a_push_of_another_form_is_told(phantom, push):
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     tissue.predict(0.0)
     with pytest.raises(ValueError, match="push: expected finite forces of shape"):
         tissue.predict(0.1, push)

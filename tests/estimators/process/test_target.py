@@ -11,7 +11,7 @@ from estimators import (
     LeaveOneOut,
     OpenLoop,
     TargetPoint,
-    TissueFilter,
+    UnifiedFilter,
     UnifiedFilter,
     fast_prediction_tables,
     fixed_interval,
@@ -34,7 +34,7 @@ def frames(phantom, rest_state, driven, poke_forces, marks_of):
 
 
 def followed(phantom, frames, target):
-    tissue = TissueFilter(phantom, target, OUTER)
+    tissue = UnifiedFilter(phantom, target, OUTER)
     for time_s, marks in frames:
         tissue.predict(time_s)
         estimate = tissue.update(marks)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, FixBias, Status, TissueFilter
+from estimators import FilterSettings, FixBias, Status, UnifiedFilter
 
 EXACT = FilterSettings(forget_s=np.inf, fix_bias=FixBias(2e-3))
 """Every second of a gap is integrated."""
@@ -14,7 +14,7 @@ EXACT = FilterSettings(forget_s=np.inf, fix_bias=FixBias(2e-3))
 
 def swinging(phantom, rest_state, marks_of, settings):
     """A filter that has seen M3 30 mm aside and back: the tissue swings, a fix has shown a bias."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, settings)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, settings)
     for k in range(20):
         state = rest_state.copy()
         state[4] += 0.03 * np.sin(0.3 * k)
@@ -52,7 +52,7 @@ def test_a_gap_that_is_skipped_leaves_what_an_integrated_one_does(phantom, rest_
 @pytest.mark.parametrize("gap_s", [5.5, 1e300])
 def test_a_gap_costs_no_more_than_forget_s(phantom, rest_state, marks_of, gap_s):
     """The tissue is integrated over forget_s = 5 s at most, however long the gap; then the target is LOST."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     for k in range(10):
         tissue.predict(k / 30.0)
         tissue.update(marks_of(phantom, rest_state))
@@ -91,7 +91,7 @@ def test_the_target_after_long_gaps_is_predicted_without_moving_the_state(phanto
 
 def test_a_known_force_acts_to_the_end_of_a_long_gap(phantom, rest_state, marks_of):
     """1 N on M2 to the right in the last 4 s of an hour: the target ends up where it does after 4 s of it."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     for k in range(10):
         tissue.predict(k / 30.0)
         tissue.update(marks_of(phantom, rest_state))

@@ -15,7 +15,7 @@ from estimators import (
     LeaveOneOut,
     MarkMeasurement,
     Replay,
-    TissueFilter,
+    UnifiedFilter,
     UnifiedFilter,
 )
 
@@ -43,11 +43,11 @@ def stiff_links():
     )
 
 
-def uncertain_phantom() -> TissueFilter:
+def uncertain_phantom() -> UnifiedFilter:
     """A filter that considers wrong constants and a calibration, estimates the bias of fixes, and allows many pokes."""
     network = four_mass_phantom()
     constants = parameters(network)
-    return TissueFilter(
+    return UnifiedFilter(
         network,
         HIDDEN,
         OUTER,
@@ -58,13 +58,13 @@ def uncertain_phantom() -> TissueFilter:
 
 
 FILTERS = {
-    "sigma points": lambda: TissueFilter(four_mass_phantom(), HIDDEN, OUTER),
+    "sigma points": lambda: UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER),
     "uncertain": uncertain_phantom,
-    "linearised": lambda: TissueFilter(stiff_links(), "joint", ("end",)),
+    "linearised": lambda: UnifiedFilter(stiff_links(), "joint", ("end",)),
 }
 
 
-def frame(tissue: TissueFilter, k: int) -> list[MarkMeasurement]:
+def frame(tissue: UnifiedFilter, k: int) -> list[MarkMeasurement]:
     """The marks in frame k: each moves on a circle of its own about its place at rest, and some are not seen."""
     network, rng, dim = tissue.model.network, np.random.default_rng(k), tissue.model.network.dim
     marks = []
@@ -77,16 +77,16 @@ def frame(tissue: TissueFilter, k: int) -> list[MarkMeasurement]:
     return marks
 
 
-def take(tissue: TissueFilter, time_s: float, marks: list[MarkMeasurement]) -> None:
+def take(tissue: UnifiedFilter, time_s: float, marks: list[MarkMeasurement]) -> None:
     tissue.predict(time_s)
     tissue.update(marks)
 
 
-def step(tissue: TissueFilter, k: int) -> None:
+def step(tissue: UnifiedFilter, k: int) -> None:
     take(tissue, k / 30.0, frame(tissue, k))
 
 
-def assert_same(one: TissueFilter, other: TissueFilter) -> None:
+def assert_same(one: UnifiedFilter, other: UnifiedFilter) -> None:
     """The whole state is the same to the last bit."""
     a, b = one.snapshot(), other.snapshot()
     assert a.time_s == b.time_s
@@ -196,7 +196,7 @@ def test_hypotheses_of_names_go_along(way):
 def test_what_is_built_on_a_filter_goes_along(way):
     """A filter of withheld marks, one of frames that come late, one of the past."""
     network = four_mass_phantom()
-    plain = TissueFilter(network, HIDDEN, OUTER)
+    plain = UnifiedFilter(network, HIDDEN, OUTER)
 
     def checked(each: LeaveOneOut, k: int):
         each.predict(k / 30.0)

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from dynamics import HIDDEN, OUTER
-from estimators import TissueFilter, coverage, moment_matched, normalised_error_squared
+from estimators import UnifiedFilter, coverage, moment_matched, normalised_error_squared
 
 FRAME_S = 4 / 120.0
 AHEAD_S = 0.2
@@ -19,7 +19,7 @@ def after_two_seconds(phantom, rest_state, driven, poke_forces, marks_of):
     """A filter that followed a poked phantom for two seconds."""
     rng = np.random.default_rng(4)
     states = driven(phantom, rest_state, poke_forces(phantom, 2.0, rng))
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     for k, state in enumerate(states[::4]):
         tissue.predict(k * FRAME_S)
         tissue.update(marks_of(phantom, state, 1e-3, rng))
@@ -72,7 +72,7 @@ def test_where_it_will_be_can_be_believed(phantom, rest_state, driven, poke_forc
     for seed in range(3):
         rng = np.random.default_rng(seed)
         states = driven(phantom, rest_state, poke_forces(phantom, 5.0, rng))[::4]
-        tissue = TissueFilter(phantom, HIDDEN, OUTER)
+        tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
         for k, state in enumerate(states[:-ahead]):
             tissue.predict(k * FRAME_S)
             tissue.update(marks_of(phantom, state, 4.14e-3, rng))
@@ -92,7 +92,7 @@ def test_no_past_and_no_never(followed, at):
 
 def test_no_future_before_the_first_frame(phantom):
     with pytest.raises(ValueError, match="time_s: expected None or later"):
-        TissueFilter(phantom, HIDDEN, OUTER).predict_at(0.0)
+        UnifiedFilter(phantom, HIDDEN, OUTER).predict_at(0.0)
 
 
 def test_a_path_is_the_target_at_each_of_its_times(followed):
@@ -146,7 +146,7 @@ def test_a_poke_that_may_have_been_blurs_no_history_without_one(followed):
     mixture.filters[2].x[followed.model.network.coordinates(HIDDEN)] += 1.0
     said = followed.predict_modes(at)
     never = replace(followed.settings, calm_s=1e12, between_s=1e12, unstruck_s=1e12)
-    alone = TissueFilter(followed.model.network, HIDDEN, OUTER, never)
+    alone = UnifiedFilter(followed.model.network, HIDDEN, OUTER, never)
     alone.restore(followed.snapshot())
     alone.mixture.mu = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     alone.mixture.restart(mixture.filters[1].x, mixture.filters[1].P)
@@ -166,7 +166,7 @@ def test_times_rounded_to_the_nanosecond_take_as_many_steps(phantom, rest_state,
     told = []
     for dt in (1.0 / 30.0, 1.0 / 30.0 + 5e-10):
         rng = np.random.default_rng(2)
-        tissue = TissueFilter(phantom, HIDDEN, OUTER)
+        tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
         for k in range(20):
             tissue.predict(k * dt)
             said = tissue.update(marks_of(phantom, rest_state, 4.14e-3, rng))

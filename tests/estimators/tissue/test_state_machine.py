@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
-from estimators import FilterSettings, FixBias, MarkMeasurement, TissueFilter
+from estimators import FilterSettings, FixBias, MarkMeasurement, UnifiedFilter
 from tests.estimators.states import digest
 
 PHANTOM = four_mass_phantom()
@@ -53,7 +53,7 @@ class Calls(RuleBasedStateMachine):
         """With a bias of fixes, noise of marks that adapts, perhaps an uncertain calibration and constants."""
         usual = FilterSettings(fix_bias=FixBias(1e-3), marks_bounds=(0.5, 2.0), forget_s=0.3, lost_s=0.2, one_of=one_of)
         constants = independent_uncertainty(parameters(PHANTOM, ("stiffness",))[:2], 0.1) if considered else None
-        self.tissue = TissueFilter(
+        self.tissue = UnifiedFilter(
             PHANTOM, HIDDEN, OUTER, usual, uncertainty=constants, n_calibration=2 if considered else 0
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dynamics import build_network, four_mass_phantom, independent_uncertainty, parameters
-from estimators import FilterSettings, TissueFilter
+from estimators import FilterSettings, UnifiedFilter
 from experiments.commands.run import Run
 from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
@@ -249,10 +249,10 @@ def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) ->
 def test_a_filter_of_many_nodes_is_made_with_a_warning(monkeypatch) -> None:
     scene = hanging()
     monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 8)
-    TissueFilter(scene.network, "T", ["M"])
+    UnifiedFilter(scene.network, "T", ["M"])
     monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 7)
     with pytest.warns(UserWarning, match="a filter of 2 free nodes takes seconds for a frame"):
-        TissueFilter(scene.network, "T", ["M"])
+        UnifiedFilter(scene.network, "T", ["M"])
 
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:

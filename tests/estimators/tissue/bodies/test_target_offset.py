@@ -11,7 +11,7 @@ from estimators import (
     FixBias,
     MarkMeasurement,
     TargetPoint,
-    TissueFilter,
+    UnifiedFilter,
     fast_prediction_tables,
     predict_fast,
 )
@@ -21,13 +21,13 @@ AT_S = 0.5
 """When the fix comes [s]."""
 
 
-def UnifiedFilter(sd_m: float, *, bias: FixBias | None = None, network=None) -> TissueFilter:
+def UnifiedFilter(sd_m: float, *, bias: FixBias | None = None, network=None) -> UnifiedFilter:
     settings = replace(FilterSettings(), fix_bias=bias)
     body = four_mass_phantom() if network is None else network
-    return TissueFilter(body, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, settings)
+    return UnifiedFilter(body, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, settings)
 
 
-def marks_at(tissue: TissueFilter, frame: int):
+def marks_at(tissue: UnifiedFilter, frame: int):
     """Marks that stand where they rest, each a little off, the same in every filter."""
     network, rng = tissue.model.network, np.random.default_rng(frame)
     return [
@@ -36,7 +36,7 @@ def marks_at(tissue: TissueFilter, frame: int):
     ]
 
 
-def tracked(tissue: TissueFilter, until_s: float = AT_S):
+def tracked(tissue: UnifiedFilter, until_s: float = AT_S):
     for frame in range(round(30 * until_s) + 1):
         tissue.predict(frame / 30)
         estimate = tissue.update(marks_at(tissue, frame))

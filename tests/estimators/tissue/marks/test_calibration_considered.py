@@ -12,7 +12,7 @@ from estimators import (
     FilterSettings,
     InteractingMixture,
     MarkMeasurement,
-    TissueFilter,
+    UnifiedFilter,
     UnscentedKalmanFilter,
     coverage,
     fast_prediction_tables,
@@ -159,7 +159,7 @@ def test_columns_are_what_shifted_marks_make_of_the_mean(phantom, truth, marks_o
 
     def made(theta, n):
         given, _ = frames_of(phantom, truth, marks_of, theta=theta, seconds=n / 30.0)
-        tissue = TissueFilter(phantom, HIDDEN, OUTER, ONE_MODE, uncertainty=unsure, n_calibration=4)
+        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, ONE_MODE, uncertainty=unsure, n_calibration=4)
         list(run_through(tissue, given[:n]))
         return tissue.mixture
 
@@ -183,7 +183,7 @@ def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, truth, mark
     nees, errors, variances = [], [], []
     for seed, theta in enumerate(hadamard(4)):
         frames, places = frames_of(phantom, truth, marks_of, seed, seconds=2.0, theta=theta)
-        tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=n)
+        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=n)
         for estimate, place in zip(run_through(tissue, frames), places, strict=True):
             off = estimate.mean - place
             nees.append(off @ np.linalg.solve(estimate.cov, off))
@@ -200,7 +200,7 @@ def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, truth, mark
 def test_paths_by_tables_know_of_the_calibration(phantom, truth, marks_of):
     """Now as the filter to 1e-6, up to 1 s ahead sigma within 10 %, as without; unknown constants are still refused."""
     frames, _ = frames_of(phantom, truth, marks_of)
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=4)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=4)
     list(run_through(tissue, frames))
     times, _, covs = predict_fast(fast_prediction_tables(tissue, 1.0), tissue)
     exact = tissue.predict_path(times)[1]
@@ -215,7 +215,7 @@ def test_a_mark_is_looked_for_where_the_calibration_has_it(phantom, truth, marks
     """P + (C + F)(C + F)' of the poked mode for the mark, P + C C' for the node; a blow of 1 m/s for 20 ms beside."""
     frames, _ = frames_of(phantom, truth, marks_of)
     tissue, shared, place = (
-        TissueFilter(phantom, HIDDEN, OUTER, n_calibration=4),
+        UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=4),
         directions(phantom)["M1"],
         slice(0, 2),
     )
@@ -232,7 +232,7 @@ def test_a_mark_is_looked_for_where_the_calibration_has_it(phantom, truth, marks
 
 def test_the_gate_stands_where_the_calibration_has_the_mark(phantom, truth, marks_of):
     frames, _ = frames_of(phantom, truth, marks_of)
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=4)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=4)
     list(run_through(tissue, frames))
     tissue.predict(frames[-1][0] + 0.02)
     mark = replace(frames[-1][1][0], position=frames[-1][1][0].position + 0.1)
@@ -251,7 +251,7 @@ def test_marks_with_and_without_go_together(phantom):
         for n in OUTER
     ]
     unsure = independent_uncertainty(parameters(phantom, ("stiffness",))[:3], 0.1)
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=unsure, n_calibration=4)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, uncertainty=unsure, n_calibration=4)
     made = stack_marks(marks, {node: phantom.coordinates(node) for node in OUTER}, tissue.model)
     own, stacked = made.R, made.shared
     np.testing.assert_array_equal(own, 1e-6 * np.eye(6))
@@ -273,7 +273,7 @@ def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state, driven, p
 
     def followed() -> tuple[float, float]:
         """Mean probability of a poke, mean error of the target [m]."""
-        tissue, rng = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=3), np.random.default_rng(4)
+        tissue, rng = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=3), np.random.default_rng(4)
         poked, errors = [], []
         for k, state in enumerate(states[::4]):
             tissue.predict(k / 30.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, TissueFilter
+from estimators import FilterSettings, UnifiedFilter
 
 MARK_SD = 4.14e-3
 """How well the paper's camera sees a mark, taken per axis [m]."""
@@ -15,7 +15,7 @@ ONE_MODE = FilterSettings(quiet=FilterSettings().poked, jolt=0.0)
 
 def test_a_struck_mark_is_looked_for_as_far_as_a_blow_carries_it(phantom, rest_state, marks_of, warmed):
     """Cov of `expected` plus (1 m/s times the time since it was seen, 0.05 s at most)²; the scene's size before any."""
-    fresh = TissueFilter(phantom, HIDDEN, OUTER)
+    fresh = UnifiedFilter(phantom, HIDDEN, OUTER)
     fresh.predict(0.0)
     reach = np.ptp(phantom.positions, axis=0).max()
     np.testing.assert_allclose(
@@ -37,7 +37,7 @@ def test_where_the_target_may_be_seen_is_where_it_is(phantom, rest_state, marks_
 
     With the modes of the filter they do not: `expected` is the poked mode's belief and the wider one for a mark.
     """
-    single = TissueFilter(phantom, HIDDEN, OUTER, ONE_MODE)
+    single = UnifiedFilter(phantom, HIDDEN, OUTER, ONE_MODE)
     single.predict(0.0)
     single.update(marks_of(phantom, rest_state, MARK_SD, np.random.default_rng(0)))
     single.predict(0.1)
@@ -65,7 +65,7 @@ def test_what_is_unseen_does_not_depend_on_the_frame_rate(phantom, frame, rest_s
     """
 
     def unseen(dt, n):
-        ours = TissueFilter(phantom, HIDDEN, OUTER, ONE_MODE)
+        ours = UnifiedFilter(phantom, HIDDEN, OUTER, ONE_MODE)
         ours.predict(0.0)
         ours.update(marks_of(phantom, rest_state, 1e-3, np.random.default_rng(0)))
         for k in range(1, n + 1):

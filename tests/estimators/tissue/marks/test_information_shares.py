@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, independent_uncertainty, parameters, scale_parameters
-from estimators import FilterSettings, OpenLoopCovariance, TissueFilter, coverage
+from estimators import FilterSettings, OpenLoopCovariance, UnifiedFilter, coverage
 
 USUAL = FilterSettings()
 ONE_MODE = replace(USUAL, quiet=USUAL.poked, jolt=0.0)
@@ -25,7 +25,7 @@ def test_a_mark_carries_what_the_target_is_less_sure_of_without_it(phantom, rest
 
     P - P H' (H P H' + R)^-1 H P, traces of the target's block; two frames before are the same for all.
     """
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, ONE_MODE)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, ONE_MODE)
     followed(tissue, phantom, rest_state, marks_of)
     tissue.predict(1.0)
     P, marks = tissue.mixture.P.copy(), marks_of(phantom, rest_state, 0.00414, np.random.default_rng(9))
@@ -46,7 +46,7 @@ def test_a_mark_carries_what_the_target_is_less_sure_of_without_it(phantom, rest
 
 def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, marks_of):
     """1 - trace by trace of an `OpenLoopCovariance` that got the same frames; 4 mm marks leave a few per cent of it."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     belief = OpenLoopCovariance(phantom, HIDDEN, OUTER, USUAL.quiet.white)
     estimate = followed(tissue, phantom, rest_state, marks_of, frames=60)
     for k in range(60):
@@ -57,10 +57,10 @@ def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, 
 
 def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
     """Before marks, not while they come, and again once what they told has worn off; also when they tell nothing."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     tissue.predict(0.0)
     assert tissue.update([]).model_only
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     assert not followed(tissue, phantom, rest_state, marks_of).model_only
     flags = []
     for k in range(1, 90):
@@ -68,14 +68,14 @@ def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
         flags.append(tissue.update([]).model_only)
     assert not flags[0]
     assert flags[-1]
-    blind = TissueFilter(phantom, HIDDEN, OUTER)
+    blind = UnifiedFilter(phantom, HIDDEN, OUTER)
     assert followed(blind, phantom, rest_state, marks_of, sd=1.0, frames=5).model_only
 
 
 @pytest.mark.parametrize(("told", "found"), [(0.5, 4.0), (1.6, 1.0 / 2.56)])
 def test_variances_of_marks_adapt_within_their_bounds(phantom, rest_state, marks_of, told, found):
     """Marks told half as noisy as they are: four times the variance; 7 s at 30 frames/s, within 25 %."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, replace(USUAL, marks_bounds=(0.25, 4.0)))
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, replace(USUAL, marks_bounds=(0.25, 4.0)))
     rng = np.random.default_rng(1)
     for k in range(210):
         tissue.predict(k / 30.0)
@@ -86,7 +86,7 @@ def test_variances_of_marks_adapt_within_their_bounds(phantom, rest_state, marks
 
 
 def test_without_bounds_variances_stay_as_told(phantom, rest_state, marks_of):
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     followed(tissue, phantom, rest_state, marks_of)
     assert tissue.marks_scale.scale == 1.0
 
@@ -107,7 +107,7 @@ def wrong_runs(phantom, rest_state, driven, poke_forces, marks_of):
 def covered(wrong_runs, uncertainty):
     nees = []
     for network, frames, truth in wrong_runs[1]:
-        tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=uncertainty)
+        tissue = UnifiedFilter(network, HIDDEN, OUTER, uncertainty=uncertainty)
         for (time_s, marks), place in zip(frames, truth, strict=True):
             tissue.predict(time_s)
             estimate = tissue.update(marks)

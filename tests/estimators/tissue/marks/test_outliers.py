@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import FilterSettings, FixBias, MarkMeasurement, Status, TissueFilter
+from estimators import FilterSettings, FixBias, MarkMeasurement, Status, UnifiedFilter
 
 FRAME_S = 1.0 / 30.0
 SD = 1e-3
@@ -17,7 +17,7 @@ class Run:
     """A filter of the phantom at rest, frame by frame, with marks of 1 mm."""
 
     def __init__(self, sd=SD, settings=None, marked=OUTER):
-        self.tissue = TissueFilter(PHANTOM, HIDDEN, marked, settings)
+        self.tissue = UnifiedFilter(PHANTOM, HIDDEN, marked, settings)
         self.rng, self.sd, self.k = np.random.default_rng(0), sd, 0
 
     def frame(self, nodes=OUTER, off=None):
@@ -139,7 +139,7 @@ def test_an_impulse_is_believed_in_its_second_frame():
 @pytest.mark.parametrize(("nodes", "used"), [(OUTER, 3), (("M1", "M3"), 2), (("M3",), 1)])
 def test_a_slow_camera_believes_an_impulse_at_once(nodes, used):
     """Ten frames a second, longer apart than impulse_s = 0.05 s: these marks 100 mm aside together are taken in."""
-    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
+    tissue = UnifiedFilter(PHANTOM, HIDDEN, OUTER)
     for k in range(11):
         tissue.predict(0.1 * k)
         off = np.array([0.1, 0.0]) if k == 10 else np.zeros(2)
@@ -152,7 +152,7 @@ def test_a_slow_camera_believes_an_impulse_at_once(nodes, used):
 @pytest.mark.parametrize("off_m", [0.1, 0.15])
 def test_a_slow_camera_rejects_what_the_others_contradict(off_m):
     """M3 alone beside two marks at their places, for one frame of ten a second."""
-    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
+    tissue = UnifiedFilter(PHANTOM, HIDDEN, OUTER)
     for k in range(15):
         tissue.predict(0.1 * k)
         off = {"M3": np.array([0.0, off_m])} if k == 10 else {}
@@ -162,7 +162,7 @@ def test_a_slow_camera_rejects_what_the_others_contradict(off_m):
 
 def test_a_slow_camera_confirms_with_its_next_frame():
     """A frame each 1.09 s, longer than lost_s: what stays 0.25 m off is believed in its second frame, as ever."""
-    tissue, used = TissueFilter(PHANTOM, HIDDEN, OUTER), []
+    tissue, used = UnifiedFilter(PHANTOM, HIDDEN, OUTER), []
     for k in range(8):
         tissue.predict(1.09 * k)
         off = {"M3": np.array([0.0, 0.3])} if k >= 5 else {}
@@ -173,7 +173,7 @@ def test_a_slow_camera_confirms_with_its_next_frame():
 
 def test_marks_of_a_frame_in_two_calls_confirm_as_in_one():
     """M1 and M4 first, then M3, 0.3 m off from the 5th of slow frames on: believed in the second, as in one call."""
-    tissue, used = TissueFilter(PHANTOM, HIDDEN, OUTER), []
+    tissue, used = UnifiedFilter(PHANTOM, HIDDEN, OUTER), []
     for k in range(8):
         tissue.predict(1.09 * k)
         off = {"M3": np.array([0.0, 0.3])} if k >= 5 else {}

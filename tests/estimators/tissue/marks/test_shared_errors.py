@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import MarkMeasurement, TissueFilter
+from estimators import MarkMeasurement, UnifiedFilter
 from estimators.tissue.update import stack_marks
 
 
 def target_variance(shared: float, own: float) -> float:
     """Of a phantom at rest after ten frames whose marks are all off together and each by itself [m]."""
     network = four_mass_phantom()
-    tissue = TissueFilter(network, HIDDEN, OUTER)
+    tissue = UnifiedFilter(network, HIDDEN, OUTER)
     for k in range(10):
         tissue.predict(k / 30.0)
         marks = [
@@ -33,7 +33,7 @@ def test_a_shift_that_all_marks_share_is_told_from_motion_by_the_anchors() -> No
 
 def test_the_first_frame_takes_them_in_as_the_textbook_does() -> None:
     network = four_mass_phantom()
-    tissue = TissueFilter(network, HIDDEN, OUTER)
+    tissue = UnifiedFilter(network, HIDDEN, OUTER)
     rng = np.random.default_rng(0)
     factors = {node: rng.normal(0.0, 2e-3, (2, 3)) for node in OUTER}
     places = {node: network.positions[network.index(node)] for node in OUTER}
