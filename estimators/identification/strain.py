@@ -21,7 +21,7 @@ STRAINS = (0.002, 0.003, 0.01, 0.03)
 
 UNSEEN = 0.003
 """Smallest level of a model whose constants were guessed: marks do not show how well it predicts the target [1];
-measured: docs/unified.md."""
+measured: docs/filter.md."""
 
 REFUTED = 3.0
 """Difference of log likelihood from which on a level is refuted by the best [1]; choice."""
