@@ -202,12 +202,12 @@ class HypothesisFilter:
         half = 0.0 if kick is None else 0.5 * kick
         means = means + half
         self.weights, self._before, self._dt = weights, _Prior(means, covs, dt, half), dt
-        self._move(self._before, weights @ means)
+        self._move(self._before, weights @ means, covs[int(np.argmax(weights))])
         if self.trace is not None:
             self.trace.append(self._traced(self._before))
 
-    def _move(self, before: _Prior, reference: Floats, error: Floats | None = None) -> None:
-        found = self.process.linearize(reference, before.dt)
+    def _move(self, before: _Prior, reference: Floats, cov: Floats | None = None, error: Floats | None = None) -> None:
+        found = self.process.linearize(reference, before.dt, cov)
         self.means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
         propagated(before.covs, found, self.variances, self.covs)
         if error is not None:
@@ -319,7 +319,7 @@ class HypothesisFilter:
                 share = 0.5 * share if share > LEAST_STEP else 0.0
                 end = self.process.moved(start + share * step, before.dt)
             dual = dual + share * (wanted - dual)
-            self._move(before, start + share * step, error if np.isfinite(error).all() else None)
+            self._move(before, start + share * step, error=error if np.isfinite(error).all() else None)
             found = self.innovations(observations)
             if not share:
                 break

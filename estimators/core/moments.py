@@ -45,6 +45,8 @@ def propagated(before: Floats, transition: Transition, variances: Floats, after:
         moved[:, r:, :r] = moved[:, :r, r:].swapaxes(1, 2)
         np.multiply(P[:, r:, r:], faded, out=moved[:, r:, r:])
         moved[:, :m, :m] += (variances[some, :n_noises] @ noises).reshape(-1, m, m)
+        if transition.spread is not None:
+            moved[:, : len(transition.spread), : len(transition.spread)] += transition.spread
     if len(transition.independent):
         np.einsum("kii->ki", after)[:] += variances[:, n_noises:] @ transition.independent
 

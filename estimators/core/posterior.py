@@ -38,8 +38,8 @@ class TissuePosterior:
     marked : sequence of str
         Nodes whose marks are measured.
     settings : FilterSettings, optional
-        Of these count `discrepancy`, the strength and duration of pokes, `outlier_odds`, `led_nodes`, `fix_bias`, and
-        times and thresholds of health.
+        Of these count `discrepancy`, `sigma_points`, the strength and duration of pokes, `outlier_odds`, `led_nodes`,
+        `fix_bias`, and times and thresholds of health.
     uncertainty : ParameterUncertainty, optional
         How well constants are known, considered; None: exactly.
     n_calibration : int
@@ -82,6 +82,7 @@ class TissuePosterior:
             led=self.settings.led_nodes,
             disturbances=disturbances or Disturbances.of(self.settings),
             discrepancy=discrepancy or Discrepancy.of(self.settings),
+            sigma_points=self.settings.sigma_points,
             statics=Statics(uncertainty, n_calibration, self.settings.fix_bias, self.target.point.sd_m),
         )
         self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}

@@ -25,12 +25,15 @@ class Transition:
         Covariance of the process noise of each source at unit variance, in the first m states, n or fewer.
     independent : (n_independent, n)
         Variances of further sources, whose noise is independent in each state, at unit variance.
+    spread : (s, s), optional
+        Covariance of noise in the first s states that is the same in all modes: what is left over by a linearisation.
     """
 
     mean: Floats
     matrix: Floats
     noises: Floats
     independent: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    spread: Floats | None = None
 
 
 class ProcessModel(Protocol):
@@ -73,8 +76,11 @@ class ProcessModel(Protocol):
     def moved(self, state: Floats, dt: float) -> Floats:
         """The state (n,) that follows after dt [s] without noise."""
 
-    def linearize(self, state: Floats, dt: float) -> Transition:
-        """The model over dt [s], linearised about a state (n,)."""
+    def linearize(self, state: Floats, dt: float, cov: Floats | None = None) -> Transition:
+        """The model over dt [s], linearised about a state (n,).
+
+        cov: of the most probable hypothesis before, (n, n), for models that move sigma points; others ignore it
+        """
 
     def fresh(self, dt: float) -> float:
         """Share of the discrepancy's variance that is new after dt [s]; 0 where there is none."""

@@ -11,12 +11,14 @@ from scipy.linalg import eigh
 from dynamics import MassSpringNetwork
 from dynamics.elements import Assembly, ForceElement, Resistance, Springs, Weight
 from dynamics.integration.rosenbrock import Rosenbrock
+from dynamics.integration.stepping import Stepper
 from estimators.arrays import Floats
 from estimators.core.discrepancy import Discrepancy, factor, matern
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
 from estimators.core.moments import propagated
 from estimators.core.protocols import Transition
+from estimators.core.sigma_points import by_sigma_points
 from estimators.core.statics import Statics, StaticStates
 
 LONGEST_S = 1.0 / 60.0
@@ -65,6 +67,9 @@ class TissueProcess:
         Errors that last: of constants, calibration, fixes, the target's offset; none where it is not given.
     elements : sequence of ForceElement
         Those that act besides the network's own springs, resistance and weight.
+    sigma_points : bool
+        Whether the motion is linearised by sigma points, the unscented way, in place of its tangent; of a network
+        without other elements.
     """
 
     def __init__(
@@ -77,6 +82,7 @@ class TissueProcess:
         discrepancy: Discrepancy | None = None,
         statics: Statics | None = None,
         elements: Sequence[ForceElement] = (),
+        sigma_points: bool = False,
     ) -> None:
         self.network, self.disturbances = network, disturbances or Disturbances()
         self.discrepancy = discrepancy or Discrepancy()
@@ -116,6 +122,8 @@ class TissueProcess:
         self._driving = np.full(n_f, SOURCES.index("slow") - 1)
         self._driving[:n_short] = np.where(self._is_led, SOURCES.index("led"), SOURCES.index("short")) - 1
         self._raised = self.disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
+        self._explicit = Stepper(network) if sigma_points else None
+        self._basis, self._rates = basis * masses[:, None], 1.0 / fading
         self._start_cov = self._prior_of_motion()
 
     def _may_be_pushed(self, marked: Sequence[int]) -> NDArray[np.bool_]:
@@ -209,8 +217,27 @@ class TissueProcess:
         lasting = self._lasting.fading(dt) * state[behind:]
         return np.concatenate([last.state, self._fading(dt) * state[start:behind], lasting])
 
-    def linearize(self, state: Floats, dt: float) -> Transition:
-        """The motion over dt [s], linearised step by step along it."""
+    def moved_each(self, states: Floats, dt: float) -> Floats:
+        """Coordinates and velocities of states (k, n) after dt [s], (k, 2 n_free dim), by explicit steps.
+
+        Forces act by their mean over dt.
+        """
+        assert self._explicit is not None  # sigma points are passed through it alone
+        moving = self.parts["velocity"].stop
+        fading = -np.expm1(-dt * self._rates) / (dt * self._rates)
+        forces = (states[:, self.parts["force"]] * fading) @ self._basis.T
+        return self._explicit.advance(states[:, :moving], dt, forces)
+
+    def linearize(self, state: Floats, dt: float, cov: Floats | None = None) -> Transition:
+        """The motion over dt [s], linearised step by step along it, or by sigma points of a covariance (n, n)."""
+        found = self._along(state, dt)
+        if cov is None or self._explicit is None:
+            return found
+        return by_sigma_points(
+            found, state, cov, self.parts["velocity"].stop, lambda points: self.moved_each(points, dt)
+        )
+
+    def _along(self, state: Floats, dt: float) -> Transition:
         moving, start = self.parts["velocity"].stop, self.parts["discrepancy"].start
         moves = self._stepper.moves(state[:start], dt, LONGEST_S)
         motion, force, noises = along_steps(

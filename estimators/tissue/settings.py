@@ -77,6 +77,8 @@ class FilterSettings:
     remember_swings: so many of a stiff or large body's slowest oscillations they are remembered, where that is longer
         [1]; choice
     unified: whether `UnifiedFilter` is used, which knows other priors of its own; source: the scene
+    sigma_points: whether the unified filter linearises the motion by sigma points, the unscented way, in place of its
+        tangent; source: the caller
     discrepancy: standard deviation of what the model of the unified filter leaves out, by the body's extent; None: the
         marks choose it [1]; source: the scene
     """
@@ -117,6 +119,7 @@ class FilterSettings:
     remember_s: float = 0.5
     remember_swings: float = 0.5
     unified: bool = False
+    sigma_points: bool = False
     discrepancy: float | None = None
 
     @property
