@@ -29,11 +29,11 @@ from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
-"""Prior relative standard deviations of the constants by kind; choice, its cost in docs/settings.md."""
+"""Prior relative standard deviations of the constants by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
 """Starts are within this of the constants given, in logarithms: a third to three times; rest lengths, which are
-measured on a picture, to a tenth; choice, its cost in docs/settings.md."""
+measured on a picture, to a tenth; choice."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
 """Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
-cost time, with fewer half a swing of the phantom is left; choice, its cost in docs/settings.md."""
+cost time, with fewer half a swing of the phantom is left; choice."""
 
 PASSES_A_SEARCH = 6
 """Of the filter, as expected for the progress and for how many frames the time allows for."""

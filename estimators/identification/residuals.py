@@ -11,7 +11,7 @@ from estimators.arrays import Floats
 from estimators.identification.filter_pass import Pass
 
 LEVEL = 0.01
-"""Probability by which the residuals of a right model are called unexplained; choice, its cost in docs/settings.md."""
+"""Probability by which the residuals of a right model are called unexplained; choice."""
 
 ROUNDING = 1e-9
 """Share by which a variance may exceed that without data by rounding alone; numerical."""

@@ -33,9 +33,7 @@ from estimators.identification.search import followed
 SD = 5e-4
 PRIOR = {"stiffness": 0.3, "rest_length": 0.03}
 ONE_START = IdentificationSettings(n_starts=1)
-SETTINGS = FilterSettings(
-    quiet=ForceMode(0.1, 0.1, 0.05), poked=ForceMode(0.1, 2.0, 0.2), calm_s=3.0, between_s=1.0, poked_s=0.3
-)
+SETTINGS = FilterSettings(poked=ForceMode(0.1, 2.0, 0.2))
 
 
 def chain(double=False):
