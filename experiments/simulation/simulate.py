@@ -47,7 +47,7 @@ from experiments.version import version
 TARGET_RADIUS_M = 0.005
 """Of the target in the phantom [m]; a parameter of the study."""
 
-EXACT = 0.001
+EXACT = 0.0015
 """Level of the discrepancy of a simulated phantom, whose model is the truth, by its extent [1]; chosen."""
 
 TRUTH = 0.2
