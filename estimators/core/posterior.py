@@ -20,7 +20,7 @@ from estimators.filters.kernels import block_contributions, nis_left
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.process_model import QUIET
 from estimators.process.target import TargetMap, TargetPoint, target_map
-from estimators.tissue.estimate import CommonShift, MarkMeasurement
+from estimators.tissue.estimate import CommonShift, MarkMeasurement, Status
 from estimators.tissue.gate import Outlying
 from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
@@ -220,10 +220,10 @@ class TissuePosterior:
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """As `expected`, [m] (dim,) and [m²] (dim, dim), had an impulse on the node followed just after its last mark.
 
-        Before the first marks a node may be anywhere in the network's reach.
+        Before the first marks, and after the state was given up, a node may be anywhere in the network's reach.
         """
         mean, cov = self.expected(node, shared)
-        if self.seen_s is None or self.time_s is None:
+        if self.seen_s is None or self.time_s is None or self.health.status is Status.DIVERGED:
             reach = self._reach_m
         else:
             since_s = self.time_s - self._seen_s.get(node, self.time_s)
