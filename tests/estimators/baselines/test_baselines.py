@@ -24,8 +24,7 @@ from estimators.baselines.particles import resample
 
 R = 1e-6 * np.eye(2)
 MODE = ForceMode(white=0.2, poke=0.3, lasting_s=0.2)
-ONE = replace(FilterSettings(), quiet=MODE, poked=MODE)
-"""Settings whose modes are all alike."""
+ONE = FilterSettings(poked=MODE)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from estimators import (
     MarkMeasurement,
     Status,
     UnifiedFilter,
-    UnifiedFilter,
 )
 from estimators.process.target import TargetPoint
 from tests.estimators.states import digest

@@ -1,6 +1,5 @@
 """A known force on the tissue: the filter that is told of the needle sees the target pushed aside."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from dynamics import (
     NeedleMechanics,
     distributed_force,
     force_on_free,
-    independent_uncertainty,
-    parameters,
     rest_shape,
     simulate_insertion,
     straight_insertion,
@@ -65,44 +62,6 @@ def test_the_push_acts_while_predicting_and_no_longer(phantom, rest_state, marks
     for means, covs in beliefs[1:]:
         np.testing.assert_array_equal(means, beliefs[0][0])
         np.testing.assert_array_equal(covs, beliefs[0][1])
-
-
-def test_a_function_is_asked_in_the_middle_of_each_step(phantom, rest_state, marks_of):
-    """From 0 to 1/30 s in four steps of 1/120 s: at 1/240, 3/240, 5/240, 7/240 s, for all sigma points at once."""
-    asked = []
-
-    def push(t, states):
-        asked.append((t, states.shape[-1]))
-        return np.broadcast_to(on_target(phantom, 1.0), (*states.shape[:-1], 4, 2))
-
-    tissue, held = (UnifiedFilter(phantom, HIDDEN, OUTER) for _ in range(2))
-    for filtered, told in ((tissue, push), (held, on_target(phantom, 1.0))):
-        filtered.predict(0.0)
-        filtered.update(marks_of(phantom, rest_state))
-        filtered.predict(FRAME_S, told)
-    np.testing.assert_allclose([t for t, _ in asked], np.array([1, 3, 5, 7]) / 240.0, rtol=1e-12)
-    assert {n for _, n in asked} == {phantom.n_state}
-    np.testing.assert_array_equal(tissue.mixture.x, held.mixture.x)
-
-
-def test_unknown_constants_make_the_same_columns_of_the_error_under_a_push(phantom):
-    """Stiffness known to 10 %: under a push at rest the columns are the change of the rest shape, spring by spring.
-
-    Against `rest_shape` of the network with that one stiffness 1 % off, scaled; second order is left, 5 %.
-    """
-    which = parameters(phantom, ("stiffness",))
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, uncertainty=independent_uncertainty(which, 0.01))
-    force = on_target(phantom, 1.0)
-    tissue.predict(0.0)
-    tissue.predict(8.0, force)
-    columns = tissue.mixture.columns[0][phantom.coordinates(HIDDEN)]
-    held = rest_shape(phantom, force)[phantom.index(HIDDEN)]
-    expected = []
-    for parameter in which:
-        stiffness = phantom.stiffness.copy()
-        stiffness[parameter.index] *= 1.01
-        expected.append(rest_shape(replace(phantom, stiffness=stiffness), force)[phantom.index(HIDDEN)] - held)
-    np.testing.assert_allclose(columns.T, expected, rtol=0, atol=0.1 * np.abs(expected).max())
 
 
 def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_state, hidden, marks_of):

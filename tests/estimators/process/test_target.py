@@ -12,7 +12,6 @@ from estimators import (
     OpenLoop,
     TargetPoint,
     UnifiedFilter,
-    UnifiedFilter,
     fast_prediction_tables,
     fixed_interval,
     predict_fast,

@@ -23,10 +23,6 @@ MARK_SD = 4.14e-3
 EVERY = 4
 """Steps of 1/120 s to a frame: 30 frames/s."""
 
-ONE_MODE = FilterSettings(quiet=FilterSettings().poked, jolt=0.0)
-"""All three modes alike: a single unscented filter."""
-
-
 @dataclass(frozen=True)
 class Followed:
     """Errors of the hidden mass frame by frame [m], (n, 2), and what the filter said of them."""
@@ -154,18 +150,6 @@ def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, r
     assert found.status is Status.INITIALISING
     assert ours.repairs == {"restarted": 1}
     assert np.linalg.eigvalsh(found.cov)[-1] < 1.5 * largest[-1]  # one mark, and no memory of before, nor of a tremor
-
-
-def test_time_does_not_go_back(phantom):
-    ours = UnifiedFilter(phantom, HIDDEN, OUTER)
-    with pytest.raises(ValueError, match="predict"):
-        ours.update([])
-    ours.predict(1.0)
-    x = ours.mixture.x.copy()
-    with pytest.raises(ValueError, match=r"time_s: expected 1\.0 or later, found 0\.5"):
-        ours.predict(0.5)
-    assert ours.time_s == 1.0
-    np.testing.assert_array_equal(ours.mixture.x, x)
 
 
 def test_in_space_too(driven, marks_of):

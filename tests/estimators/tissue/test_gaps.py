@@ -49,34 +49,6 @@ def test_a_gap_that_is_skipped_leaves_what_an_integrated_one_does(phantom, rest_
     )
 
 
-@pytest.mark.parametrize("gap_s", [5.5, 1e300])
-def test_a_gap_costs_no_more_than_forget_s(phantom, rest_state, marks_of, gap_s):
-    """The tissue is integrated over forget_s = 5 s at most, however long the gap; then the target is LOST."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
-    for k in range(10):
-        tissue.predict(k / 30.0)
-        tissue.update(marks_of(phantom, rest_state))
-    moved, points = [], tissue.mixture.move.points
-    tissue.mixture.move = replace(tissue.mixture.move, points=lambda x, dt: moved.append(dt) or points(x, dt))
-    tissue.predict(tissue.time_s + gap_s)
-    assert sum(moved) == pytest.approx(5.0, abs=1e-6)
-    assert tissue.health.status is Status.LOST
-    estimate = tissue.update(marks_of(phantom, rest_state))
-    assert (estimate.status, estimate.marks_used) == (Status.INITIALISING, 3)
-    assert tissue.repairs["restarted"] == 1
-
-
-def test_gaps_of_a_few_seconds_are_integrated_whole(phantom, rest_state, marks_of):
-    """4.9 s: to the last bit what it was without a bound."""
-    states = []
-    for settings in (EXACT, replace(EXACT, forget_s=5.0)):
-        tissue = swinging(phantom, rest_state, marks_of, settings)
-        tissue.predict(tissue.time_s + 4.9)
-        states.append((tissue.mixture.x, tissue.mixture.P, tissue.mixture.mu))
-    for a, b in zip(*states, strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
 def test_the_target_after_long_gaps_is_predicted_without_moving_the_state(phantom, rest_state, marks_of):
     """`predict_at` a day and a year ahead: the target of the long run, and LOST is not what the filter is now."""
     tissue = swinging(phantom, rest_state, marks_of, FilterSettings(fix_bias=FixBias(2e-3)))

@@ -16,7 +16,6 @@ from estimators import (
     MarkMeasurement,
     Replay,
     UnifiedFilter,
-    UnifiedFilter,
 )
 
 WAYS = {
