@@ -23,6 +23,7 @@ MARK_SD = 4.14e-3
 EVERY = 4
 """Steps of 1/120 s to a frame: 30 frames/s."""
 
+
 @dataclass(frozen=True)
 class Followed:
     """Errors of the hidden mass frame by frame [m], (n, 2), and what the filter said of them."""

@@ -176,6 +176,6 @@ def check_belief(mean: np.ndarray, cov: np.ndarray) -> None:
 
 
 Calls.TestCase.settings = settings(
-    max_examples=40, stateful_step_count=25, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=8, stateful_step_count=20, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 TestCalls = Calls.TestCase

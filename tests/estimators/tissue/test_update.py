@@ -1,6 +1,5 @@
 """The update by any marks of a frame, against the textbook's."""
 
-
 import numpy as np
 import pytest
 

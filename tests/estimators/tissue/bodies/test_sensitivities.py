@@ -17,6 +17,8 @@ from estimators import ForceMode, TissueModel
 
 SMALL = 1e-3
 """Relative change of a constant: its second order is a thousandth of its first."""
+
+
 def test_columns_of_a_rest_shape_are_those_of_other_rest_shapes(phantom):
     """d(rest)/d(log constant) by central differences of `rest_shape`. 1e-5 of it."""
     which = parameters(phantom, ("stiffness", "rest_length"))

@@ -1,6 +1,5 @@
 """What carries an estimate: which marks, how much against the open loop, whether the model alone; wrong constants."""
 
-
 import numpy as np
 import pytest
 
@@ -19,11 +18,11 @@ def followed(tissue, network, state, marks_of, frames=30, sd=0.00414, seed=0):
 def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, marks_of):
     """1 - trace by trace of an `OpenLoopCovariance` that got the same frames; 4 mm marks leave a few per cent of it."""
     tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
-    belief = OpenLoopCovariance(phantom, HIDDEN, OUTER, USUAL.quiet.white)
+    known = OpenLoopCovariance(phantom, HIDDEN, OUTER, QUIET.white)
     estimate = followed(tissue, phantom, rest_state, marks_of, frames=60)
     for k in range(60):
-        belief.take(1 / 30.0 if k else 0.0, dict.fromkeys(OUTER, 0.00414**2 * np.eye(2)))
-    assert estimate.gain == pytest.approx(1.0 - np.trace(estimate.cov) / np.trace(belief.target_cov), rel=1e-9)
+        known.take(1 / 30.0 if k else 0.0, dict.fromkeys(OUTER, 0.00414**2 * np.eye(2)))
+    assert estimate.gain == pytest.approx(1.0 - np.trace(estimate.cov) / np.trace(known.target_cov), rel=1e-9)
     assert 0.8 < estimate.gain < 1.0
 
 
