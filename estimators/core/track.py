@@ -66,7 +66,12 @@ class UnifiedFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str) -> None:
+        """Begin at the prior, but for the target's place in the body where fixes have shown it and nothing diverged."""
+        own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
+        mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
+        if self.health.status is not Status.DIVERGED:
+            self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov
         self._refuted_s = -np.inf
         self.repairs[repair] += 1
 

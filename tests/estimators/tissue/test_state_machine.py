@@ -118,7 +118,7 @@ class Calls(RuleBasedStateMachine):
 
     @rule(push=st.sampled_from([np.full((4, 2), NAN), np.zeros((3, 2)), lambda _t, _x: np.full((4, 2), np.inf)]))
     def predict_under_no_force(self, push: object) -> None:
-        if self.tissue.time_s is not None and self.tissue.time_s < 1e6:
+        if self.tissue.seen_s is not None and self.tissue.time_s < 1e6:
             self.refuses(lambda: self.tissue.predict(self.tissue.time_s + 0.1, push))
 
     @rule(seen=marks(), cov=COVS)
