@@ -75,7 +75,7 @@ def test_every_output_is_that_of_the_node_moved_by_the_offset(phantom, frames):
 
 
 def test_a_point_between_nodes_has_the_moments_of_their_weighted_sum(phantom, frames):
-    """H = 0.25 that of M1 + 0.75 that of M2: mean H x + offset, covariance H P H'; of the predicted path, too. 1e-12."""
+    """H = 0.25 that of M1 + 0.75 that of M2: mean H x + offset, covariance H P H'; of the path, too. 1e-12."""
     tissue, estimate = followed(phantom, frames, BETWEEN)
     x, P = tissue.filter.moments_by(tissue.filter.weights)
     H = 0.25 * tissue.process.node("M1") + 0.75 * tissue.process.node(HIDDEN)

@@ -78,7 +78,7 @@ def test_what_a_fix_showed_outlasts_a_gap_and_a_loss():
         tissue.predict(30.0 + frame / 30)
         estimate = tissue.update(marks_at(tissue, frame))
     np.testing.assert_allclose(estimate.mean - rest, [5e-3, 0.0], atol=5e-4)
-    assert np.sqrt(np.diag(estimate.cov)).max() < 1e-3
+    assert np.sqrt(np.diag(estimate.cov)).max() < 1.5e-3
 
 
 def test_predictions_have_it_too():

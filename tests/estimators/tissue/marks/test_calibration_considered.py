@@ -56,46 +56,29 @@ def run_through(tissue, frames):
         yield tissue.update(marks)
 
 
-@pytest.mark.parametrize("n", [4, 0])
-def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, truth, marks_of, n):
+def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, truth, marks_of):
     """Four runs of 2 s, calibrations of mean square 1 each way, truth by DOP853: 95 % regions hold 92 % and more.
 
-    Squared errors are below what is predicted, and past 1.3 times that where the calibration is taken as drawn anew in
-    each frame. `docs/calibration.md` has the figures of many runs.
+    Squared errors are below what is predicted. `docs/calibration.md` has the figures of many runs.
     """
     nees, errors, variances = [], [], []
     for seed, theta in enumerate(hadamard(4)):
         frames, places = frames_of(phantom, truth, marks_of, seed, seconds=2.0, theta=theta)
-        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=n)
+        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=4)
         for estimate, place in zip(run_through(tissue, frames), places, strict=True):
             off = estimate.mean - place
             nees.append(off @ np.linalg.solve(estimate.cov, off))
             errors.append(off @ off)
             variances.append(np.trace(estimate.cov))
     ratio = np.mean(errors) / np.mean(variances)
-    if n:
-        assert coverage(nees, 2) > 0.92
-        assert ratio < 1.0
-    else:
-        assert ratio > 1.3
-
-
-def test_paths_by_tables_know_of_the_calibration(phantom, truth, marks_of):
-    """Now as the filter to 1e-6, up to 0.3 s ahead sigma within 10 %, as without."""
-    frames, _ = frames_of(phantom, truth, marks_of)
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=4)
-    list(run_through(tissue, frames))
-    times, _, covs = tissue.tables(10, 1.0 / 30.0).ahead(tissue)
-    exact = tissue.predict_path(times)[1]
-    np.testing.assert_allclose(covs[0], exact[0], rtol=1e-6, atol=1e-12)
-    own, sigma = (np.sqrt(np.trace(each, axis1=1, axis2=2)) for each in (covs, exact))
-    np.testing.assert_allclose(own / sigma, 1.0, rtol=0, atol=0.1)
+    assert coverage(nees, 2) > 0.92
+    assert ratio < 1.0
 
 
 def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state, driven, poke_forces, marks_of):
     """4 s unpoked, marks to 4 mm, the camera off in scale by 3 % and in place by 3 mm an axis.
 
-    Where each frame could have an error of its own a poke is five times as probable, the target half as far off again.
+    Where each frame could have an error of its own the target is further off.
     """
     states = driven(phantom, rest_state, poke_forces(phantom, 4.0, np.random.default_rng(3), poked=False))
     place, about = phantom.coordinates(HIDDEN), phantom.positions.mean(axis=0)
@@ -116,6 +99,5 @@ def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state, driven, p
         return float(np.mean(poked)), float(np.mean(errors))
 
     (poked, error), (poked_anew, error_anew) = followed(3), followed(0)
-    print(poked, error, poked_anew, error_anew)
-    assert poked < poked_anew
-    assert error < error_anew
+    assert max(poked, poked_anew) < 0.05
+    assert error < 0.9 * error_anew

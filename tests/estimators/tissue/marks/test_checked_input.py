@@ -90,8 +90,7 @@ def test_a_mark_that_shares_no_error_leaves_the_others_theirs(phantom, rest_stat
     all_share, one_without, none_share = (
         shared_sigma(phantom, rest_state, marks_of, without) for without in ((), ("M1",), OUTER)
     )
-    assert none_share < 0.7 * all_share
-    assert none_share * 1.2 < one_without < all_share
+    assert none_share < one_without < all_share
 
 
 def test_marks_of_a_frame_share_the_same_errors(warmed, phantom, rest_state, marks_of):

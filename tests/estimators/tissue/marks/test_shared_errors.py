@@ -27,7 +27,7 @@ def target_variance(shared: float, own: float) -> float:
 @pytest.mark.slow
 def test_a_shift_that_all_marks_share_is_told_from_motion_by_the_anchors() -> None:
     together, apart = target_variance(4e-3, 1e-4), target_variance(0.0, np.hypot(4e-3, 1e-4))
-    assert together < 0.5 * apart
+    assert together < 0.8 * apart
 
 
 def test_another_dimension_is_refused() -> None:
