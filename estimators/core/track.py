@@ -16,6 +16,7 @@ from estimators.core.marks import Places
 from estimators.core.posterior import TissuePosterior
 from estimators.filters.unscented import CovarianceError
 from estimators.process.known_force import ForceHistory, KnownForce
+from estimators.threads import one_blas_thread
 from estimators.tissue.estimate import (
     CommonShift,
     GaussianMixture,
@@ -154,10 +155,11 @@ class UnifiedFilter(TissuePosterior):
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """At the end the state is as it is now."""
+        """In one thread; at the end the state is as it is now."""
         now = self.snapshot()
         try:
-            yield
+            with one_blas_thread():
+                yield
         finally:
             self.restore(now)
 
