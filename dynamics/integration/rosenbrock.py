@@ -15,6 +15,7 @@ import numpy as np
 from dynamics.arrays import Floats
 from dynamics.elements.assembly import Assembly
 from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_state, first_stage, second_stage
+from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
 """Of the whole way, the shortest step, however large its error [1]; numerical."""
@@ -59,7 +60,7 @@ class Rosenbrock:
         Without derivatives `by_state` is empty, for a fraction of the time.
         """
         M, B, rates, n = self.masses, self.basis, self.rates, len(self.masses)
-        h = longest = dt / max(1, int(np.ceil(dt / longest_s - 1e-9)))
+        h = longest = dt / max(1, int(np.ceil(dt / longest_s * (1.0 - SAME_STEP))))
         done, moves = 0.0, []
         while done < dt * (1.0 - 1e-9):
             h = min(h, dt - done)

@@ -247,6 +247,8 @@ class HypothesisFilter:
             ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)
             outlying, added = without_outliers(y, S, ends, densities, self._outliers.far_m2)
             logs += added
+            if outlying.any():  # they say nothing of the state
+                HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
         factors = np.linalg.cholesky(S)
         root = np.linalg.inv(factors)
         white = of_each(root, y)
@@ -305,7 +307,8 @@ class HypothesisFilter:
         for _ in range(LINEARISATIONS - 1):
             transition, start = self._transition, self._reference
             assert transition is not None  # there is one after a prior
-            by_start = found.H[best % len(found.H)] @ transition.matrix
+            counted = found.HP[best].any(axis=1)  # those of no outlier
+            by_start = counted[:, None] * (found.H[best % len(found.H)] @ transition.matrix)
             wanted = by_start.T @ (found.root[best].T @ found.white[best])
             step = prior + P @ wanted - start
             step[self._considered] = 0.0
@@ -313,7 +316,7 @@ class HypothesisFilter:
             error = end - transition.mean - transition.matrix @ step
             if (np.abs(error) <= self.process.tolerance).all():
                 break
-            weighing = found.S[best] - by_start @ P @ by_start.T, found.y[best] != 0.0  # outliers have no innovation
+            weighing = found.S[best] - by_start @ P @ by_start.T, counted
             now, share = misfit(start, dual, transition.mean, *weighing), 1.0
             while share and misfit(start + share * step, dual + share * (wanted - dual), end, *weighing) >= now:
                 share = 0.5 * share if share > LEAST_STEP else 0.0

@@ -16,6 +16,7 @@ from estimators.core.marks import Places
 from estimators.core.posterior import TissuePosterior
 from estimators.filters.unscented import CovarianceError
 from estimators.process.known_force import ForceHistory, KnownForce
+from estimators.threads import one_blas_thread
 from estimators.tissue.estimate import (
     CommonShift,
     GaussianMixture,
@@ -66,7 +67,12 @@ class UnifiedFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str) -> None:
+        """Begin at the prior, but for the target's place in the body where fixes have shown it and nothing diverged."""
+        own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
+        mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
+        if self.health.status is not Status.DIVERGED:
+            self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov
         self._refuted_s = -np.inf
         self.repairs[repair] += 1
 
@@ -149,10 +155,11 @@ class UnifiedFilter(TissuePosterior):
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """At the end the state is as it is now."""
+        """In one thread; at the end the state is as it is now."""
         now = self.snapshot()
         try:
-            yield
+            with one_blas_thread():
+                yield
         finally:
             self.restore(now)
 

@@ -1,9 +1,10 @@
 """One thread for linear algebra while a filter is at work, as many as before afterwards."""
 
+import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import UnifiedFilter
+from estimators import MarkMeasurement, UnifiedFilter
 from estimators.threads import _libraries, one_blas_thread
 
 
@@ -40,9 +41,10 @@ def test_threads_are_one_inside_and_as_before_outside(counted):
 
 def test_a_filter_works_in_one_thread(counted, phantom, monkeypatch):
     tissue, seen = UnifiedFilter(phantom, HIDDEN, OUTER), []
+    tissue.predict(0.0)
+    tissue.update([MarkMeasurement(n, phantom.positions[phantom.index(n)], 1e-6 * np.eye(2)) for n in OUTER])
     advance = tissue._advance
     monkeypatch.setattr(tissue, "_advance", lambda *given: seen.append(counted[0].n) or advance(*given))
-    tissue.predict(0.0)
     tissue.predict(0.1)
     tissue.predict_at(0.2)
     tissue.predict_path([0.2, 0.3])

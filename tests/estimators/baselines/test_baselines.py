@@ -1,6 +1,5 @@
 """The methods to compare with, on a line where the Kalman filter is right, and on the phantom where it is not."""
 
-from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
@@ -20,12 +19,12 @@ from estimators import (
     TissueModel,
     UnifiedFilter,
 )
+from estimators.baselines import particles
 from estimators.baselines.particles import resample
 
 R = 1e-6 * np.eye(2)
 MODE = ForceMode(white=0.2, poke=0.3, lasting_s=0.2)
-ONE = replace(FilterSettings(), quiet=MODE, poked=MODE)
-"""Settings whose modes are all alike."""
+ONE = FilterSettings(poked=MODE)
 
 
 @pytest.fixture(scope="module")
@@ -88,10 +87,11 @@ def kalman(taut, shown):
 
 
 @pytest.mark.parametrize("kind", [ExtendedKalmanFilter, "particles"])
-def test_on_a_line_it_is_the_kalman_filter(taut, kind):
+def test_on_a_line_it_is_the_kalman_filter(taut, kind, monkeypatch):
     """Means to 0.2 % of a sigma, covariances to 0.5 %: the poke held for a step, and the springs' second order."""
     shown = frames()
     if kind == "particles":
+        monkeypatch.setattr(particles, "QUIET", MODE)  # both modes alike
         method = ParticleFilter(taut, "mass", ("mass",), ONE, rng=np.random.default_rng(0), n_particles=8)
     else:
         method = kind(taut, "mass", ("mass",), ONE)
@@ -140,13 +140,14 @@ def test_stock_filterpy_adds_its_noise_once_a_frame(taut):
     assert unlike(60.0) < 0.02
 
 
-def test_histories_of_two_modes_are_all_counted(taut):
+def test_histories_of_two_modes_are_all_counted(taut, monkeypatch):
     """With room for every history the mean is that of the exact sum over them: five frames, 2^5 of them. 2e-6 m.
 
     The oracle is a Kalman filter a history with numerical matrices of the process model, odds by SciPy's exponential.
     """
     modes = ForceMode(0.05, 0.05, 0.05), ForceMode(0.05, 3.0, 0.2)
-    settings = replace(FilterSettings(), quiet=modes[0], poked=modes[1])
+    monkeypatch.setattr(particles, "QUIET", modes[0])
+    settings = FilterSettings(poked=modes[1])
     shown = [(k / 30.0, [MarkMeasurement("mass", np.array([1e-3 * k**2, 0.0]), R)]) for k in range(5)]
     method = ParticleFilter(taut, "mass", ("mass",), settings, rng=np.random.default_rng(0), n_particles=10_000)
     found = followed(method, shown)[-1]

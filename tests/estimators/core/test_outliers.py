@@ -141,6 +141,20 @@ def test_all_marks_together_are_no_outliers(phantom, rest_state, marks_of):
     assert found[-1].status is Status.TRACKING
 
 
+def test_outliers_leave_the_covariance_as_it_was(phantom, rest_state, marks_of):
+    """Where a state is more uncertain than any place within reach: positive definite, and no smaller."""
+    unified = UnifiedFilter(phantom, HIDDEN, OUTER)
+    unified.predict(0.0)
+    own = np.arange(unified.process.n)[unified.process.parts["position"]]
+    unified.filter.covs[:, own, own] += 1e6
+    before = unified.filter.covs.copy()
+    assert unified.update(marks_of(phantom, rest_state)).marks_used == 0
+    assert unified.filter.outlying.all()
+    found = unified.filter.found
+    assert found.outlying.all()
+    np.testing.assert_array_equal(unified.filter.covs, before)
+
+
 @pytest.fixture
 def resting(phantom, rest_state, marks_of):
     """A filter after a second of marks of these nodes at rest, and these marks."""

@@ -1,4 +1,4 @@
-"""What every filter of the tissue does alike: `UnifiedFilter` and `UnifiedFilter` by one contract."""
+"""What the filter of the tissue does at its surface."""
 
 from dataclasses import replace
 
@@ -9,17 +9,14 @@ from dynamics import HIDDEN, OUTER
 from estimators import (
     AssociationFilter,
     CovarianceError,
-    FilterSettings,
     LeaveOneOut,
     MarkMeasurement,
     Status,
-    UnifiedFilter,
     UnifiedFilter,
 )
 from estimators.process.target import TargetPoint
 from tests.estimators.states import digest
 
-BOTH = pytest.mark.parametrize("made", [UnifiedFilter, UnifiedFilter])
 HZ, NOISE_M, FIX_COV = 1.0 / 30.0, 1e-3, 4e-6 * np.eye(2)
 
 
@@ -39,9 +36,9 @@ def through(tissue, frames):
     return found
 
 
-def seen_for(made, phantom, frames, **options):
+def seen_for(phantom, frames, **options):
     """A filter after these frames."""
-    tissue = made(phantom, HIDDEN, OUTER, **options)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, **options)
     through(tissue, frames)
     return tissue
 
@@ -50,26 +47,18 @@ def said(estimate):
     return digest((estimate.mean, estimate.cov, estimate.status, estimate.marks_used, estimate.nis, estimate.poked))
 
 
-@BOTH
-def test_a_start_is_no_evidence(made, phantom, frames):
+def test_a_start_is_no_evidence(phantom, frames):
     """Names that begin again at a start are compared by what follows."""
-    tissue = made(phantom, HIDDEN, OUTER)
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     through(tissue, frames[:1])
     assert tissue.log_likelihood == 0.0
     through(tissue, frames[1:2])
     assert tissue.log_likelihood != 0.0
 
 
-@BOTH
-def test_it_is_a_filter_of_the_target(made, phantom):
-    assert isinstance(made(phantom, HIDDEN, OUTER), UnifiedFilter)
-    assert type(UnifiedFilter(phantom, HIDDEN, OUTER, FilterSettings(unified=made is UnifiedFilter))) is made
-
-
-@BOTH
-def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(made, phantom, frames):
+def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(phantom, frames):
     """Set back twice: what came between, a loss and a start among it, does not show."""
-    tissue = seen_for(made, phantom, frames[:20])
+    tissue = seen_for(phantom, frames[:20])
     then = tissue.snapshot()
     ends = []
     for _ in range(2):
@@ -83,9 +72,8 @@ def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(made, phan
     assert ends[0] == ends[1]
 
 
-@BOTH
-def test_two_exchanged_marks_are_named_rightly_again(made, phantom, frames):
-    identity = AssociationFilter(made(phantom, HIDDEN, OUTER), (OUTER,))
+def test_two_exchanged_marks_are_named_rightly_again(phantom, frames):
+    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), (OUTER,))
     names, found = {"M1": "M4", "M4": "M1"}, []
     for k, (time_s, marks) in enumerate(frames[:40]):
         called = [replace(mark, node=names.get(mark.node, mark.node)) for mark in marks] if k >= 20 else marks
@@ -93,25 +81,24 @@ def test_two_exchanged_marks_are_named_rightly_again(made, phantom, frames):
         found.append(identity.update(identity.named(called)))
     assert [set(swap.nodes) for swap in identity.swaps] == [{"M1", "M4"}]
     assert identity.swaps[0].time_s - frames[20][0] < 0.2
-    right = through(made(phantom, HIDDEN, OUTER), frames[:40])
+    right = through(UnifiedFilter(phantom, HIDDEN, OUTER), frames[:40])
     assert said(found[-1].estimate) == said(right[-1])
 
 
-@BOTH
-def test_marks_exchanged_from_the_first_frame_on_are_named_rightly(made, phantom, frames):
+def test_marks_exchanged_from_the_first_frame_on_are_named_rightly(phantom, frames):
     """A start by other names begins at the prior, not at what wrong names made of it."""
-    identity = AssociationFilter(made(phantom, HIDDEN, OUTER), (OUTER,))
+    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), (OUTER,))
     names = {"M1": "M3", "M3": "M4", "M4": "M1"}
     for time_s, marks in frames[:30]:
         identity.tissue.predict(time_s)
         one = identity.update(identity.named([replace(mark, node=names[mark.node]) for mark in marks]))
-    right = through(made(phantom, HIDDEN, OUTER), frames[:30])[-1]
+    right = through(UnifiedFilter(phantom, HIDDEN, OUTER), frames[:30])[-1]
     assert one.estimate.status is Status.TRACKING
     assert np.linalg.norm(one.estimate.mean - right.mean) < 1e-3
 
 
 def test_without_marks_a_state_is_that_of_a_new_filter(phantom, frames):
-    tissue = seen_for(UnifiedFilter, phantom, frames[:20])
+    tissue = seen_for(phantom, frames[:20])
     tissue.restore(tissue.snapshot().without_marks())
     again, new = (through(one, frames[20:25]) for one in (tissue, UnifiedFilter(phantom, HIDDEN, OUTER)))
     assert [digest((one.mean, one.cov)) for one in again] == [digest((one.mean, one.cov)) for one in new]
@@ -131,17 +118,15 @@ LOOKS = {
 
 
 @pytest.mark.parametrize("look", LOOKS)
-@BOTH
-def test_to_look_changes_nothing(made, phantom, frames, look):
-    tissue = seen_for(made, phantom, frames[:20])
+def test_to_look_changes_nothing(phantom, frames, look):
+    tissue = seen_for(phantom, frames[:20])
     before = digest(tissue.snapshot())
     LOOKS[look](tissue, tissue.time_s)
     assert digest(tissue.snapshot()) == before
 
 
-@BOTH
-def test_looks_ahead_are_what_a_prediction_then_gives(made, phantom, frames):
-    tissue = seen_for(made, phantom, frames[:20])
+def test_looks_ahead_are_what_a_prediction_then_gives(phantom, frames):
+    tissue = seen_for(phantom, frames[:20])
     then_s = tissue.time_s + 0.04  # one step of either
     at, modes, path = tissue.predict_at(then_s), tissue.predict_modes(then_s), tissue.predict_path([then_s])
     tissue.predict(then_s)
@@ -179,34 +164,31 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-@BOTH
-def test_what_cannot_be_taken_in_is_an_error_and_leaves_the_state(made, phantom, frames, wrong):
+def test_what_cannot_be_taken_in_is_an_error_and_leaves_the_state(phantom, frames, wrong):
     call, message = WRONG[wrong]
-    tissue = seen_for(made, phantom, frames[:10])
+    tissue = seen_for(phantom, frames[:10])
     before = digest(tissue.snapshot())
     with pytest.raises(ValueError, match=message):
         call(tissue)
     assert digest(tissue.snapshot()) == before
 
 
-@BOTH
-def test_calls_before_the_first_frame_are_errors(made, phantom):
-    tissue = made(phantom, HIDDEN, OUTER)
+def test_calls_before_the_first_frame_are_errors(phantom):
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     for call in (lambda: tissue.update([]), lambda: tissue.fix(np.zeros(2), np.eye(2)), lambda: tissue.predict_at(0.0)):
         with pytest.raises(ValueError, match="expected"):
             call()
 
 
-@BOTH
-def test_directions_of_a_calibration_are_those_that_were_announced(made, phantom):
-    tissue = made(phantom, HIDDEN, OUTER, n_calibration=3)
+def test_directions_of_a_calibration_are_those_that_were_announced(phantom):
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=3)
     tissue.predict(0.0)
     with pytest.raises(ValueError, match="mark M1 shared: expected 3 directions, found 2"):
         tissue.update([replace(MARK, shared=np.ones((2, 2)))])
 
 
 def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(phantom, frames):
-    tissue = seen_for(UnifiedFilter, phantom, frames[:10])
+    tissue = seen_for(phantom, frames[:10])
     tissue.filter.covs[-1] *= -1e3
     before = digest(tissue.snapshot())
     with pytest.raises(CovarianceError, match="positive definite"):
@@ -216,7 +198,7 @@ def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(phan
 
 def test_far_ahead_nothing_is_known_but_the_prior(phantom, frames):
     """And it takes no steps to get there: a gap of a day costs what one of six seconds does."""
-    tissue, new = seen_for(UnifiedFilter, phantom, frames[:20]), UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue, new = seen_for(phantom, frames[:20]), UnifiedFilter(phantom, HIDDEN, OUTER)
     steps = []
     tissue.process.linearize = lambda *own: steps.append(own)
     far = tissue.predict_at(tissue.time_s + 86400.0)
@@ -225,9 +207,8 @@ def test_far_ahead_nothing_is_known_but_the_prior(phantom, frames):
     assert far.model_only
 
 
-@BOTH
-def test_marks_are_expected_where_the_next_ones_are(made, phantom, frames):
-    tissue, squared = made(phantom, HIDDEN, OUTER), []
+def test_marks_are_expected_where_the_next_ones_are(phantom, frames):
+    tissue, squared = UnifiedFilter(phantom, HIDDEN, OUTER), []
     for k, (time_s, marks) in enumerate(frames):
         tissue.predict(time_s)
         for mark in marks if k > 15 else ():
@@ -238,9 +219,8 @@ def test_marks_are_expected_where_the_next_ones_are(made, phantom, frames):
     assert np.mean(np.array(squared) < 13.8) > 0.97  # 99.9 % of two coordinates
 
 
-@BOTH
-def test_gaps_are_said(made, phantom, frames):
-    tissue = made(phantom, HIDDEN, OUTER)
+def test_gaps_are_said(phantom, frames):
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
     statuses = {}
     for time_s, marks in frames[:30]:
         tissue.predict(time_s)
@@ -260,9 +240,8 @@ def test_gaps_are_said(made, phantom, frames):
     assert tissue.update([]).status is Status.LOST
 
 
-@BOTH
-def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(made, phantom, frames):
-    tissue = seen_for(made, phantom, frames[:30])
+def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(phantom, frames):
+    tissue = seen_for(phantom, frames[:30])
     before, cov = tissue.place_of(tissue.target)
     near = before + 2.0 * np.sqrt(np.diag(cov))
     then = tissue.snapshot()
@@ -277,10 +256,9 @@ def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(made, pha
     assert tissue.rejected["fix"] == 1
 
 
-@BOTH
-def test_marks_of_a_node_that_was_not_announced_are_taken_in(made, phantom, frames):
+def test_marks_of_a_node_that_was_not_announced_are_taken_in(phantom, frames):
     """A free node's, such as the hidden one's."""
-    tissue = seen_for(made, phantom, frames[:30])
+    tissue = seen_for(phantom, frames[:30])
     mean, cov = tissue.place_of(tissue.target)
     found = tissue.update([MarkMeasurement(HIDDEN, mean + 1e-4, 1e-2 * cov)])
     assert found.marks_used == 1
@@ -290,7 +268,7 @@ def test_marks_of_a_node_that_was_not_announced_are_taken_in(made, phantom, fram
 def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
     """Of a quiet frame: one mode speaks; truth is the update without that mark."""
     still = [(k * HZ, marks) for k, (_, marks) in enumerate([frames[0]] * 40)]
-    tissue = seen_for(UnifiedFilter, phantom, still)
+    tissue = seen_for(phantom, still)
     tissue.predict(still[-1][0] + HZ)
     then = tissue.snapshot()
     whole = tissue.update(still[0][1])
@@ -302,9 +280,8 @@ def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
         assert whole.information_share[node] == pytest.approx(lost, abs=0.02)
 
 
-@BOTH
-def test_one_shift_of_all_marks_is_said(made, phantom, frames):
-    tissue = seen_for(made, phantom, frames[:30])
+def test_one_shift_of_all_marks_is_said(phantom, frames):
+    tissue = seen_for(phantom, frames[:30])
     tissue.predict(frames[30][0])
     moved = [replace(mark, position=mark.position + np.array([0.02, 0.0])) for mark in frames[30][1]]
     shift = tissue.update(moved).shift
@@ -324,11 +301,11 @@ def test_marks_left_out_are_predicted(phantom, frames):
     assert checks.scale < 3.0
 
 
-@BOTH
-def test_the_offset_of_the_target_is_no_doubt_of_the_tissue(made, phantom, frames):
+def test_the_offset_of_the_target_is_no_doubt_of_the_tissue(phantom, frames):
     """How well the target's own place is known changes neither gain nor whether the model alone speaks."""
     plain, loose = (
-        through(made(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1] for sd_m in (0.0, 0.1)
+        through(UnifiedFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1]
+        for sd_m in (0.0, 0.1)
     )
     assert (loose.gain, loose.model_only) == (pytest.approx(plain.gain, abs=1e-3), False)
     np.testing.assert_allclose(loose.cov - plain.cov, 1e-2 * np.eye(2), atol=1e-6)

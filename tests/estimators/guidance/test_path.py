@@ -64,8 +64,9 @@ def test_both_parts_together_are_the_whole(tissue, tables):
 
 
 def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phantom, tissue, tables):
-    """The same state under a chain that never leaves calm: means within 0.2 sigma, sigmas within 10 %."""
-    knowing = UnifiedFilter(phantom, HIDDEN, OUTER, disturbances=Disturbances(calm_s=NEVER_S, led_each_s=NEVER_S))
+    """The same state under a chain in which no force grows: means within 0.2 sigma, sigmas within 10 %."""
+    never = Disturbances(calm_s=NEVER_S, led_each_s=NEVER_S, rise_s=NEVER_S)
+    knowing = UnifiedFilter(phantom, HIDDEN, OUTER, disturbances=never)
     now, calm = tissue.snapshot(), tissue.process.disturbances.calm_modes
     weights = np.where(calm, now.filter.weights, 0.0) / now.filter.weights[calm].sum()
     knowing.restore(replace(now, filter=replace(now.filter, weights=weights)))

@@ -8,8 +8,7 @@ from scipy.integrate import quad_vec
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 
 from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
-from estimators import FixBias, ForceMode, TissueModel, accumulated_noise
-from estimators.process.known_force import KnownForce
+from estimators import ForceMode, TissueModel, accumulated_noise
 from estimators.process.process_model import _without_growth
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
@@ -30,13 +29,6 @@ def test_state_is_the_networks_and_a_poke_for_each_marked_coordinate(model, phan
     assert model.dim_x == 16 + 6
     assert model.poked_rows.tolist() == [0, 1, 4, 5, 6, 7]
     assert TissueModel(phantom, ("M4", "M1")).poked_rows.tolist() == [6, 7, 0, 1]
-    assert (model.pokes, model.bias_rows) == (slice(16, 22), slice(22, 22))
-    biased = TissueModel(phantom, OUTER, bias=FixBias(1e-3))
-    assert (biased.pokes, biased.bias_rows) == (slice(16, 22), slice(22, 24))
-
-
-def test_where_all_constants_are_known_they_make_no_forces(model):
-    assert model.constant_forces(np.zeros(22)).shape == (0, 8)
 
 
 @pytest.mark.parametrize("dt", [1e-3, 1 / 240, 1 / 10])
@@ -95,86 +87,9 @@ def test_noise_of_a_step_is_the_integral_of_free_motion(model, mode, dt):
     assert np.linalg.eigvalsh(Q / scale)[0] > 0
 
 
-ONLY_M3 = ForceMode(0.3, 5.0, 0.2, only=1, others=ForceMode(0.3, 0.7, 0.01))
-"""The second of the outer masses is poked; the others' pokes fade at once."""
-
-
-def test_where_one_node_is_poked_the_others_are_not(model, phantom, rest_state):
-    """Noise of a step by quadrature of free motion in which only M3, coordinates 4 and 5, has the strong slow poke.
-
-    And pokes of 1 N fade by exp(-dt / tau), each by its own time; 1e-10 and rounding.
-    """
-    sd, tau, dt = np.full(6, 0.7), np.full(6, 0.01), 1 / 240
-    sd[2:4], tau[2:4] = 5.0, 0.2
-    A, density = free_motion(model, MODE)
-    A[range(16, 22), range(16, 22)] = -1.0 / tau
-    density[range(16, 22), range(16, 22)] = 2.0 * (sd * 0.2) ** 2 / tau
-    expected = integrated(A, density, dt)
-    scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
-    np.testing.assert_allclose(model.noise(dt, ONLY_M3) / scale, expected / scale, rtol=0, atol=1e-10)
-    moved = model.propagate(np.r_[rest_state, np.ones(6)][None], dt, ONLY_M3)[0]
-    np.testing.assert_allclose(moved[16:], np.exp(-dt / tau), rtol=1e-12)
-    found = model.linearised(phantom.positions, ONLY_M3)
-    np.testing.assert_allclose(found[0].diagonal()[16:], -1.0 / tau, rtol=1e-12)
-    np.testing.assert_allclose(found[1].diagonal(), density.diagonal(), rtol=1e-12)
-
-
-@pytest.mark.parametrize("mode", [ForceMode(0.3, 5.0, 0.2, only=1), ForceMode(0.3, 5.0, 0.2, others=MODE)])
-def test_pokes_are_alike_unless_one_node_and_the_others_are_given(mode):
-    """A node without the others' pokes, or those without a node: 5 m/s² and 0.2 s everywhere."""
-    sd, lasting = mode.pokes(3, 2)
-    assert sd.tolist() == [5.0] * 6
-    assert lasting.tolist() == [0.2] * 6
-
-
-def test_noise_of_modes_is_that_of_each_for_the_step_and_the_modes_asked_for(model):
-    """Steps that differ by less than half a nanosecond have one noise; another step or other modes have their own."""
-    modes, others = (MODE, ONLY_M3), (ONLY_M3, MODE)
-    for dt, asked in ((0.125, modes), (0.25, modes), (0.25, others), (0.125, others), (0.125, modes)):
-        found = model.noise_of_modes(dt, asked)
-        np.testing.assert_array_equal([Q for Q, _ in found], [model.noise(dt, mode) for mode in asked])
-    found = model.noise_of_modes(0.125, modes)
-    assert model.noise_of_modes(0.125 + 4e-10, modes) is found
-    assert model.noise_of_modes(0.125 + 2e-9, modes) is not found
-
-
-def test_noise_is_that_of_the_modes_asked_for_last(model):
-    """Of each mode in order, for each of six pokes; asked for again it is the same."""
-    modes, others = (MODE, ONLY_M3), (ONLY_M3, MODE)
-    apart = [0.01, 0.01, 0.2, 0.2, 0.01, 0.01]
-    found = model.noise_of(modes)
-    np.testing.assert_array_equal(found[2], [[0.2] * 6, apart])
-    assert model.noise_of(modes) is found
-    np.testing.assert_array_equal(model.noise_of(others)[2], [apart, [0.2] * 6])
-
-
 def test_steps_are_of_at_most_a_120th_of_a_second(phantom):
     """Half the stability limit of the phantom is longer than that; an interval of 0.1 s takes twelve steps."""
     assert TissueModel(phantom, OUTER).stepper.n_steps(0.1) == 12
-
-
-def test_a_known_force_adds_to_the_pokes_and_sees_the_states(phantom, rest_state):
-    """A poke that hardly fades is a constant force: one of F and a push of G move the tissue as a poke of F + G.
-
-    To 1e-7 of some 1e-2 m/s: in a step of 1/120 s it fades by 8e-7. A push that depends on the state is at each sigma
-    point the constant one that it is there.
-    """
-    model, lasting, rng = TissueModel(phantom, OUTER), ForceMode(0.3, 5.0, 1e4), np.random.default_rng(3)
-    points = np.r_[rest_state, np.zeros(6)] + rng.normal(0.0, 0.01, (3, 22))
-    push = np.zeros(8)
-    push[model.poked_rows] = rng.normal(size=6)
-    together = points.copy()
-    together[:, 16:] += push[model.poked_rows]
-    expected = model.propagate(together, 1 / 120, lasting)[:, :16]
-    assert np.abs(expected - model.propagate(points, 1 / 120, lasting)[:, :16]).max() > 1e-3
-    model.push = KnownForce(push.reshape(4, 2), phantom, 0.0)
-    np.testing.assert_allclose(model.propagate(points, 1 / 120, lasting)[:, :16], expected, rtol=0, atol=1e-7)
-    gain = rng.normal(size=(8, 16))
-    model.push = KnownForce(lambda _t, states: (states @ gain.T).reshape(*states.shape[:-1], 4, 2), phantom, 0.0)
-    moved = model.propagate(points, 1 / 120, lasting)
-    for point, found in zip(points, moved, strict=True):
-        model.push = KnownForce((gain @ point[:16]).reshape(4, 2), phantom, 0.0)
-        np.testing.assert_allclose(found, model.propagate(point[None], 1 / 120, lasting)[0], rtol=0, atol=1e-12)
 
 
 def test_noise_is_what_drawn_forces_do_to_one_mass(one_mass):
@@ -296,20 +211,3 @@ def test_without_negative_stiffness_a_motion_is_as_it_was():
     for squares in ([-4.0, -2.0, -0.5], [-4.0, -2.0, 0.0]):
         kept = np.diag(squares)
         assert _without_growth(kept, np.array([1.0, 4.0, 16.0])) is kept
-
-
-def test_led_nodes_bear_the_same_forces_in_every_mode(phantom):
-    """Those of M3 are the hand's, of the other marked ones the mode's; a node without a mark is not led."""
-    hand, mode = ForceMode(white=5.0, poke=50.0, lasting_s=0.1), ForceMode(white=0.1, poke=2.0, lasting_s=0.3)
-    sd, lasting = TissueModel(phantom, ("M1", "M3"), led=(("M3",), hand)).force_noise(mode)
-    assert (sd.tolist(), lasting.tolist()) == ([2.0, 2.0, 50.0, 50.0], [0.3, 0.3, 0.1, 0.1])
-    with pytest.raises(ValueError, match="led nodes: expected marked ones, M1, M3, found M2"):
-        TissueModel(phantom, ("M1", "M3"), led=(("M2",), hand))
-
-
-def test_hidden_nodes_bear_a_share_of_a_poke(phantom):
-    """After the marked ones, in the network's order: two coordinates each of M2 and M4, at a third of the force."""
-    model, mode = TissueModel(phantom, ("M3", "M1"), hidden_share=0.3), ForceMode(white=0.1, poke=2.0, lasting_s=0.3)
-    assert model.poked_rows.tolist() == [4, 5, 0, 1, 2, 3, 6, 7]
-    assert model.force_noise(mode)[0] == pytest.approx([2.0] * 4 + [0.6] * 4)
-    assert model.dim_x == phantom.n_state + 8

