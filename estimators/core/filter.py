@@ -281,6 +281,7 @@ class HypothesisFilter:
             means[:, own] = self.means[:, own]
         self.means, self.weights = means, np.exp(logs - self.log_likelihood)
         self._before, self._latest, self.found = None, None, found
+        self._dt = 0.0  # of what is new in the discrepancy a part is known from now on: it is no independent noise
         self.outlying = found.outlying[int(np.argmax(self.weights))]
         return float(found.nis.min())
 

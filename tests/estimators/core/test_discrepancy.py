@@ -5,6 +5,8 @@ import pytest
 from scipy.special import gamma, kv
 from scipy.stats import multivariate_normal
 
+from dynamics import HIDDEN, OUTER, four_mass_phantom
+from estimators import MarkMeasurement, UnifiedFilter
 from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor, matern
 from estimators.core.kernels import withheld_log_likelihoods
 
@@ -101,3 +103,16 @@ def test_without_marks_the_level_goes_back_to_its_prior() -> None:
     posterior.forget(120.0)
     assert posterior.level == pytest.approx(usual, rel=0.1)
     assert usual**2 == pytest.approx(np.mean(np.square(Discrepancy().levels)))
+
+
+def test_marks_after_a_fix_of_their_time_leave_levels_finite() -> None:
+    """The fix has seen a part of what is new in the discrepancy since the frame before."""
+    phantom = four_mass_phantom()
+    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    places = {node: phantom.positions[phantom.index(node)] for node in (*OUTER, HIDDEN)}
+    for time_s in (0.0, 0.1, 0.2):
+        tissue.predict(time_s)
+        if time_s:
+            tissue.fix(places[HIDDEN], 1e-6 * np.eye(2))
+        tissue.update([MarkMeasurement(node, places[node], 1e-6 * np.eye(2)) for node in OUTER])
+        assert np.isfinite(tissue.level.log_weights).all()

@@ -46,8 +46,8 @@ def test_one_that_does_not_is_said_by_how_much(scene):
 
 
 def tuned(scene):
-    """The scene with a noise level of its own, and the step that gave it."""
-    settings = replace(scene.settings, quiet=replace(scene.settings.quiet, white=0.123))
+    """The scene with a level of discrepancy of its own, and the step that gave it."""
+    settings = replace(scene.settings, discrepancy=0.0123)
     return with_step(replace(scene, settings=settings), "tune", "1")
 
 
@@ -99,10 +99,10 @@ def test_what_is_assumed_is_one_line(scene):
     """Of the phantom: four free nodes, three of them measured."""
     assert scene_line(scene) == (
         f"scene: 4 free nodes and {len(scene.network.springs)} springs in 2 dimensions, marks measured on M1, M3, M4, "
-        "target M2; constants exact; noise levels the usual; done: nothing"
+        "target M2; constants exact; levels the usual; done: nothing"
     )
     done = with_step(tuned(with_step(scene, "at-rest", "1")), "identify", "1")
-    assert scene_line(done).endswith("noise levels its own; done: at-rest, tune, identify")
+    assert scene_line(done).endswith("levels its own; done: at-rest, tune, identify")
 
 
 def test_a_target_that_is_measured_is_said(scene):

@@ -134,7 +134,7 @@ def test_a_tissue_of_ones_own(tmp_path):
     )
     write_scene(heavy, tmp_path / "body.toml")
     with (tmp_path / "body.toml").open("a", encoding="utf-8") as body:
-        body.write("\n[filter]\npoke_m_s2 = 2.0\nwhite_m_s2_sqrt_hz = 0.1\n")
+        body.write("\n[filter]\npoke_m_s2 = 2.0\nstrain = 0.02\n")
     text = TEXT.replace("[grid]", 'scene = "body.toml"\n[grid]\nfilter.poke_m_s2 = [3.0]')
     case = cases_of(read_sweep(file(tmp_path, text)))[0]
     given = []
@@ -148,7 +148,7 @@ def test_a_tissue_of_ones_own(tmp_path):
         patch.setattr(module, "compare", noted)
         rows = swept_rows(case)
     np.testing.assert_array_equal(given[0].network.masses, heavy.network.masses)
-    assert (given[0].settings.poked.poke, given[0].settings.poked.white) == (3.0, 0.1)
+    assert (given[0].settings.poked.poke, given[0].settings.discrepancy) == (3.0, 0.02)
     usual = swept_rows(cases_of(read_sweep(file(tmp_path)))[0])
     assert rows[0]["mae_mm"] != usual[0]["mae_mm"]
 

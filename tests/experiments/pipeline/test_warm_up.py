@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-NAMES = ["phantom", "chain3", "block27", "chain3 by unified"]
+NAMES = ["phantom", "chain3", "block27"]
 
 
 @pytest.mark.slow

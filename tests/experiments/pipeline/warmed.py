@@ -2,8 +2,8 @@
 
     python -m tests.experiments.pipeline.warmed phantom BODY ...
 
-phantom: pictures, and a needle; BODY: marks of a body of the zoo, `BODY by unified` by that filter; each in a process
-of its own. Such a call is compiled while a frame waits, unless an earlier run left it on the disk.
+phantom: pictures, and a needle; BODY: marks of a body of the zoo; each in a process of its own. Such a call is compiled
+while a frame waits, unless an earlier run left it on the disk.
 """
 
 import multiprocessing
@@ -18,7 +18,7 @@ from numba.core.registry import CPUDispatcher
 
 import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import CovarianceError, FilterSettings, MarkMeasurement
+from estimators import CovarianceError, MarkMeasurement
 from experiments.formats.needle_file import read_needle
 from experiments.formats.scene.scene import Mark, Scene, Target
 from experiments.pipeline.line import Line
@@ -105,12 +105,10 @@ def run_body(name: str) -> set[str]:
     """What marks of a body call beyond the rehearsal: seen, some missing, pushed, exchanged, none, elsewhere, a fix."""
     from experiments.simulation.bodies.zoo import make_body
 
-    name, _, by = name.partition(" by ")
     body = make_body(name, 3, seconds=1.0)
     marks = tuple(Mark(node, 0.0, 0.01) for node in body.marked)
     hidden = body.hidden[0] if body.hidden else body.marked[-1]
-    settings = FilterSettings(unified=by == "unified")
-    scene = Scene(body.network, marks, Target(hidden, 5e-3), (), settings=settings)
+    scene = Scene(body.network, marks, Target(hidden, 5e-3), ())
     warm_up(scene)
     line, before, dim = Line(scene, baseline=False), called(), body.network.dim
     cov, rng = body.mark_sd_m**2 * np.eye(dim), np.random.default_rng(0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dynamics import build_network, four_mass_phantom, independent_uncertainty, parameters
-from estimators import FilterSettings, UnifiedFilter
+from estimators import FilterSettings
 from experiments.commands.run import Run
 from experiments.errors import InputError
 from experiments.formats.recording import MarkRow, write_frames_csv, write_marks_csv
@@ -244,15 +244,6 @@ def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) ->
     line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 100 free nodes for a filter in space, found 317"
     assert capsys.readouterr().err == f"softaim: {line}\n"
     assert not (tmp_path / "out").exists()
-
-
-def test_a_filter_of_many_nodes_is_made_with_a_warning(monkeypatch) -> None:
-    scene = hanging()
-    monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 8)
-    UnifiedFilter(scene.network, "T", ["M"])
-    monkeypatch.setattr("estimators.tissue.model.MOST_STATES", 7)
-    with pytest.warns(UserWarning, match="a filter of 2 free nodes takes seconds for a frame"):
-        UnifiedFilter(scene.network, "T", ["M"])
 
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:

@@ -182,12 +182,16 @@ def advice_of(pushes: Pushes, folder: Path, from_s: float, until_s: float) -> li
     return [one for run in runs for one in run if from_s <= one.time_s < until_s]
 
 
-def test_go_comes_true_before_a_shift_and_is_not_given_after_it(folder):
-    """The target shifts by 10 to 15 mm, half of it within 0.25 s: from 0.6 s on no GO; before, nearly always."""
+def test_go_hits_before_a_shift_and_misses_nothing_after_it(folder):
+    """The target shifts by 10 to 15 mm, half of it within 0.25 s: from 0.6 s on no GO misses; before, nearly always GO.
+
+    After 2 s its place is known well enough again for a GO now and then.
+    """
     before = advice_of(shifted, folder, 8.0, LEAVES_S - 0.5)
     assert np.mean([one.go for one in before]) > 0.9
     assert np.mean([one.hit for one in before]) > 0.95
-    assert not any(one.go for one in advice_of(shifted, folder, LEAVES_S + 0.6, LEAVES_S + 3.0))
+    assert not any(one.go for one in advice_of(shifted, folder, LEAVES_S + 0.6, LEAVES_S + 2.0))
+    assert not any(one.go and not one.hit for one in advice_of(shifted, folder, LEAVES_S + 2.0, LEAVES_S + 3.0))
 
 
 @pytest.mark.slow

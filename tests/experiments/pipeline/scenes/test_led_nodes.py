@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from estimators import FilterSettings
-from estimators.tissue.settings import LED
+from estimators.core.tissue import SOURCES
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import read_scene, write_scene
@@ -47,10 +47,11 @@ def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filte
     assert len(filters.checks.without) == 3
     for tissue in (filters.filter, *filters.checks.without.values()):
         assert tissue.settings.led_nodes == ("M1",)
-        for mode in tissue.settings.modes:
-            sd, lasting_s = tissue.model.force_noise(mode)
-            np.testing.assert_array_equal(sd, [LED.poke] * 2 + [mode.poke] * 4)
-            np.testing.assert_array_equal(lasting_s, [LED.lasting_s] * 2 + [mode.lasting_s] * 4)
+        force, sources = tissue.process.parts["force"].start, tissue.process.variances(0.0)
+        led, short = (sources[:, SOURCES.index(name)] for name in ("led", "short"))
+        assert led.min() > 10.0 * short.min()
+        found = tissue.process.prior(0.0)[1].diagonal(axis1=1, axis2=2)[:, force : force + 6]
+        np.testing.assert_allclose(found, np.stack([led] * 2 + [short] * 4, axis=1))
 
 
 def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recording, capsys, tmp_path):

@@ -147,7 +147,7 @@ def test_the_truth_has_whatever_the_target_has_beside_its_node(tmp_path: Path, m
         made = target_map(network, target, *error_rows)
         return replace(made, constant=made.constant + np.array([0.0, -0.02]))
 
-    for module in ("estimators.tissue.filter", "experiments.pipeline.track"):
+    for module in ("estimators.core.posterior", "experiments.pipeline.track"):
         monkeypatch.setattr(f"{module}.target_map", deeper)
     after = track(read_recording(folder))
     np.testing.assert_allclose(after.truth - before.truth, np.tile([0.0, -0.02], (15, 1)), atol=1e-12)
