@@ -15,8 +15,8 @@ from estimators.tissue.settings import FilterSettings
 class Disturbances:
     """Prior of the unknown forces, given as accelerations.
 
-    Short forces act on each marked node by itself: calm, poked, led or struck. Slow ones, such as a breath or leaning, are a
-    smooth field over all of the nodes where forces may act. Each has its own chain, and a mode is a pair of their
+    Short forces act on each marked node by itself: calm, poked, led or struck. Slow ones, such as a breath or leaning,
+    are a smooth field over all of the nodes where forces may act. Each has its own chain, and a mode is a pair of their
     states. Strengths but those of calm are raised with the acceleration by which a stiff body returns when it is bent.
 
     Attributes

@@ -56,10 +56,10 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
-    cov: Floats = np.linalg.inv(found.information / times + prior_precision)
+    cov = np.asarray(np.linalg.inv(found.information / times + prior_precision), dtype=np.float64)
     dof = float(found.dof.sum())
     if not dof:
-        return np.asarray(cov, dtype=np.float64), ResidualTest(float("nan"), 1.0, 0, 0.0, explained=True)
+        return cov, ResidualTest(float("nan"), 1.0, 0, 0.0, explained=True)
     worst = float(np.linalg.eigvals(cov @ (found.information + prior_precision)).real.max())
     size, n_effective = float(found.nis.sum()) / dof, dof / times
     explained = bool(size <= chi2.isf(LEVEL, n_effective) / n_effective)
