@@ -10,7 +10,7 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     rest_shape            where a network rests
     integrate_adaptive    slow exact motion, for truths
     pack, unpack          state vectors to and from positions and velocities
-    UnifiedFilter         predict, update, and where the target is
+    TissueFilter         predict, update, and where the target is
     AssociationFilter     the same where marks look alike
     FilterSettings        what is assumed about unknown forces
     MarkMeasurement       what goes in: a mark's position and covariance
@@ -58,7 +58,7 @@ if TYPE_CHECKING:
         Needle,
         Status,
         TargetEstimate,
-        UnifiedFilter,
+        TissueFilter,
         fixed_interval,
         guide,
         hit_probability,
@@ -91,7 +91,7 @@ __all__ = [
     "Status",
     "Target",
     "TargetEstimate",
-    "UnifiedFilter",
+    "TissueFilter",
     "__version__",
     "build_network",
     "fit_rest_lengths",
@@ -131,7 +131,7 @@ _NAMES_OF = {
         "Needle",
         "Status",
         "TargetEstimate",
-        "UnifiedFilter",
+        "TissueFilter",
         "fixed_interval",
         "guide",
         "hit_probability",

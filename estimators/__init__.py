@@ -2,7 +2,7 @@
 
 Names to start with:
 
-    UnifiedFilter         predict, update, and where the target is
+    TissueFilter         predict, update, and where the target is
     FilterSettings        what it assumes about unknown forces
     MarkMeasurement       what goes in: a mark's position and covariance
     TargetEstimate        what comes out: mean, covariance, status
@@ -56,7 +56,7 @@ from estimators.consistency import (
     reliability_bins,
     resting_bound,
 )
-from estimators.core import AheadTables, UnifiedFilter
+from estimators.core import AheadTables, TissueFilter
 from estimators.filters import (
     CovarianceError,
     UnscentedKalmanFilter,
@@ -226,10 +226,10 @@ __all__ = [
     "TargetMap",
     "TargetPath",
     "TargetPoint",
+    "TissueFilter",
     "TissueModel",
     "TrackingProblem",
     "TuningResult",
-    "UnifiedFilter",
     "UnknownMethodError",
     "UnscentedKalmanFilter",
     "VarianceScale",

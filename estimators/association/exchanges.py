@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.filters.kernels import ambiguous_exchanges, association_costs
 from estimators.tissue.estimate import MarkMeasurement
 
@@ -25,7 +25,7 @@ class InterchangeableMarks:
     nodes: those that are in a group of two or more; own: their names as they are
     """
 
-    def __init__(self, tissue: UnifiedFilter, groups: Iterable[Collection[str]]) -> None:
+    def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
         kinds = [tuple(group) for group in groups if len(group) > 1]
         self.nodes = tuple(node for group in kinds for node in group)
         self.own: Names = tuple(range(len(self.nodes)))
@@ -37,7 +37,7 @@ class InterchangeableMarks:
         """The node that a mark named after each node is on."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
-    def costs(self, tissue: UnifiedFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
+    def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
         """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
 
         As -log of a density. Nothing for a mark that is not seen. starting: by where nodes may be at a start.

@@ -11,7 +11,7 @@ import numpy as np
 from estimators.arrays import Floats
 from estimators.association.exchanges import InterchangeableMarks, Names, renamed, seen_from
 from estimators.association.settings import IdentitySettings
-from estimators.core.track import FilterSnapshot, UnifiedFilter
+from estimators.core.track import FilterSnapshot, TissueFilter
 from estimators.filters.unscented import CovarianceError
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 
@@ -77,7 +77,7 @@ class AssociationFilter:
     """
 
     def __init__(
-        self, tissue: UnifiedFilter, groups: Iterable[Collection[str]], settings: IdentitySettings | None = None
+        self, tissue: TissueFilter, groups: Iterable[Collection[str]], settings: IdentitySettings | None = None
     ) -> None:
         self.tissue = tissue
         self.settings = IdentitySettings() if settings is None else settings

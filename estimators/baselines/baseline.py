@@ -18,7 +18,7 @@ from estimators.tissue.settings import FilterSettings
 
 
 class Baseline(ABC):
-    """A method to compare with; the filter that the project recommends is `UnifiedFilter`.
+    """A method to compare with; the filter that the project recommends is `TissueFilter`.
 
     It starts at rest, as uncertain as pokes of `settings.lost_s` make the tissue, and stays there until the first
     marks. No mark is ever gated.

@@ -17,7 +17,6 @@ from estimators.baselines.extended import ExtendedKalmanFilter
 from estimators.baselines.particles import ParticleFilter
 from estimators.baselines.smoother import FixedIntervalSmoother
 from estimators.baselines.stock import StockUnscented
-from estimators.core.track import UnifiedFilter
 from estimators.process.target import TargetPoint
 from estimators.smoothing.smoother import TimedFix
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
@@ -32,7 +31,7 @@ class UnknownMethodError(LookupError):
 class TrackingProblem:
     """What every method is given: the tissue, the target (a node or a point beside it), and the belief about forces.
 
-    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `UnifiedFilter`
+    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
     seed: of methods that draw random numbers; fixes: direct sightings of the target, for a method that uses them
     """
 
@@ -75,9 +74,6 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
     "filterpy-ukf": lambda problem: StockUnscented(*problem.physics),
     "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng),
     "particles": lambda problem: ParticleFilter(*problem.physics, rng=problem.rng),
-    "unified": lambda problem: UnifiedFilter(
-        *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration
-    ),
     "smoother": lambda problem: FixedIntervalSmoother(
         *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration, fixes=problem.fixes
     ),

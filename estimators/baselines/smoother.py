@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.process.target import TargetPoint
 from estimators.smoothing.smoother import TimedFix, fixed_interval
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
@@ -31,7 +31,7 @@ class FixedIntervalSmoother:
         fixes: Sequence[TimedFix] = (),
     ) -> None:
         self._fixes = tuple(fixes)
-        self.tissue = UnifiedFilter(
+        self.tissue = TissueFilter(
             network, target, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration
         )
 

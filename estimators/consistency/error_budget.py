@@ -14,7 +14,7 @@ import numpy as np
 
 from dynamics import rest_shape, stiffness_matrix
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.process.process_model import LOOSE
 
 
@@ -47,7 +47,7 @@ class StaticResponse:
     State: the hidden coordinates' stiffness, solved for what is asked.
     """
 
-    def __init__(self, tissue: UnifiedFilter, nodes: Sequence[str]) -> None:
+    def __init__(self, tissue: TissueFilter, nodes: Sequence[str]) -> None:
         network, self._target = tissue.network, tissue.target
         self.rest = rest_shape(network)
         K = stiffness_matrix(network, self.rest)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.filters.adaptation import VarianceScale
 from estimators.process.target import TargetPoint
 from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
@@ -50,7 +50,7 @@ class LeaveOneOut:
         if len(marked) < 2:
             raise ValueError(f"marked: expected two or more nodes, found {len(marked)}")
         self.tissue, *others = (
-            UnifiedFilter(network, node, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
+            TissueFilter(network, node, marked, settings, uncertainty=uncertainty, n_calibration=n_calibration)
             for node in (target, *marked)
         )
         self.without = dict(zip(marked, others, strict=True))
@@ -64,7 +64,7 @@ class LeaveOneOut:
         return self._scales.scale
 
     def predict(self, time_s: float) -> None:
-        """Move all filters to this exposure time [s]; raises ValueError as `UnifiedFilter.predict` does."""
+        """Move all filters to this exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
         self.tissue.predict(time_s)
         for other in self.without.values():
             other.predict(time_s)
@@ -91,7 +91,7 @@ class LeaveOneOut:
         return replace(estimate, cov=None if estimate.cov is None else self.scale * estimate.cov)
 
 
-def _with_calibration(other: UnifiedFilter, mark: MarkMeasurement) -> Floats:
+def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
     """What an error of the calibration adds to the variance of its mark about a filter's target [m²], (dim, dim).
 
     Where the filter considers it, its own error comes from the same: columns C and the mark's F add

@@ -35,7 +35,7 @@ from dynamics import (
     stiffness_matrix,
 )
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.process.process_model import LOOSE, ForceMode
 from estimators.tissue.estimate import MarkMeasurement
 
@@ -90,7 +90,7 @@ class StaticBalance:
 
     def __init__(
         self,
-        tissue: UnifiedFilter,
+        tissue: TissueFilter,
         uncertainty: ParameterUncertainty | None = None,
         calibration: Calibration | None = None,
         settings: BalanceSettings = BALANCE,

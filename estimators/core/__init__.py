@@ -10,7 +10,7 @@ from estimators.core.filter import HypothesisFilter
 from estimators.core.marks import Places
 from estimators.core.protocols import Observation, ProcessModel, Transition
 from estimators.core.tissue import TissueProcess
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 
 __all__ = [
     "AheadTables",
@@ -21,7 +21,7 @@ __all__ = [
     "Observation",
     "Places",
     "ProcessModel",
+    "TissueFilter",
     "TissueProcess",
     "Transition",
-    "UnifiedFilter",
 ]

@@ -22,7 +22,7 @@ from estimators.process.target import TargetMap
 
 
 class Tissue(Protocol):
-    """What tables need of a filter of the tissue; attributes as `UnifiedFilter` has them."""
+    """What tables need of a filter of the tissue; attributes as `TissueFilter` has them."""
 
     network: MassSpringNetwork
     process: TissueProcess

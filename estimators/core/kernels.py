@@ -1,4 +1,4 @@
-"""Compiled sums of the unified filter: motion and noise of several steps together, and withheld likelihoods."""
+"""Compiled sums of the filter: motion and noise of several steps together, and withheld likelihoods."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ POSSIBLE = 1e-3
 
 
 class TissuePosterior:
-    """What is known of a tissue now, and of the target in it; `UnifiedFilter` moves and updates it.
+    """What is known of a tissue now, and of the target in it; `TissueFilter` moves and updates it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The target of a tissue from its marks, by the unified filter: start, outliers, health, prediction."""
+"""The target of a tissue from its marks, by the filter: start, outliers, health, prediction."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """The whole state of a `UnifiedFilter` at one time."""
+    """The whole state of a `TissueFilter` at one time."""
 
     time_s: float | None
     filter: FilterState | None
@@ -60,7 +60,7 @@ class FilterSnapshot:
         return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None)
 
 
-class UnifiedFilter(TissuePosterior):
+class TissueFilter(TissuePosterior):
     """Where the target is, from marks on the tissue; parameters as `TissuePosterior` has them.
 
     The same filter for every body: no setting depends on its stiffness or size but by how strong forces may be.

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.guidance.kernels import insert_each
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Insertion, Needle
@@ -200,7 +200,7 @@ def path_times(
 
 
 def guide(
-    filter_: PathSource | UnifiedFilter,
+    filter_: PathSource | TissueFilter,
     estimate: TargetEstimate,
     insertion: Insertion,
     lesion: Lesion,
@@ -213,7 +213,7 @@ def guide(
     """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
 
     The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
-    times [s], (n,), or more of them; None: a `UnifiedFilter`'s by tables, which the first call makes and later ones use
+    times [s], (n,), or more of them; None: a `TissueFilter`'s by tables, which the first call makes and later ones use
     again, as `softaim advise` has it; another source's `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
@@ -225,7 +225,7 @@ def guide(
     times = path_times(estimate, insertion, needle, settings, now_s)
     if path_at is not None:
         path = path_at(times)
-    elif isinstance(filter_, UnifiedFilter):
+    elif isinstance(filter_, TissueFilter):
         path = kept_path(filter_, times)
     else:
         path = TargetPath(times, *filter_.predict_path(times))

@@ -15,7 +15,7 @@ import numpy as np
 from dynamics import SAME_STEP, rest_shape
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
 from estimators.threads import one_blas_thread
@@ -114,7 +114,7 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
     return TargetPath(one.times_s, mean, cov, PathParts(weights, means, covs))
 
 
-def path_reach_s(tissue: UnifiedFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
+def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
     """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
     rest = tissue.target.position(rest_shape(tissue.network)[tissue.network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
@@ -126,7 +126,7 @@ def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
-def path_tables(tissue: UnifiedFilter, ahead_s: float) -> AheadTables:
+def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
     """Tables of a filter's path as far ahead as this [s]; its posterior does not matter, its model does."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
@@ -136,12 +136,12 @@ def _times_until(ahead_s: float, cycle_s: float) -> int:
     return int(np.ceil(ahead_s / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
-def path_by_tables(tables: AheadTables, tissue: UnifiedFilter) -> TargetPath:
+def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
     """The path in parts, at all times of the tables; raises ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
-def path_near_rest(tables: AheadTables, tissue: UnifiedFilter, times_s: Floats) -> TargetPath:
+def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
     """The path from the first of these times [s], (k,), or before, to the last: by tables as far as they hold.
 
     Else by the filter itself, at these times.
@@ -154,11 +154,11 @@ def path_near_rest(tables: AheadTables, tissue: UnifiedFilter, times_s: Floats) 
     return _first_of_tables(tables, tissue, max(n, 2))
 
 
-_KEPT: WeakKeyDictionary[UnifiedFilter, AheadTables] = WeakKeyDictionary()
+_KEPT: WeakKeyDictionary[TissueFilter, AheadTables] = WeakKeyDictionary()
 """Tables of each filter that was asked for its path, as long as it lives."""
 
 
-def kept_path(tissue: UnifiedFilter, times_s: Floats) -> TargetPath:
+def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
     """As `path_near_rest`, by tables that are made where they are first needed, or reach farther, and kept."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
@@ -171,13 +171,13 @@ def kept_path(tissue: UnifiedFilter, times_s: Floats) -> TargetPath:
 
 
 @one_blas_thread()
-def _first_of_tables(tables: AheadTables, tissue: UnifiedFilter, n: int) -> TargetPath:
+def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> TargetPath:
     """As `path_by_tables`, at the first n times."""
     times, means, covs, *part = (each[:n] for each in tables.parts(tissue))
     return TargetPath(times, means, covs, _parts(means, covs, *part))
 
 
-def _is_near_rest(tables: AheadTables, tissue: UnifiedFilter) -> bool:
+def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
     """Whether no spring is turned by more than `TURNED` from its direction at rest."""
     now = tissue.positions
     i, j = tissue.network.springs.T

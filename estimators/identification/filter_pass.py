@@ -14,7 +14,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
 from estimators.tissue.estimate import MarkMeasurement
@@ -86,7 +86,7 @@ def pass_through(
     information, effect = np.zeros((n, n)), np.zeros((n, n))
     scores, nis, dof, errors = list[Floats](), list[float](), list[float](), list[float]()
     try:
-        tissue = UnifiedFilter(network, target, marked, exact, uncertainty=small)
+        tissue = TissueFilter(network, target, marked, exact, uncertainty=small)
         own = tissue.process.parts.get("constants", slice(0, 0))
         at_target = tissue.rows_of(tissue.target)
         for time_s, marks in frames:

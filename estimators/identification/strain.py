@@ -1,4 +1,4 @@
-"""The level of the unified filter's discrepancy from a recording: how far a tissue departs from its model."""
+"""The level of the filter's discrepancy from a recording: how far a tissue departs from its model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.identification.budget import Budget, OutOfTimeError, Workers, too_short
 from estimators.identification.filter_pass import Frames
 from estimators.identification.stretch import affordable, frame_seconds, from_first_marks
@@ -62,7 +62,7 @@ class _Passes:
     def __call__(self, strain: float | None) -> float:
         marked, target = self.nodes
         settings = replace(self.settings, discrepancy=strain)
-        tissue = UnifiedFilter(self.network, target, marked, settings, uncertainty=self.uncertainty)
+        tissue = TissueFilter(self.network, target, marked, settings, uncertainty=self.uncertainty)
         total = 0.0
         with one_blas_thread():
             for time_s, marks in self.frames:

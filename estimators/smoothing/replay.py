@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from estimators.arrays import Floats
-from estimators.core.track import FilterSnapshot, UnifiedFilter
+from estimators.core.track import FilterSnapshot, TissueFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 
 
@@ -40,7 +40,7 @@ class Replay:
     came out of order and were fused, `fused`, or were older than all that is kept, `rejected`.
     """
 
-    def __init__(self, tissue: UnifiedFilter, horizon_s: float = 0.5) -> None:
+    def __init__(self, tissue: TissueFilter, horizon_s: float = 0.5) -> None:
         if not horizon_s >= 0:
             raise ValueError(f"horizon_s: expected 0 s or more, found {horizon_s}")
         self.tissue = tissue

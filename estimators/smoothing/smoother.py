@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats
 from estimators.core.filter import Move
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 
 SINGULAR = 1e-12
@@ -42,7 +42,7 @@ class Step:
 class ForwardPass:
     """A filter on its way through frames, with what a smoother needs of each. State: the filter."""
 
-    def __init__(self, tissue: UnifiedFilter) -> None:
+    def __init__(self, tissue: TissueFilter) -> None:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
@@ -74,7 +74,7 @@ class ForwardPass:
 
 
 def fixed_interval(
-    tissue: UnifiedFilter,
+    tissue: TissueFilter,
     frames: Frames,
     advance: Callable[[float], None] = lambda _share: None,
     *,
@@ -112,7 +112,7 @@ class FixedLag:
     State: the passage of the filter, and the frames of the last lag_s.
     """
 
-    def __init__(self, tissue: UnifiedFilter, lag_s: float = 0.3) -> None:
+    def __init__(self, tissue: TissueFilter, lag_s: float = 0.3) -> None:
         if not lag_s >= 0:
             raise ValueError(f"lag_s: expected 0 s or more, found {lag_s}")
         self.lag_s = lag_s

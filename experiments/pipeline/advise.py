@@ -16,7 +16,7 @@ from estimators import (
     GaussianMixture,
     Guidance,
     TargetPath,
-    UnifiedFilter,
+    TissueFilter,
     guide,
     hit_probability,
     path_near_rest,
@@ -142,7 +142,7 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
     return found
 
 
-def reach_s(plan: NeedlePlan, tissue: UnifiedFilter) -> float:
+def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
     """How far ahead the path must be predicted for a plan [s]."""
     return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 

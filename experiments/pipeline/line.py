@@ -23,7 +23,7 @@ from estimators import (
     MarkMeasurement,
     OpenLoop,
     TargetEstimate,
-    UnifiedFilter,
+    TissueFilter,
 )
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -131,7 +131,7 @@ class Line:
         settings = with_bias_of_fixes(scene.settings, fixes)
         self._fixes = deque(sorted(fixes, key=lambda fix: fix.time_s))
         common = scene.network, scene.target.point, measured, settings
-        made = LeaveOneOut if check else UnifiedFilter
+        made = LeaveOneOut if check else TissueFilter
         filters = made(*common, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
         self.checks = filters if isinstance(filters, LeaveOneOut) else None
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters

@@ -21,7 +21,7 @@ from estimators import (
     OpenLoop,
     TargetEstimate,
     TargetPath,
-    UnifiedFilter,
+    TissueFilter,
     compliance,
     either_path,
     health_fault,
@@ -177,7 +177,7 @@ class Paper(Rest):
 class Warm:
     """A filter after the warm-up: its state, its last estimate, the breath; tables of policies, and of advice."""
 
-    tissue: UnifiedFilter
+    tissue: TissueFilter
     then: FilterSnapshot
     estimate: TargetEstimate
     tables: AheadTables
@@ -274,7 +274,7 @@ class Waiting(Ahead):
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
     """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
-    tissue = UnifiedFilter(network, target, marked, settings, uncertainty=uncertainty)
+    tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)
 
 
@@ -285,7 +285,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)
-    tissue, paper = UnifiedFilter(*own, uncertainty=given.uncertainty), Paper(world)
+    tissue, paper = TissueFilter(*own, uncertainty=given.uncertainty), Paper(world)
     model = pickle.dumps((*own, given.uncertainty))
     reach_s = path_reach_s(tissue, case.straight, case.plan.needle, case.plan.settings)
     tables, of_advice = _tables(model, horizon_s(world)), _tables(model, reach_s)

@@ -51,7 +51,7 @@ from estimators import (
     PlannedTarget,
     Skin,
     TargetPath,
-    UnifiedFilter,
+    TissueFilter,
     advise,
     ball,
     candidate_paths,
@@ -114,7 +114,7 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
     """The target after a frame of ours, of filterpy's in plain NumPy and compiled, from one posterior and marks."""
     network = four_mass_phantom()
-    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = list(_marks(network, OUTER, 0.00414, 31))
     for time_s, marks in frames[:-1]:
         tissue.predict(time_s)
@@ -178,7 +178,7 @@ def _marks(
         yield k * FRAME_S, [MarkMeasurement(node, place, cov) for node, place in zip(nodes, at, strict=True)]
 
 
-def _frame_ms(tissue: UnifiedFilter, frames: Iterable[tuple[float, list[MarkMeasurement]]], groups: Groups) -> float:
+def _frame_ms(tissue: TissueFilter, frames: Iterable[tuple[float, list[MarkMeasurement]]], groups: Groups) -> float:
     """Median of a frame of a filter [ms], the first tenth of them left out."""
     identity, seconds = AssociationFilter(tissue, groups), []
     for time_s, marks in frames:
@@ -195,8 +195,8 @@ def full_step(n_frames: int = 300) -> dict[str, float]:
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     frames = list(_marks(network, OUTER, 0.00414, n_frames))
     return {
-        "ours_ms": _frame_ms(UnifiedFilter(network, HIDDEN, OUTER, EXACTLY), frames, [OUTER]),
-        "considered_ms": _frame_ms(UnifiedFilter(network, HIDDEN, OUTER, uncertainty=ten), frames, [OUTER]),
+        "ours_ms": _frame_ms(TissueFilter(network, HIDDEN, OUTER, EXACTLY), frames, [OUTER]),
+        "considered_ms": _frame_ms(TissueFilter(network, HIDDEN, OUTER, uncertainty=ten), frames, [OUTER]),
     }
 
 
@@ -228,14 +228,14 @@ def _grid_ms(side: int, n_frames: int) -> float:
     )
     inner = ((places > 0.0) & (places < side - 1.0)).all(axis=1)
     marked = [names[i] for i in np.flatnonzero(~(inner | network.fixed))]
-    tissue = UnifiedFilter(network, names[int(np.argmax(inner))], marked)
+    tissue = TissueFilter(network, names[int(np.argmax(inner))], marked)
     return _frame_ms(tissue, _marks(network, marked, 0.5e-3, n_frames), [])
 
 
 def advice() -> dict[str, float]:
     """The path of the phantom's target for a second [ms], advice on a needle from a path, a hit's probability."""
     network = four_mass_phantom()
-    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     for time_s, marks in _marks(network, OUTER, 1e-3, 10):
         tissue.predict(time_s)
         tissue.update(marks)

@@ -1,7 +1,7 @@
 """How fast what goes through whole recordings is: advice on a needle, the level of the discrepancy, the smoother.
 
 One recording of the phantom at rest, three marks to 1 mm, 30 frames/s; figures of `softaim bench`, row `recording`.
-advise: a frame's advice, 21 starts over 2 s, from a path by tables, and from one by `UnifiedFilter.predict_path`.
+advise: a frame's advice, 21 starts over 2 s, from a path by tables, and from one by `TissueFilter.predict_path`.
 tune: `tune_strain` on 50 frames, for each frame of them, and how many passes of the filter that is worth.
 smooth: `fixed_interval`, for each frame; ratio: by the filter alone on the same frames.
 """
@@ -19,7 +19,7 @@ from estimators import (
     Insertion,
     Lesion,
     MarkMeasurement,
-    UnifiedFilter,
+    TissueFilter,
     fixed_interval,
     guide,
     path_near_rest,
@@ -50,8 +50,8 @@ def resting_frames(n_frames: int) -> Frames:
     ]
 
 
-def _filter() -> UnifiedFilter:
-    return UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY)
+def _filter() -> TissueFilter:
+    return TissueFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY)
 
 
 def _passed(frames: Frames) -> float:

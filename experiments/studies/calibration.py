@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import UnifiedFilter, coverage, normalised_error_squared
+from estimators import TissueFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.engine.executor import results
 from experiments.engine.progress import run_bar
@@ -102,7 +102,7 @@ def run(
     found = Run({}, {}, {})
     for name in FILTERS:
         n = 0 if name == INDEPENDENT else len(theta)
-        tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY, n_calibration=n)
+        tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY, n_calibration=n)
         errors, covs = [], []
         for (time_s, marks), place in zip(frames, hidden, strict=True):
             tissue.predict(time_s)

@@ -31,7 +31,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
-from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, UnifiedFilter
+from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
 from experiments.arrays import Floats
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
@@ -115,7 +115,7 @@ def reported_run(
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
-    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, right, seconds, swaps, doubts = [], [], [], [], 0
@@ -148,7 +148,7 @@ def reported_run(
 
 def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
     """A run in which each frame's marks are named by where the filter expects them."""
-    tissue = UnifiedFilter(one.network, HIDDEN, OUTER, EXACTLY)
+    tissue = TissueFilter(one.network, HIDDEN, OUTER, EXACTLY)
     identity = AssociationFilter(tissue, alike)
     cov = one.noise_m**2 * np.eye(one.network.dim)
     errors, wrong, at_end = [], 0, False

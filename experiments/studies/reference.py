@@ -50,7 +50,7 @@ LISTED = re.compile(r"^    (\w+(?:, \w+)*)  +(\S.*)$")
 
 
 class Public(NamedTuple):
-    """A public name: its place, such as `estimators.UnifiedFilter.predict`, its docstring, where it is defined."""
+    """A public name: its place, such as `estimators.TissueFilter.predict`, its docstring, where it is defined."""
 
     place: str
     thing: Any

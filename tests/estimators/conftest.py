@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import DOP853
 
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, motion, pack
-from estimators import MarkMeasurement, UnifiedFilter
+from estimators import MarkMeasurement, TissueFilter
 
 STEP = 1.0 / 120.0
 """Outside forces of a made-up truth are constant over this time [s]."""
@@ -106,7 +106,7 @@ def warmed(phantom, rest_state):
     """A filter of the hidden mass that has seen the phantom at rest for half a second, given its marks' sd [m]."""
 
     def made(sd):
-        tissue, rng = UnifiedFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0)
+        tissue, rng = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0)
         for k in range(15):
             tissue.predict(k / 30.0)
             tissue.update(marks_of(phantom, rest_state, sd, rng))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import MarkMeasurement, UnifiedFilter
+from estimators import MarkMeasurement, TissueFilter
 from estimators.threads import _libraries, one_blas_thread
 
 
@@ -40,7 +40,7 @@ def test_threads_are_one_inside_and_as_before_outside(counted):
 
 
 def test_a_filter_works_in_one_thread(counted, phantom, monkeypatch):
-    tissue, seen = UnifiedFilter(phantom, HIDDEN, OUTER), []
+    tissue, seen = TissueFilter(phantom, HIDDEN, OUTER), []
     tissue.predict(0.0)
     tissue.update([MarkMeasurement(n, phantom.positions[phantom.index(n)], 1e-6 * np.eye(2)) for n in OUTER])
     advance = tissue._advance

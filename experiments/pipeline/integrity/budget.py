@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynamics import ParameterUncertainty, independent_uncertainty, parameter_forces, parameters
-from estimators import ErrorSource, StaticBalance, StaticResponse, TargetEstimate, UnifiedFilter
+from estimators import ErrorSource, StaticBalance, StaticResponse, TargetEstimate, TissueFilter
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 
@@ -42,7 +42,7 @@ class UsualUncertainty:
 USUAL = UsualUncertainty()
 
 
-def balance_of(scene: Scene, tissue: UnifiedFilter, usual: UsualUncertainty = USUAL) -> StaticBalance:
+def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> StaticBalance:
     """The balance of forces of a scene's body, its constants and camera as uncertain as stated or usual."""
     which = parameters(scene.network, ("stiffness",))
     together = ParameterUncertainty(which, np.full((1, len(which)), usual.stiffness))
@@ -53,7 +53,7 @@ def balance_of(scene: Scene, tissue: UnifiedFilter, usual: UsualUncertainty = US
     return StaticBalance(tissue, uncertainty, None if camera is None else camera.calibration_error)
 
 
-def error_budget(scene: Scene, tissue: UnifiedFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
+def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
     """The sources of the target's error that no mark shows; those that a scene states the filter considers.
 
     Constants are stated by `[uncertainty]`, as `softaim identify` writes it, a camera's scale by `scale_sd` or by the

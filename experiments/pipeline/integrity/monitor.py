@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from estimators import Doubt, DoubtSettings, MarkMeasurement, TargetEstimate, UnifiedFilter
+from estimators import Doubt, DoubtSettings, MarkMeasurement, TargetEstimate, TissueFilter
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity.budget import balance_of, error_budget, shares_words, unstated, variance_shares
 
@@ -22,7 +22,7 @@ class IntegrityMonitor:
     State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks.
     """
 
-    def __init__(self, scene: Scene, tissue: UnifiedFilter) -> None:
+    def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
         # a hand that leads a body moves all marks together

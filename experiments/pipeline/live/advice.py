@@ -17,7 +17,7 @@ from estimators import (
     Status,
     TargetEstimate,
     TargetPath,
-    UnifiedFilter,
+    TissueFilter,
     advise,
     either_path,
     health_fault,
@@ -46,7 +46,7 @@ class LiveAdvice:
     the plan, whose needle moves where it is tracked, and whether its tracker lost it; whether the needle has to stop.
     """
 
-    def __init__(self, plan: NeedlePlan, tissue: UnifiedFilter, rows: Path, unstated: Floats | None = None) -> None:
+    def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
         self.plan, self._stated, self._unstated = plan, plan.insertion, unstated
         self._watch, self._unseen = AbortWatch(), False
         self._push = plan.push_on(tissue.network, tissue.target.point)
@@ -76,7 +76,7 @@ class LiveAdvice:
         """The needle's tracker does not see it: there is no advice until it does."""
         self._unseen = True
 
-    def seen(self, tissue: UnifiedFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
+    def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
         """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written.
 
         fault: why there is none to be given, where something else than the estimate says so
@@ -88,7 +88,7 @@ class LiveAdvice:
                 self._breathing.update(estimate.time_s, estimate.mean, estimate.cov)
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
-    def unseen(self, tissue: UnifiedFilter, now_s: float, fault: str | None = None) -> Guidance | None:
+    def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
         """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any.
 
         fault: why there is none to be given, where something else than the estimate says so
@@ -96,7 +96,7 @@ class LiveAdvice:
         return None if self._last is None else self._said(tissue, self._last, now_s, now_s, fault)
 
     def _said(
-        self, tissue: UnifiedFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
+        self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
     ) -> Guidance:
         fault = UNSEEN if self._unseen else fault
         none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
@@ -108,7 +108,7 @@ class LiveAdvice:
         self.counts[str(guided.advice)] += 1
         return guided
 
-    def _guided(self, tissue: UnifiedFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
+    def _guided(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float) -> Guidance:
         plan = self.plan
         fault = health_fault(estimate, now_s, tissue.seen_s, plan.settings)
         if fault is not None:
@@ -119,7 +119,7 @@ class LiveAdvice:
         now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
 
-    def _path(self, tissue: UnifiedFilter, tables: AheadTables) -> TargetPath:
+    def _path(self, tissue: TissueFilter, tables: AheadTables) -> TargetPath:
         path = path_by_tables(tables, tissue)
         if self._breathing.breath() is None:
             return path

@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from estimators import UnifiedFilter
+from estimators import TissueFilter
 from estimators.core import Discrepancy, Disturbances, HypothesisFilter
 from experiments.studies.ablation.recordings import Recording
 
@@ -52,10 +52,10 @@ class Switch:
         """How many lines would go."""
         return sum(int(part) if part.isdecimal() else _length(part) for part in self.code.split())
 
-    def filter(self, given: Recording) -> UnifiedFilter:
+    def filter(self, given: Recording) -> TissueFilter:
         """The filter of a recording without the mechanism; call it and its methods within `patched`."""
         settings = replace(given.settings, **self.settings)
-        return UnifiedFilter(
+        return TissueFilter(
             given.network,
             given.targets[0],
             given.marked,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
-from estimators import ForceMode, TargetEstimate, UnifiedFilter, coverage, posterior_bound
+from estimators import ForceMode, TargetEstimate, TissueFilter, coverage, posterior_bound
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
 from experiments.studies.estimation.runs import Row, Study, figures
@@ -95,7 +95,7 @@ def bound_row(case: Case, cache: Path) -> dict[str, Any]:
     mark = trial.mark_sd_m**2 * np.eye(2)
     seen_marks = [dict.fromkeys(OUTER, mark) if k % every == 0 else {} for k in range(len(states))]
     n = network.n_state
-    start = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY).process.prior(0.0)[1][0, :n, :n]
+    start = TissueFilter(network, HIDDEN, OUTER, EXACTLY).process.prior(0.0)[1][0, :n, :n]
     tremor = ForceMode(white=TREMOR, poke=1e-9, lasting_s=1.0)
     times = dt * np.arange(len(states))
     place = network.coordinates(HIDDEN)
@@ -128,7 +128,7 @@ def lost_row(case: Case, cache: Path) -> dict[str, Any]:
     scenario, seed = case["scenario"], case["seed"]
     network, trial = four_mass_phantom(), Trial(scenario, seed)
     frames, hidden = seen(trial, cache, np.random.default_rng([seed, 6]))
-    tissue = UnifiedFilter(network, HIDDEN, OUTER, EXACTLY)
+    tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     estimates: list[TargetEstimate] = []
     for time_s, marks in frames[:166]:
         tissue.predict(time_s)

@@ -21,7 +21,7 @@ from estimators import (
     MarkMeasurement,
     OpenLoop,
     TargetEstimate,
-    UnifiedFilter,
+    TissueFilter,
     normalised_error_squared,
 )
 from experiments.arrays import Floats
@@ -157,7 +157,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
     """The paper's method and ours on the same marks."""
     rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
     frames, hidden = seen(trial, cache, rng)
-    tissue = UnifiedFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
+    tissue = TissueFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
     open_loop = OpenLoop(model.network, HIDDEN)
     paper, ours = [], []
     for time_s, marks in frames:
@@ -172,7 +172,7 @@ def outcome(
     hidden: Floats,
     paper: Floats,
     ours: Sequence[TargetEstimate],
-    tissue: UnifiedFilter,
+    tissue: TissueFilter,
     over: bool,
 ) -> Outcome:
     """Errors and counts of one run."""

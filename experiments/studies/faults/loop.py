@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dynamics import NeedlePose
-from estimators import Insertion, UnifiedFilter
+from estimators import Insertion, TissueFilter
 from experiments.pipeline.live.session import Session
 from experiments.studies.faults.judge import FOREVER, LASTS_S
 from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
@@ -57,7 +57,7 @@ def _displaced(by_m: float) -> Callable[[Session], None]:
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter
-        assert isinstance(tissue, UnifiedFilter)
+        assert isinstance(tissue, TissueFilter)
         tissue.filter.means[:, tissue.process.parts["position"]] += by_m
 
     return upsets

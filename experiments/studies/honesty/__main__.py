@@ -1,7 +1,7 @@
 """Coverage of the target by how coarse the marks are, with constants and noise stated as they are.
 
     python -m experiments.studies.honesty --out FOLDER
-    python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3 --method unified
+    python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
 Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm an axis at 30 frames/s, stated as it is, ten times as coarse
 and three times as fine; nothing moves the body, or a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or both.

@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from dynamics import NetworkError
-from estimators import CovarianceError, MarkMeasurement, UnifiedFilter, normalised_error_squared
+from estimators import CovarianceError, MarkMeasurement, TissueFilter, normalised_error_squared
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.studies.lungs.landmarks import Lung
@@ -69,7 +69,7 @@ def filtered(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) ->
     network = lung_network(lung.positions[0], constants)
     names = [network.names[i] for i in marked]
     inner = [network.names[i] for i in lung.inner]
-    tissue = UnifiedFilter(network, inner[0], names)
+    tissue = TissueFilter(network, inner[0], names)
     maps = [target_map(network, name) for name in inner]
     cov = constants.reading_sd_m**2 * np.eye(3)
     means, covs = [], []

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dynamics import NetworkError
-from estimators import FilterSettings, MarkMeasurement, Status, UnifiedFilter
+from estimators import FilterSettings, MarkMeasurement, Status, TissueFilter
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
@@ -100,7 +100,7 @@ def filtered(model: Assumed, body: Body, marks: Sequence[Sequence[MarkMeasuremen
     try:
         with np.errstate(all="ignore"):  # a state that overflows is counted as such
             settings = FilterSettings(led_nodes=body.led)
-            tissue = UnifiedFilter(network, body.hidden[0], body.marked, settings, uncertainty=model.uncertainty)
+            tissue = TissueFilter(network, body.hidden[0], body.marked, settings, uncertainty=model.uncertainty)
             maps = [target_map(network, name) for name in body.hidden]
             for time_s, seen in zip(body.times_s, marks, strict=True):
                 tissue.predict(float(time_s))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import AssociationFilter, Status, UnifiedFilter
+from estimators import AssociationFilter, Status, TissueFilter
 from estimators.association.exchanges import seen_from
 from estimators.association.settings import IdentitySettings
 from estimators.filters.kernels import ambiguous_exchanges, association_costs
@@ -37,7 +37,7 @@ def right(phantom, frames):
 
 def means(phantom, frames):
     """Of a filter that nobody tells a wrong name, (n_frames, 2)."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     found = []
     for time_s, marks in frames:
         tissue.predict(time_s)
@@ -47,7 +47,7 @@ def means(phantom, frames):
 
 def followed(phantom, frames, names_at, alike=(OUTER,)):
     """Identity after these frames with names_at(frame) exchanged, and what it made of each."""
-    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), alike)
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), alike)
     made = []
     for k, (time_s, marks) in enumerate(frames):
         identity.tissue.predict(time_s)
@@ -155,8 +155,8 @@ def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames
 
 def test_a_fix_reaches_the_rivals(phantom, frames):
     """Wrong from the start, and the target sighted in the second frame: as if the names had been right all the time."""
-    plain = UnifiedFilter(phantom, HIDDEN, OUTER)
-    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), [OUTER])
+    plain = TissueFilter(phantom, HIDDEN, OUTER)
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
     place, cov = phantom.positions[phantom.index(HIDDEN)] + 0.003, 1e-6 * np.eye(2)
     for k, (time_s, marks) in enumerate(frames[:8]):
         plain.predict(time_s)
@@ -188,7 +188,7 @@ def test_costs_of_names_are_gaussian():
 def test_a_swap_that_slipped_by_is_mended(phantom, frames, right, order):
     """Wrong names fed past the identity for a second: refused marks show it, and right names start, within 0.2 s."""
     wrong = dict(zip(OUTER, order, strict=True))
-    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), [OUTER])
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
     for k, (time_s, marks) in enumerate(frames):
         identity.tissue.predict(time_s)
         if k < 30:
@@ -252,7 +252,7 @@ def test_doubt_is_an_exchange_that_costs_little():
 
 def test_a_mark_that_is_something_else_exchanges_no_names(phantom, frames):
     """What is taken for M3 is anywhere from frame 10 on, and refused: all names are tried in vain, ever more seldom."""
-    identity, rng = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), [OUTER]), np.random.default_rng(5)
+    identity, rng = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER]), np.random.default_rng(5)
     next_s = set()
     for k, (time_s, marks) in enumerate(frames):
         away = rng.normal(0.0, 0.1, 2) if k >= 10 else 0.0

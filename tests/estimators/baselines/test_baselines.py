@@ -16,8 +16,8 @@ from estimators import (
     ParticleFilter,
     Status,
     StockUnscented,
+    TissueFilter,
     TissueModel,
-    UnifiedFilter,
 )
 from estimators.baselines import particles
 from estimators.baselines.particles import resample
@@ -207,7 +207,7 @@ def test_on_the_poked_phantom_modes_are_worth_their_room(phantom, rest_state, dr
     states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
     shown = [(k / 30.0, marks_of(phantom, s, 0.00414, rng)) for k, s in enumerate(states)]
     methods = {
-        "filter": UnifiedFilter(phantom, HIDDEN, OUTER, FilterSettings(discrepancy=1e-3)),
+        "filter": TissueFilter(phantom, HIDDEN, OUTER, FilterSettings(discrepancy=1e-3)),
         "particles": ParticleFilter(phantom, HIDDEN, OUTER, rng=np.random.default_rng(0), n_particles=15),
         "ekf": ExtendedKalmanFilter(phantom, HIDDEN, OUTER),
         "stock": StockUnscented(phantom, HIDDEN, OUTER),

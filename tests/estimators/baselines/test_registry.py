@@ -18,14 +18,13 @@ from estimators import (
     fixed_interval,
     make_method,
 )
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 
 CLASSES = {
     "ekf": ExtendedKalmanFilter,
     "filterpy-ukf": StockUnscented,
     "enkf": EnsembleKalmanFilter,
     "particles": ParticleFilter,
-    "unified": UnifiedFilter,
     "smoother": FixedIntervalSmoother,
 }
 
@@ -77,7 +76,7 @@ def test_a_baseline_runs_as_predict_and_update(problem, frames):
 
 def test_the_smoother_gives_all_frames_at_the_end(problem, frames):
     (block,) = make_method("smoother", problem).run(frames)
-    expected = fixed_interval(UnifiedFilter(*problem.physics), frames)
+    expected = fixed_interval(TissueFilter(*problem.physics), frames)
     np.testing.assert_array_equal([one.mean for one in block], [one.mean for one in expected])
 
 
@@ -89,6 +88,6 @@ def test_random_methods_start_at_the_seed_of_the_problem(problem, frames):
 def test_an_unknown_name_raises_with_the_names_there_are(problem):
     with pytest.raises(
         UnknownMethodError,
-        match='expected one of ekf, filterpy-ukf, enkf, particles, unified, smoother, found "oracle"',
+        match='expected one of ekf, filterpy-ukf, enkf, particles, smoother, found "oracle"',
     ):
         make_method("oracle", problem)

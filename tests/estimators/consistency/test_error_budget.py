@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, parameter_forces, parameters, rest_shape, scale_parameters
-from estimators import ErrorSource, StaticResponse, UnifiedFilter
+from estimators import ErrorSource, StaticResponse, TissueFilter
 
 
 @pytest.fixture(scope="module")
-def tissue() -> UnifiedFilter:
-    return UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+def tissue() -> TissueFilter:
+    return TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
 
 
 def held_at_marks(network, positions):

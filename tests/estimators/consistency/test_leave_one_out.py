@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, parameters, scale_parameters
-from estimators import LeaveOneOut, Status, UnifiedFilter, chi_square_bounds
+from estimators import LeaveOneOut, Status, TissueFilter, chi_square_bounds
 
 SD = 0.001
 
@@ -44,10 +44,10 @@ def wrong(phantom, motion, marks_of):
 
 
 def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, rest_state, marks_of):
-    """Error and NEES of M3 from a UnifiedFilter aimed at M3 and fed with the other marks alone. Rounding."""
+    """Error and NEES of M3 from a TissueFilter aimed at M3 and fed with the other marks alone. Rounding."""
     rng = np.random.default_rng(2)
     both = LeaveOneOut(phantom, HIDDEN, OUTER)
-    alone = UnifiedFilter(phantom, "M3", OUTER)
+    alone = TissueFilter(phantom, "M3", OUTER)
     for k in range(10):
         marks = [mark for mark in marks_of(phantom, rest_state, SD, rng) if k != 5 or mark.node != "M1"]
         both.predict(k / 30.0)

@@ -9,14 +9,14 @@ from dynamics import (
     four_mass_phantom,
     rest_shape,
 )
-from estimators import FilterSettings, MarkMeasurement, StaticBalance, UnifiedFilter
+from estimators import FilterSettings, MarkMeasurement, StaticBalance, TissueFilter
 
 COV = 1e-9 * np.eye(2)
 
 
 @pytest.fixture(scope="module")
-def tissue() -> UnifiedFilter:
-    return UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+def tissue() -> TissueFilter:
+    return TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
 
 
 def seen(network, positions):
@@ -69,5 +69,5 @@ def test_a_body_that_sways_far_is_not_squeezed(tissue):
 
 def test_a_body_with_a_node_that_is_led_has_no_balance():
     network = four_mass_phantom()
-    balance = StaticBalance(UnifiedFilter(network, HIDDEN, OUTER, FilterSettings(led_nodes=("M1",))))
+    balance = StaticBalance(TissueFilter(network, HIDDEN, OUTER, FilterSettings(led_nodes=("M1",))))
     assert all(balance.update(k / 30.0, seen(network, network.positions)) is None for k in range(40))

@@ -1,11 +1,11 @@
-"""The unified filter ahead in time: tables against its own predictions, and known forces against simulations."""
+"""The filter ahead in time: tables against its own predictions, and known forces against simulations."""
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from dynamics import HIDDEN, OUTER, breast_phantom
-from estimators import MarkMeasurement, UnifiedFilter
+from estimators import MarkMeasurement, TissueFilter
 from estimators.core.disturbances import Disturbances
 from estimators.guidance.path import path_near_rest, path_tables
 
@@ -15,7 +15,7 @@ CYCLE_S = 1.0 / 30.0
 
 def settled(network, target, marked, seconds=1.0, by_m=0.002, **priors):
     """A filter after marks that rest a little aside, seen to half a millimetre."""
-    unified, rng = UnifiedFilter(network, target, marked, **priors), np.random.default_rng(0)
+    unified, rng = TissueFilter(network, target, marked, **priors), np.random.default_rng(0)
     for k in range(round(seconds / HZ)):
         unified.predict(k * HZ)
         unified.update(
@@ -80,7 +80,7 @@ def test_a_push_moves_the_tables_as_a_prediction_under_it(near_rest):
 
 
 def test_tables_need_a_first_frame(phantom):
-    unified = UnifiedFilter(phantom, HIDDEN, OUTER)
+    unified = TissueFilter(phantom, HIDDEN, OUTER)
     with pytest.raises(ValueError, match="expected a filter after its first frame"):
         unified.tables(3, CYCLE_S).ahead(unified)
 
@@ -113,7 +113,7 @@ def test_a_known_force_moves_the_body_as_a_simulation_under_it(phantom, rest_sta
     force[0] = phantom.masses[0] * np.array([2.0, 1.0])
     n = 120
     truth = driven(phantom, rest_state, [force * share((k + 0.5) / 120.0) for k in range(n)])[-1]
-    unified = UnifiedFilter(phantom, HIDDEN, OUTER, disturbances=QUIET)
+    unified = TissueFilter(phantom, HIDDEN, OUTER, disturbances=QUIET)
     unified.predict(0.0)
     unified.update(marks_of(phantom, rest_state, nodes=[*OUTER, HIDDEN]))
     start = unified.positions[phantom.free]

@@ -6,7 +6,7 @@ from scipy.special import gamma, kv
 from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import MarkMeasurement, UnifiedFilter
+from estimators import MarkMeasurement, TissueFilter
 from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor, matern
 from estimators.core.kernels import withheld_log_likelihoods
 
@@ -108,7 +108,7 @@ def test_without_marks_the_level_goes_back_to_its_prior() -> None:
 def test_marks_after_a_fix_of_their_time_leave_levels_finite() -> None:
     """The fix has seen a part of what is new in the discrepancy since the frame before."""
     phantom = four_mass_phantom()
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     places = {node: phantom.positions[phantom.index(node)] for node in (*OUTER, HIDDEN)}
     for time_s in (0.0, 0.1, 0.2):
         tissue.predict(time_s)

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER
-from estimators import MarkMeasurement, Status, UnifiedFilter
+from estimators import MarkMeasurement, Status, TissueFilter
 from estimators.core import track
 from estimators.core.innovations import Outliers
 from estimators.core.kernels import without_outliers
@@ -118,7 +118,7 @@ def test_a_fifth_of_the_marks_is_something_else_in_every_frame(phantom, poked, b
     off = [[name for name in marked if rng.random() < 0.2] for _ in frames]
     for seen, wrong in zip(frames, off, strict=True):
         seen |= {name: seen[name] + 0.05 * rng.normal(size=network.dim) for name in wrong}
-    unified = UnifiedFilter(network, hidden, marked)
+    unified = TissueFilter(network, hidden, marked)
     found, nees = seen_by(unified, frames, truth)
     assert sum(map(len, off)) > 25
     assert unified.rejected.total() > 0.5 * sum(map(len, off))
@@ -132,7 +132,7 @@ def test_a_fifth_of_the_marks_is_something_else_in_every_frame(phantom, poked, b
 
 def test_all_marks_together_are_no_outliers(phantom, rest_state, marks_of):
     """A body that is pulled aside by 8 mm between two frames: three outliers are less probable than one led body."""
-    unified = UnifiedFilter(phantom, HIDDEN, OUTER)
+    unified = TissueFilter(phantom, HIDDEN, OUTER)
     still = [{mark.node: mark.position for mark in marks_of(phantom, rest_state)}] * 30
     found, _ = seen_by(unified, still, [phantom.positions[phantom.index(HIDDEN)]] * 30)
     unified.predict(30 * HZ)
@@ -143,7 +143,7 @@ def test_all_marks_together_are_no_outliers(phantom, rest_state, marks_of):
 
 def test_outliers_leave_the_covariance_as_it_was(phantom, rest_state, marks_of):
     """Where a state is more uncertain than any place within reach: positive definite, and no smaller."""
-    unified = UnifiedFilter(phantom, HIDDEN, OUTER)
+    unified = TissueFilter(phantom, HIDDEN, OUTER)
     unified.predict(0.0)
     own = np.arange(unified.process.n)[unified.process.parts["position"]]
     unified.filter.covs[:, own, own] += 1e6
@@ -160,7 +160,7 @@ def resting(phantom, rest_state, marks_of):
     """A filter after a second of marks of these nodes at rest, and these marks."""
 
     def made(nodes):
-        unified, near = UnifiedFilter(phantom, HIDDEN, OUTER), marks_of(phantom, rest_state, nodes=nodes)
+        unified, near = TissueFilter(phantom, HIDDEN, OUTER), marks_of(phantom, rest_state, nodes=nodes)
         for k in range(30):
             unified.predict(k * HZ)
             assert unified.update(near).marks_used == len(nodes)

@@ -1,4 +1,4 @@
-"""The unified filter under frames and bodies that are out of the ordinary."""
+"""The filter under frames and bodies that are out of the ordinary."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from dynamics import HIDDEN
 from estimators import FilterSettings, MarkMeasurement
-from estimators.core import Places, UnifiedFilter
+from estimators.core import Places, TissueFilter
 from estimators.tissue.estimate import Status
 from experiments.simulation.bodies.zoo import make_body
 
@@ -42,7 +42,7 @@ def outer_of(phantom):
 
 def estimates(network, target, marked, frames):
     """What the filter states of frames; covariances of its state are symmetric and positive to rounding."""
-    unified = UnifiedFilter(network, target, marked)
+    unified = TissueFilter(network, target, marked)
     found = [one for [one] in unified.run(frames)]
     covs = unified.filter.covs
     assert np.array_equal(covs, covs.swapaxes(1, 2))
@@ -105,7 +105,7 @@ def test_a_single_mark_far_away_is_rejected(phantom):
 
 def test_a_filter_without_marked_nodes_says_so(phantom):
     with pytest.raises(ValueError, match="marked: expected one free node or more, found none"):
-        UnifiedFilter(phantom, HIDDEN, [])
+        TissueFilter(phantom, HIDDEN, [])
 
 
 def test_errors_that_marks_share_are_correlated():
@@ -124,7 +124,7 @@ def test_a_stiff_cable_that_swings_fast_does_not_run_away():
     """A few undamped linearisations leave springs at lengths that they cannot have, and the filter loses the cable."""
     body = make_body("cable-fast", 700)
     network, rng = body.network, np.random.default_rng(1)
-    unified = UnifiedFilter(network, body.hidden[0], body.marked, FilterSettings(led_nodes=tuple(body.led)))
+    unified = TissueFilter(network, body.hidden[0], body.marked, FilterSettings(led_nodes=tuple(body.led)))
     errors = []
     for t, places in zip(body.times_s[:34], body.positions, strict=False):
         unified.predict(float(t))

@@ -6,7 +6,7 @@ from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter
 from scipy.integrate import solve_ivp
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, node_forces
-from estimators import FilterSettings, MarkMeasurement, UnifiedFilter
+from estimators import FilterSettings, MarkMeasurement, TissueFilter
 from estimators.core.sigma_points import by_sigma_points
 from estimators.core.tissue import TissueProcess
 
@@ -101,7 +101,7 @@ def test_a_filter_is_as_its_settings_say() -> None:
 
     def after_two_marks(**chosen: bool) -> np.ndarray:
         network = four_mass_phantom()
-        tissue = UnifiedFilter(network, HIDDEN, OUTER, FilterSettings(**chosen))
+        tissue = TissueFilter(network, HIDDEN, OUTER, FilterSettings(**chosen))
         for frame in range(2):
             tissue.predict(frame * DT)
             places = [network.positions[network.index(node)] + 0.01 for node in OUTER]

@@ -7,7 +7,7 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, scale_parameters
 from dynamics.forces.parameters import Parameter, ParameterUncertainty
-from estimators import FilterSettings, MarkMeasurement, UnifiedFilter
+from estimators import FilterSettings, MarkMeasurement, TissueFilter
 from estimators.core.discrepancy import Discrepancy
 from estimators.core.disturbances import Disturbances
 from estimators.core.marks import Places
@@ -88,7 +88,7 @@ def test_a_body_whose_stiffness_is_off_by_a_deviation_is_covered_where_that_is_s
     states = driven(body, start, forces)[::4]
     at, ratios = phantom.coordinates(HIDDEN), {}
     for stated in (None, known):
-        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, uncertainty=stated, discrepancy=EXACT, disturbances=PUSHED)
+        tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=stated, discrepancy=EXACT, disturbances=PUSHED)
         squared, sigma = [], []
         for k, state in enumerate(states):
             tissue.predict(k * HZ)
@@ -113,7 +113,7 @@ def schmidt(mean, P, H, R, y, considered):
 def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
     """Of each mode: mean and covariance by the textbook, definite, considered states as they were."""
     shared = np.array([[2e-3, 0.0], [0.0, 1e-3]])
-    tissue = UnifiedFilter(
+    tissue = TissueFilter(
         phantom, HIDDEN, OUTER, uncertainty=deviation_of(phantom, "stiffness", 0.2), n_calibration=2, discrepancy=EXACT
     )
     own = tissue.process.considered
@@ -144,9 +144,7 @@ def test_an_error_that_lasts_is_not_averaged_away_and_one_new_in_each_frame_is(p
     """
     shared, ends = 5e-3 * np.eye(2), {}
     for n_calibration in (0, 2):
-        tissue = UnifiedFilter(
-            phantom, HIDDEN, OUTER, n_calibration=n_calibration, discrepancy=EXACT, disturbances=HELD
-        )
+        tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=n_calibration, discrepancy=EXACT, disturbances=HELD)
         ends[n_calibration] = seen(tissue, 3.0, lambda k: rest_marks(phantom, 3e-4, k, by_m=5e-3, shared=shared))
         columns = tissue.by_calibration
     assert columns.shape == (2, 2)
@@ -162,7 +160,7 @@ def test_a_camera_that_is_off_moves_the_target_against_its_column(phantom):
     """The column is of the truth about the mean; truth: the same marks moved by one deviation of the error."""
     shared, ends = np.array([[3e-3], [1e-3]]), []
     for by in (0.0, 1.0):
-        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=1, discrepancy=EXACT, disturbances=PUSHED)
+        tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=1, discrepancy=EXACT, disturbances=PUSHED)
         marks = [
             replace(mark, position=mark.position + by * shared[:, 0]) for mark in rest_marks(phantom, shared=shared)
         ]
@@ -176,7 +174,7 @@ def test_fixes_do_not_shrink_the_target_below_their_bias(phantom):
     target = TargetPoint((HIDDEN,), sd_m=1e-2)
     sigmas = {}
     for name, bias in (("biased", FixBias(4e-3, 1e9)), ("exact", None)):
-        tissue = UnifiedFilter(phantom, target, OUTER, FilterSettings(fix_bias=bias), discrepancy=EXACT)
+        tissue = TissueFilter(phantom, target, OUTER, FilterSettings(fix_bias=bias), discrepancy=EXACT)
         found = seen(tissue, 1.0, lambda k: rest_marks(phantom, 1e-4, k))
         place = found.mean + np.array([3e-3, 0.0])
         for _ in range(100):
@@ -194,7 +192,7 @@ def test_a_bias_that_varies_lets_later_fixes_say_more(phantom):
     for lasting_s in (1e9, 0.1):
         target = TargetPoint((HIDDEN,), sd_m=1e-2)
         settings = FilterSettings(fix_bias=FixBias(4e-3, lasting_s))
-        tissue = UnifiedFilter(phantom, target, OUTER, settings, discrepancy=EXACT)
+        tissue = TissueFilter(phantom, target, OUTER, settings, discrepancy=EXACT)
         for k in range(90):
             tissue.predict(k * HZ)
             found = tissue.update(rest_marks(phantom, 1e-4, k))
@@ -207,7 +205,7 @@ def test_a_bias_that_varies_lets_later_fixes_say_more(phantom):
 
 def test_the_offset_of_the_target_is_in_its_covariance_and_a_fix_shrinks_it(phantom):
     plain, loose = (
-        UnifiedFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, discrepancy=EXACT) for sd_m in (0.0, 8e-3)
+        TissueFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, discrepancy=EXACT) for sd_m in (0.0, 8e-3)
     )
     covs = [seen(one, 1.0, lambda k: rest_marks(phantom, 1e-4, k)).cov for one in (plain, loose)]
     np.testing.assert_allclose(covs[1] - covs[0], 6.4e-5 * np.eye(2), atol=1e-8)

@@ -12,7 +12,7 @@ from estimators import (
     LeaveOneOut,
     MarkMeasurement,
     Status,
-    UnifiedFilter,
+    TissueFilter,
 )
 from estimators.process.target import TargetPoint
 from tests.estimators.states import digest
@@ -38,7 +38,7 @@ def through(tissue, frames):
 
 def seen_for(phantom, frames, **options):
     """A filter after these frames."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, **options)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, **options)
     through(tissue, frames)
     return tissue
 
@@ -49,7 +49,7 @@ def said(estimate):
 
 def test_a_start_is_no_evidence(phantom, frames):
     """Names that begin again at a start are compared by what follows."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     through(tissue, frames[:1])
     assert tissue.log_likelihood == 0.0
     through(tissue, frames[1:2])
@@ -73,7 +73,7 @@ def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(phantom, f
 
 
 def test_two_exchanged_marks_are_named_rightly_again(phantom, frames):
-    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), (OUTER,))
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), (OUTER,))
     names, found = {"M1": "M4", "M4": "M1"}, []
     for k, (time_s, marks) in enumerate(frames[:40]):
         called = [replace(mark, node=names.get(mark.node, mark.node)) for mark in marks] if k >= 20 else marks
@@ -81,18 +81,18 @@ def test_two_exchanged_marks_are_named_rightly_again(phantom, frames):
         found.append(identity.update(identity.named(called)))
     assert [set(swap.nodes) for swap in identity.swaps] == [{"M1", "M4"}]
     assert identity.swaps[0].time_s - frames[20][0] < 0.2
-    right = through(UnifiedFilter(phantom, HIDDEN, OUTER), frames[:40])
+    right = through(TissueFilter(phantom, HIDDEN, OUTER), frames[:40])
     assert said(found[-1].estimate) == said(right[-1])
 
 
 def test_marks_exchanged_from_the_first_frame_on_are_named_rightly(phantom, frames):
     """A start by other names begins at the prior, not at what wrong names made of it."""
-    identity = AssociationFilter(UnifiedFilter(phantom, HIDDEN, OUTER), (OUTER,))
+    identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), (OUTER,))
     names = {"M1": "M3", "M3": "M4", "M4": "M1"}
     for time_s, marks in frames[:30]:
         identity.tissue.predict(time_s)
         one = identity.update(identity.named([replace(mark, node=names[mark.node]) for mark in marks]))
-    right = through(UnifiedFilter(phantom, HIDDEN, OUTER), frames[:30])[-1]
+    right = through(TissueFilter(phantom, HIDDEN, OUTER), frames[:30])[-1]
     assert one.estimate.status is Status.TRACKING
     assert np.linalg.norm(one.estimate.mean - right.mean) < 1e-3
 
@@ -100,7 +100,7 @@ def test_marks_exchanged_from_the_first_frame_on_are_named_rightly(phantom, fram
 def test_without_marks_a_state_is_that_of_a_new_filter(phantom, frames):
     tissue = seen_for(phantom, frames[:20])
     tissue.restore(tissue.snapshot().without_marks())
-    again, new = (through(one, frames[20:25]) for one in (tissue, UnifiedFilter(phantom, HIDDEN, OUTER)))
+    again, new = (through(one, frames[20:25]) for one in (tissue, TissueFilter(phantom, HIDDEN, OUTER)))
     assert [digest((one.mean, one.cov)) for one in again] == [digest((one.mean, one.cov)) for one in new]
 
 
@@ -174,14 +174,14 @@ def test_what_cannot_be_taken_in_is_an_error_and_leaves_the_state(phantom, frame
 
 
 def test_calls_before_the_first_frame_are_errors(phantom):
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     for call in (lambda: tissue.update([]), lambda: tissue.fix(np.zeros(2), np.eye(2)), lambda: tissue.predict_at(0.0)):
         with pytest.raises(ValueError, match="expected"):
             call()
 
 
 def test_directions_of_a_calibration_are_those_that_were_announced(phantom):
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=3)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=3)
     tissue.predict(0.0)
     with pytest.raises(ValueError, match="mark M1 shared: expected 3 directions, found 2"):
         tissue.update([replace(MARK, shared=np.ones((2, 2)))])
@@ -198,7 +198,7 @@ def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(phan
 
 def test_far_ahead_nothing_is_known_but_the_prior(phantom, frames):
     """And it takes no steps to get there: a gap of a day costs what one of six seconds does."""
-    tissue, new = seen_for(phantom, frames[:20]), UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue, new = seen_for(phantom, frames[:20]), TissueFilter(phantom, HIDDEN, OUTER)
     steps = []
     tissue.process.linearize = lambda *own: steps.append(own)
     far = tissue.predict_at(tissue.time_s + 86400.0)
@@ -208,7 +208,7 @@ def test_far_ahead_nothing_is_known_but_the_prior(phantom, frames):
 
 
 def test_marks_are_expected_where_the_next_ones_are(phantom, frames):
-    tissue, squared = UnifiedFilter(phantom, HIDDEN, OUTER), []
+    tissue, squared = TissueFilter(phantom, HIDDEN, OUTER), []
     for k, (time_s, marks) in enumerate(frames):
         tissue.predict(time_s)
         for mark in marks if k > 15 else ():
@@ -220,7 +220,7 @@ def test_marks_are_expected_where_the_next_ones_are(phantom, frames):
 
 
 def test_gaps_are_said(phantom, frames):
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     statuses = {}
     for time_s, marks in frames[:30]:
         tissue.predict(time_s)
@@ -304,8 +304,7 @@ def test_marks_left_out_are_predicted(phantom, frames):
 def test_the_offset_of_the_target_is_no_doubt_of_the_tissue(phantom, frames):
     """How well the target's own place is known changes neither gain nor whether the model alone speaks."""
     plain, loose = (
-        through(UnifiedFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1]
-        for sd_m in (0.0, 0.1)
+        through(TissueFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1] for sd_m in (0.0, 0.1)
     )
     assert (loose.gain, loose.model_only) == (pytest.approx(plain.gain, abs=1e-3), False)
     np.testing.assert_allclose(loose.cov - plain.cov, 1e-2 * np.eye(2), atol=1e-6)

@@ -1,4 +1,4 @@
-"""The target of a phantom by the unified filter: truths by SciPy's DOP853 under pushes that it does not know."""
+"""The target of a phantom by the filter: truths by SciPy's DOP853 under pushes that it does not know."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ import pytest
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import MarkMeasurement, OpenLoop, Status, normalised_error_squared
 from estimators.core.discrepancy import Discrepancy
-from estimators.core.track import UnifiedFilter
+from estimators.core.track import TissueFilter
 from tests.estimators.conftest import STEP, driven
 
 FRAME = 4
@@ -66,7 +66,7 @@ def hidden(truth: np.ndarray) -> np.ndarray:
 
 def tracked(frames: Frames, **priors: Discrepancy) -> tuple[np.ndarray, np.ndarray, list[Status]]:
     """Means, covariances and statuses from the second on."""
-    tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, **priors)
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER, **priors)
     found = [one for block in tissue.run(frames) for one in block][30:]
     return np.array([one.mean for one in found]), np.array([one.cov for one in found]), [one.status for one in found]
 
@@ -120,7 +120,7 @@ def test_a_level_that_identification_found_makes_it_surer() -> None:
 
 def test_pokes_are_followed_and_said() -> None:
     truth = truth_of(poke, 4.5)
-    tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
     found = [one for block in tissue.run(seen(truth, 1e-3)) for one in block]
     pokes = np.array([one.poked for one in found])
     acting = np.array([bool(np.any(poke(k * FRAME * STEP - 0.05))) for k in range(len(truth))])
@@ -138,7 +138,7 @@ def test_a_mark_that_is_something_else_is_rejected(breathing: np.ndarray) -> Non
     without = [mark for mark in frames[60][1] if mark.node in other]
     ends = []
     for marks in (moved, without):
-        tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+        tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
         shown = [*frames[:60], (frames[60][0], marks), *frames[61:]]
         found = [one for block in tissue.run(shown) for one in block]
         assert found[60].marks_used == 2
@@ -152,7 +152,7 @@ def replaced(mark: MarkMeasurement, node: str, by_m: float) -> MarkMeasurement:
 
 def test_without_marks_it_coasts_then_is_lost_then_begins_again(breathing: np.ndarray) -> None:
     frames = seen(breathing[:60], 1e-3)
-    tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
     first = [one.status for block in tissue.run(frames) for one in block]
     assert first[0] == Status.INITIALISING
     assert first[-1] == Status.TRACKING
@@ -171,7 +171,7 @@ def test_without_marks_it_coasts_then_is_lost_then_begins_again(breathing: np.nd
 
 
 def test_what_cannot_be_taken_in_is_an_error() -> None:
-    tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
     with pytest.raises(ValueError, match="expected predict"):
         tissue.update([])
     tissue.predict(1.0)

@@ -15,7 +15,7 @@ from estimators import (
     Needle,
     PathParts,
     TargetPath,
-    UnifiedFilter,
+    TissueFilter,
     advise,
     guide,
     hit_probability,
@@ -32,7 +32,7 @@ NEVER_S = 1e12
 
 def resting(phantom, shift=0.0):
     """A filter after 20 frames of a phantom at rest, its outer marks seen so far aside [m]."""
-    tissue, rng = UnifiedFilter(phantom, HIDDEN, OUTER), np.random.default_rng(1)
+    tissue, rng = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(1)
     for k in range(20):
         tissue.predict(k * FRAME_S)
         places = [phantom.positions[phantom.index(node)] + [shift, 0.0] + rng.normal(0.0, 1e-3, 2) for node in OUTER]
@@ -66,7 +66,7 @@ def test_both_parts_together_are_the_whole(tissue, tables):
 def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phantom, tissue, tables):
     """The same state under a chain in which no force grows: means within 0.2 sigma, sigmas within 10 %."""
     never = Disturbances(calm_s=NEVER_S, led_each_s=NEVER_S, rise_s=NEVER_S)
-    knowing = UnifiedFilter(phantom, HIDDEN, OUTER, disturbances=never)
+    knowing = TissueFilter(phantom, HIDDEN, OUTER, disturbances=never)
     now, calm = tissue.snapshot(), tissue.process.disturbances.calm_modes
     weights = np.where(calm, now.filter.weights, 0.0) / now.filter.weights[calm].sum()
     knowing.restore(replace(now, filter=replace(now.filter, weights=weights)))
@@ -120,7 +120,7 @@ def test_guide_goes_by_tables_that_are_made_once(phantom, monkeypatch):
     down = replace(DOWN, entry=estimate.mean + np.array([0.0, 0.06]))
     made = []
     monkeypatch.setattr("estimators.guidance.path.path_tables", lambda *at: made.append(at) or tables)
-    monkeypatch.setattr(UnifiedFilter, "predict_path", lambda _own, _times_s: pytest.fail("not by tables"))
+    monkeypatch.setattr(TissueFilter, "predict_path", lambda _own, _times_s: pytest.fail("not by tables"))
     for now_s in (None, own.time_s + 0.05):
         found = guide(own, estimate, down, DISC, now_s=now_s)
         expected = guide(own, estimate, down, DISC, now_s=now_s, path_at=partial(path_near_rest, tables, own))

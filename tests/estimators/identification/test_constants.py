@@ -21,7 +21,7 @@ from estimators import (
     ForceMode,
     IdentificationError,
     MarkMeasurement,
-    UnifiedFilter,
+    TissueFilter,
     identify_constants,
     principal_uncertainty,
 )
@@ -109,7 +109,7 @@ def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found
     frames, truth = recorded
     errors = []
     for network, uncertainty in ((wrong(chain())[0], None), (found[0].network, found[0].uncertainty)):
-        tissue = UnifiedFilter(network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
+        tissue = TissueFilter(network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
         off = []
         for (time_s, marks), place in zip(frames, truth, strict=True):
             tissue.predict(time_s)
@@ -174,7 +174,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
     assert np.linalg.eigvalsh(lost)[0] > -1e-12
     variances = []
     for uncertainty in (wide, few):
-        tissue = UnifiedFilter(found[0].network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
+        tissue = TissueFilter(found[0].network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
         total = 0.0
         for time_s, marks in frames[:40]:
             tissue.predict(time_s)

@@ -10,7 +10,7 @@ from estimators import (
     Budget,
     FilterSettings,
     MarkMeasurement,
-    UnifiedFilter,
+    TissueFilter,
 )
 from estimators.core.disturbances import Disturbances
 from estimators.identification.filter_pass import pass_through
@@ -59,7 +59,7 @@ def one_mode(monkeypatch):
 
 def test_how_probable_a_hidden_mark_is_follows_from_the_chain_rule():
     """Log p(far | near, before) is log p(near, far | before) less log p(near | before)."""
-    tissue, expected = UnifiedFilter(row(), "far", ("near",), SETTINGS), 0.0
+    tissue, expected = TissueFilter(row(), "far", ("near",), SETTINGS), 0.0
     for k, (time_s, both) in enumerate(FRAMES):
         tissue.predict(time_s)
         if k:
@@ -117,7 +117,7 @@ def test_a_hidden_mark_that_is_something_else_hardly_matters():
 
 
 def test_the_targets_error_is_that_of_a_filter_without_its_mark():
-    tissue, errors = UnifiedFilter(row(), "far", ("near",), SETTINGS), []
+    tissue, errors = TissueFilter(row(), "far", ("near",), SETTINGS), []
     for time_s, both in FRAMES:
         tissue.predict(time_s)
         errors.append(np.linalg.norm(tissue.update(both[:1]).mean - both[1].position))

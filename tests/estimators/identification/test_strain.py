@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import Budget, FilterSettings, IdentificationError, UnifiedFilter, tune_strain
+from estimators import Budget, FilterSettings, IdentificationError, TissueFilter, tune_strain
 from tests.estimators.core.test_track import breath, seen, truth_of
 
 SETTINGS = FilterSettings()
@@ -55,6 +55,6 @@ def test_too_little_time_is_said(frames):
 
 
 def test_the_level_found_is_that_of_the_filter():
-    tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, replace(SETTINGS, discrepancy=0.002))
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER, replace(SETTINGS, discrepancy=0.002))
     assert tissue.level.level == pytest.approx(0.002)
-    assert len(UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, SETTINGS).level.levels) > 1
+    assert len(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, SETTINGS).level.levels) > 1

@@ -14,7 +14,7 @@ from dynamics import (
     simulate_insertion,
     straight_insertion,
 )
-from estimators import UnifiedFilter, coverage, normalised_error_squared
+from estimators import TissueFilter, coverage, normalised_error_squared
 
 FRAME_S = 1.0 / 30.0
 
@@ -44,7 +44,7 @@ def test_a_held_push_moves_the_target_to_where_the_tissue_rests_under_it(
     Within 0.3 mm of 3 mm: node friction leaves 0.02 N, of some 300 N/m.
     """
     force = on_target(phantom, 1.0)
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     followed(tissue, [marks_of(phantom, rest_state)] * 30, [None] * 30)
     said = tissue.predict_at(tissue.time_s + seconds, force)
     goal = rest_shape(phantom, force if seconds else 0.0)[phantom.index(HIDDEN)]
@@ -55,7 +55,7 @@ def test_a_push_of_nothing_is_a_push_of_nothing_in_every_form(phantom, rest_stat
     """Zeros and a function that gives zeros: the same to the last bit."""
     marks, nothing, ends = marks_of(phantom, rest_state), on_target(phantom, 0.0), []
     for push in (nothing, lambda _t, _states: nothing):
-        ends.append(followed(UnifiedFilter(phantom, HIDDEN, OUTER), [marks] * 4, [push] * 4))
+        ends.append(followed(TissueFilter(phantom, HIDDEN, OUTER), [marks] * 4, [push] * 4))
     for one, other in zip(*ends, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -68,7 +68,7 @@ def test_a_function_is_asked_in_the_middle_of_each_step(phantom, rest_state, mar
         asked.append((t, states.shape[-1]))
         return np.broadcast_to(on_target(phantom, 1.0), (*states.shape[:-1], 4, 2))
 
-    tissue, held = (UnifiedFilter(phantom, HIDDEN, OUTER) for _ in range(2))
+    tissue, held = (TissueFilter(phantom, HIDDEN, OUTER) for _ in range(2))
     for filtered, told in ((tissue, push), (held, on_target(phantom, 1.0))):
         filtered.predict(0.0)
         filtered.update(marks_of(phantom, rest_state))
@@ -104,10 +104,10 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
             pushes.append(distributed_force(phantom, needle, middle, both, punctured=bool(truth.punctured[k])))
         after = truth.punctured
         where = truth.states[after][:, hidden]
-        means, own = followed(UnifiedFilter(phantom, HIDDEN, OUTER), frames, pushes)
+        means, own = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
         errors.append(means[after] - where)
         covs.append(own[after])
-        blind.append(followed(UnifiedFilter(phantom, HIDDEN, OUTER), frames, [None] * n)[0][after] - where)
+        blind.append(followed(TissueFilter(phantom, HIDDEN, OUTER), frames, [None] * n)[0][after] - where)
         pushed.append(np.linalg.norm(where - rest_state[hidden], axis=1).max())
     told, untold = (np.linalg.norm(np.concatenate(e), axis=1).mean() for e in (errors, blind))
     assert min(pushed) > 3e-3
@@ -125,7 +125,7 @@ def test_the_needle_itself_may_be_the_function(phantom, rest_state, hidden, mark
     truth = simulate_insertion(phantom, needle, rest_state, times, rtol=1e-4, atol=1e-8)
     frames = [marks_of(phantom, state, 1e-3, np.random.default_rng(k)) for k, state in enumerate(truth.states)]
     pushes = [force_on_free(phantom, needle, punctured=bool(punctured)) for punctured in truth.punctured]
-    means, _ = followed(UnifiedFilter(phantom, HIDDEN, OUTER), frames, pushes)
+    means, _ = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
     off = np.linalg.norm(means - truth.states[:, hidden], axis=1)
     assert np.linalg.norm(truth.states[-1, hidden] - rest_state[hidden]) > 5e-3
     assert off[10:].max() < 1e-3

@@ -11,7 +11,7 @@ from estimators import (
     LeaveOneOut,
     OpenLoop,
     TargetPoint,
-    UnifiedFilter,
+    TissueFilter,
     fixed_interval,
     target_map,
 )
@@ -31,7 +31,7 @@ def frames(phantom, rest_state, driven, poke_forces, marks_of):
 
 
 def followed(phantom, frames, target):
-    tissue = UnifiedFilter(phantom, target, OUTER)
+    tissue = TissueFilter(phantom, target, OUTER)
     for time_s, marks in frames:
         tissue.predict(time_s)
         estimate = tissue.update(marks)
@@ -48,9 +48,9 @@ def outputs(phantom, frames, target):
     found["predict_modes"] = modes.means, modes.covs
     found["predict_path"] = tissue.predict_path(tissue.time_s + np.array([0.0, 0.1]))
     found["tables"] = tissue.tables(7, 1.0 / 30.0).ahead(tissue)[1:]
-    smooth = fixed_interval(UnifiedFilter(phantom, target, OUTER), frames)[5]
+    smooth = fixed_interval(TissueFilter(phantom, target, OUTER), frames)[5]
     found["fixed_interval"] = smooth.mean, smooth.cov
-    lag = FixedLag(UnifiedFilter(phantom, target, OUTER))
+    lag = FixedLag(TissueFilter(phantom, target, OUTER))
     lagged = [lag.take(*frame) for frame in frames][-1]
     found["FixedLag"] = lagged.mean, lagged.cov
     check, loop = LeaveOneOut(phantom, target, OUTER), OpenLoop(phantom, target)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, FixBias, MarkMeasurement, Replay, UnifiedFilter
+from estimators import FilterSettings, FixBias, MarkMeasurement, Replay, TissueFilter
 from tests.estimators.states import digest
 
 COV = 1e-6 * np.eye(2)
@@ -21,7 +21,7 @@ def frames(phantom, rest_state, marks_of):
 
 def ordered(phantom, frames, settings=None):
     """A filter after the frames in their order, and its last estimate."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, settings)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, settings)
     for time_s, marks in frames:
         tissue.predict(time_s)
         last = tissue.update(marks)
@@ -32,7 +32,7 @@ def ordered(phantom, frames, settings=None):
 def test_shuffled_frames_give_what_ordered_ones_give(phantom, frames, seed):
     """To the last bit; the first frame comes first, the rest in any order within 0.5 s."""
     tissue, last = ordered(phantom, frames)
-    replayed = Replay(UnifiedFilter(phantom, HIDDEN, OUTER), horizon_s=0.5)
+    replayed = Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=0.5)
     order = np.random.default_rng(seed).permutation(np.arange(1, 12))
     replayed.take(*frames[0])
     for k in order:
@@ -44,7 +44,7 @@ def test_shuffled_frames_give_what_ordered_ones_give(phantom, frames, seed):
 
 
 def test_an_estimate_is_of_the_newest_frame_whatever_came_last(phantom, frames):
-    replayed = Replay(UnifiedFilter(phantom, HIDDEN, OUTER))
+    replayed = Replay(TissueFilter(phantom, HIDDEN, OUTER))
     for k in (0, 1, 3, 2):
         estimate = replayed.take(*frames[k])
     assert estimate.time_s == frames[3][0]
@@ -53,7 +53,7 @@ def test_an_estimate_is_of_the_newest_frame_whatever_came_last(phantom, frames):
 
 def test_what_is_older_than_the_history_is_refused_and_counted(phantom, frames):
     """0.2 s: frame 5 is 6/30 s before the newest and fused, frame 4 is not."""
-    replayed = Replay(UnifiedFilter(phantom, HIDDEN, OUTER), horizon_s=0.2)
+    replayed = Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=0.2)
     for k in (0, 1, 2, 11):
         replayed.take(*frames[k])
     before = digest(replayed.tissue.snapshot())
@@ -65,20 +65,20 @@ def test_what_is_older_than_the_history_is_refused_and_counted(phantom, frames):
 
 
 def test_the_history_is_bounded(phantom, frames):
-    replayed = Replay(UnifiedFilter(phantom, HIDDEN, OUTER), horizon_s=0.1)
+    replayed = Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=0.1)
     for frame in frames:
         replayed.take(*frame)
     assert len(replayed._kept) == 4  # 0, 1/30, 2/30 and 3/30 s old
-    none = Replay(UnifiedFilter(phantom, HIDDEN, OUTER), horizon_s=0.0)
+    none = Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=0.0)
     for k in (0, 2, 1):
         none.take(*frames[k])
     assert none.late == {"rejected": 1}
     with pytest.raises(ValueError, match="horizon_s: expected 0 s or more"):
-        Replay(UnifiedFilter(phantom, HIDDEN, OUTER), horizon_s=-1.0)
+        Replay(TissueFilter(phantom, HIDDEN, OUTER), horizon_s=-1.0)
 
 
 def test_a_late_frame_that_cannot_be_used_changes_nothing(phantom, frames):
-    replayed = Replay(UnifiedFilter(phantom, HIDDEN, OUTER))
+    replayed = Replay(TissueFilter(phantom, HIDDEN, OUTER))
     for k in (0, 1, 3):
         replayed.take(*frames[k])
     before, kept = digest(replayed.tissue.snapshot()), len(replayed._kept)
@@ -94,14 +94,14 @@ def test_a_late_fix_is_fused_at_its_own_time(phantom, frames, rest_state, hidden
     """The same fix between frames 5 and 6, in order: to the last bit."""
     settings = replace(FilterSettings(), fix_bias=FixBias(1e-3))
     place = rest_state[hidden] + 1e-3
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, settings)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, settings)
     for k, (time_s, marks) in enumerate(frames):
         if k == 6:
             tissue.predict(5.5 / 30.0)
             tissue.fix(place, COV)
         tissue.predict(time_s)
         tissue.update(marks)
-    replayed = Replay(UnifiedFilter(phantom, HIDDEN, OUTER, settings))
+    replayed = Replay(TissueFilter(phantom, HIDDEN, OUTER, settings))
     for frame in frames:
         replayed.take(*frame)
     replayed.fix(5.5 / 30.0, place, COV)

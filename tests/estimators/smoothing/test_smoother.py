@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FixedLag, UnifiedFilter, coverage, fixed_interval, normalised_error_squared
+from estimators import FixedLag, TissueFilter, coverage, fixed_interval, normalised_error_squared
 from estimators.core.discrepancy import Discrepancy
 from estimators.core.filter import HypothesisFilter
 from estimators.smoothing.smoother import Step, smooth, smoothed_before
@@ -82,7 +82,7 @@ def test_it_goes_back_by_the_motion_that_the_update_linearised_again():
 
 def new(phantom):
     """A filter that knows the phantom's constants to be exact."""
-    return UnifiedFilter(phantom, HIDDEN, OUTER, discrepancy=Discrepancy(levels=(1e-3,)))
+    return TissueFilter(phantom, HIDDEN, OUTER, discrepancy=Discrepancy(levels=(1e-3,)))
 
 
 @pytest.fixture(scope="module")

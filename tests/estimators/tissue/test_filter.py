@@ -10,7 +10,7 @@ from dynamics import HIDDEN, OUTER, MassSpringNetwork, rest_shape
 from estimators import (
     OpenLoop,
     Status,
-    UnifiedFilter,
+    TissueFilter,
     coverage,
     normalised_error_squared,
 )
@@ -39,7 +39,7 @@ def follow(phantom, make, seed, poked, seen=1.0):
     rng, hidden = np.random.default_rng(seed), phantom.coordinates(HIDDEN)
     forces = poke_forces(phantom, 10.0 if poked else 8.0, rng, poked=poked)
     states = driven(phantom, rest_state, forces)[::EVERY]
-    ours, loop = UnifiedFilter(phantom, HIDDEN, OUTER), OpenLoop(phantom, HIDDEN)
+    ours, loop = TissueFilter(phantom, HIDDEN, OUTER), OpenLoop(phantom, HIDDEN)
     estimates, others = [], []
     for k, state in enumerate(states):
         marks = [mark for mark in marks_of(phantom, state, MARK_SD, rng) if rng.random() < seen]
@@ -170,7 +170,7 @@ def test_in_space_too(driven, marks_of):
     rng = np.random.default_rng(0)
     forces = 0.2 * 0.05 * np.sqrt(120.0) * rng.normal(size=(240, 4, 3))
     states = driven(drawn, np.r_[rest.ravel(), np.zeros(12)], forces)[::EVERY]
-    ours, place = UnifiedFilter(drawn, "M2", OUTER), drawn.coordinates("M2")
+    ours, place = TissueFilter(drawn, "M2", OUTER), drawn.coordinates("M2")
     for k, state in enumerate(states):
         ours.predict(k / 30.0)
         estimate = ours.update(marks_of(drawn, state, MARK_SD, rng))

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, FixBias, Status, UnifiedFilter
+from estimators import FilterSettings, FixBias, Status, TissueFilter
 
 
 def swinging(phantom, rest_state, marks_of, settings):
     """A filter that has seen M3 30 mm aside and back: the tissue swings, a fix has shown a bias."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER, settings)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER, settings)
     for k in range(20):
         state = rest_state.copy()
         state[4] += 0.03 * np.sin(0.3 * k)
@@ -25,7 +25,7 @@ def test_after_a_gap_beyond_forget_s_the_filter_begins_again(phantom, rest_state
     tissue = swinging(phantom, rest_state, marks_of, FilterSettings())
     tissue.predict(tissue.time_s + gap_s)
     assert tissue.health.status is Status.LOST
-    new = UnifiedFilter(phantom, HIDDEN, OUTER)
+    new = TissueFilter(phantom, HIDDEN, OUTER)
     for found, expected in zip(tissue.place_of(tissue.target), new.place_of(new.target), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     estimate = tissue.update(marks_of(phantom, rest_state))

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, Health, MarkMeasurement, Status, UnifiedFilter
+from estimators import FilterSettings, Health, MarkMeasurement, Status, TissueFilter
 from estimators.tissue.health import after_frame, diverged
 
 SETTINGS = FilterSettings()
@@ -50,7 +50,7 @@ def test_a_slow_camera_loses_nothing(phantom, rest_state, marks_of):
     The target's covariance falls below a half of what a single frame leaves.
     """
     assert walked([(1.09 * k, FINE) for k in range(5)])[0] == ["INITIALISING"] + ["TRACKING"] * 4
-    tissue, rng, spread = UnifiedFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0), []
+    tissue, rng, spread = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0), []
     for k in range(8):
         tissue.predict(1.09 * k)
         spread.append(np.trace(tissue.update(marks_of(phantom, rest_state, 0.00414, rng)).cov))
@@ -164,7 +164,7 @@ def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom)
     No small covariance meanwhile; TRACKING again within 0.5 s of the marks' return, and right to their noise.
     """
     at = dict(zip(phantom.names, phantom.positions, strict=True))
-    tissue, sd = UnifiedFilter(phantom, HIDDEN, OUTER), 1e-3
+    tissue, sd = TissueFilter(phantom, HIDDEN, OUTER), 1e-3
     estimates = []
     for k in range(60):
         tissue.predict(k / 30.0)
@@ -189,7 +189,7 @@ def test_two_seconds_without_marks(phantom, rest_state, driven, poke_forces, mar
     for seed in range(3):
         rng = np.random.default_rng(seed)
         states = driven(phantom, rest_state, poke_forces(phantom, 4.5, rng))[::4]
-        tissue, estimates = UnifiedFilter(phantom, HIDDEN, OUTER), []
+        tissue, estimates = TissueFilter(phantom, HIDDEN, OUTER), []
         for k, state in enumerate(states[:121]):
             tissue.predict(k / 30.0)
             seen = [] if 45 <= k < 105 else marks_of(phantom, state, 0.00414, rng)

@@ -15,7 +15,7 @@ from estimators import (
     LeaveOneOut,
     MarkMeasurement,
     Replay,
-    UnifiedFilter,
+    TissueFilter,
 )
 from tests.estimators.states import digest
 
@@ -43,11 +43,11 @@ def stiff_links():
     )
 
 
-def uncertain_phantom() -> UnifiedFilter:
+def uncertain_phantom() -> TissueFilter:
     """A filter that considers wrong constants and a calibration, estimates the bias of fixes."""
     network = four_mass_phantom()
     constants = parameters(network)
-    return UnifiedFilter(
+    return TissueFilter(
         network,
         HIDDEN,
         OUTER,
@@ -58,14 +58,14 @@ def uncertain_phantom() -> UnifiedFilter:
 
 
 FILTERS = {
-    "usual": lambda: UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER),
-    "sigma points": lambda: UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER, FilterSettings(sigma_points=True)),
+    "usual": lambda: TissueFilter(four_mass_phantom(), HIDDEN, OUTER),
+    "sigma points": lambda: TissueFilter(four_mass_phantom(), HIDDEN, OUTER, FilterSettings(sigma_points=True)),
     "uncertain": uncertain_phantom,
-    "stiff": lambda: UnifiedFilter(stiff_links(), "joint", ("end",)),
+    "stiff": lambda: TissueFilter(stiff_links(), "joint", ("end",)),
 }
 
 
-def frame(tissue: UnifiedFilter, k: int) -> list[MarkMeasurement]:
+def frame(tissue: TissueFilter, k: int) -> list[MarkMeasurement]:
     """The marks in frame k: each moves on a circle of its own about its place at rest, and some are not seen."""
     network, rng, dim = tissue.network, np.random.default_rng(k), tissue.network.dim
     marks = []
@@ -78,16 +78,16 @@ def frame(tissue: UnifiedFilter, k: int) -> list[MarkMeasurement]:
     return marks
 
 
-def take(tissue: UnifiedFilter, time_s: float, marks: list[MarkMeasurement]) -> None:
+def take(tissue: TissueFilter, time_s: float, marks: list[MarkMeasurement]) -> None:
     tissue.predict(time_s)
     tissue.update(marks)
 
 
-def step(tissue: UnifiedFilter, k: int) -> None:
+def step(tissue: TissueFilter, k: int) -> None:
     take(tissue, k / 30.0, frame(tissue, k))
 
 
-def assert_same(one: UnifiedFilter, other: UnifiedFilter) -> None:
+def assert_same(one: TissueFilter, other: TissueFilter) -> None:
     """The whole state is the same to the last bit."""
     assert digest(one.snapshot()) == digest(other.snapshot())
 
@@ -181,7 +181,7 @@ def test_hypotheses_of_names_go_along(way):
 def test_what_is_built_on_a_filter_goes_along(way):
     """A filter of withheld marks, one of frames that come late, one of the past."""
     network = four_mass_phantom()
-    plain = UnifiedFilter(network, HIDDEN, OUTER)
+    plain = TissueFilter(network, HIDDEN, OUTER)
 
     def checked(each: LeaveOneOut, k: int):
         each.predict(k / 30.0)
@@ -189,8 +189,8 @@ def test_what_is_built_on_a_filter_goes_along(way):
 
     for made, follow in (
         (LeaveOneOut(network, HIDDEN, OUTER), checked),
-        (Replay(UnifiedFilter(network, HIDDEN, OUTER)), lambda each, k: each.take(k / 30.0, frame(plain, k))),
-        (FixedLag(UnifiedFilter(network, HIDDEN, OUTER), 0.1), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+        (Replay(TissueFilter(network, HIDDEN, OUTER)), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+        (FixedLag(TissueFilter(network, HIDDEN, OUTER), 0.1), lambda each, k: each.take(k / 30.0, frame(plain, k))),
     ):
         for k in range(5):
             follow(made, k)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import UnifiedFilter, coverage, normalised_error_squared
+from estimators import TissueFilter, coverage, normalised_error_squared
 
 FRAME_S = 4 / 120.0
 
@@ -16,7 +16,7 @@ def after_two_seconds(phantom, rest_state, driven, poke_forces, marks_of):
     """A filter that followed a poked phantom for two seconds."""
     rng = np.random.default_rng(4)
     states = driven(phantom, rest_state, poke_forces(phantom, 2.0, rng))
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     for k, state in enumerate(states[::4]):
         tissue.predict(k * FRAME_S)
         tissue.update(marks_of(phantom, state, 1e-3, rng))
@@ -45,7 +45,7 @@ def test_where_it_will_be_can_be_believed(phantom, rest_state, driven, poke_forc
     for seed in range(3):
         rng = np.random.default_rng(seed)
         states = driven(phantom, rest_state, poke_forces(phantom, 5.0, rng))[::4]
-        tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+        tissue = TissueFilter(phantom, HIDDEN, OUTER)
         for k, state in enumerate(states[:-ahead]):
             tissue.predict(k * FRAME_S)
             tissue.update(marks_of(phantom, state, 4.14e-3, rng))
@@ -71,7 +71,7 @@ def test_times_rounded_to_the_nanosecond_take_as_many_steps(phantom, rest_state,
     told = []
     for dt in (1.0 / 30.0, 1.0 / 30.0 + 5e-10):
         rng = np.random.default_rng(2)
-        tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+        tissue = TissueFilter(phantom, HIDDEN, OUTER)
         for k in range(20):
             tissue.predict(k * dt)
             said = tissue.update(marks_of(phantom, rest_state, 4.14e-3, rng))

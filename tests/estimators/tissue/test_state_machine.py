@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
-from estimators import FilterSettings, FixBias, MarkMeasurement, UnifiedFilter
+from estimators import FilterSettings, FixBias, MarkMeasurement, TissueFilter
 from tests.estimators.states import digest
 
 PHANTOM = four_mass_phantom()
@@ -53,7 +53,7 @@ class Calls(RuleBasedStateMachine):
         """With a bias of fixes, perhaps an uncertain calibration and constants, perhaps by sigma points."""
         usual = FilterSettings(fix_bias=FixBias(1e-3), forget_s=0.3, lost_s=0.2, sigma_points=sigma_points)
         constants = independent_uncertainty(parameters(PHANTOM, ("stiffness",))[:2], 0.1) if considered else None
-        self.tissue = UnifiedFilter(
+        self.tissue = TissueFilter(
             PHANTOM, HIDDEN, OUTER, usual, uncertainty=constants, n_calibration=2 if considered else 0
         )
 

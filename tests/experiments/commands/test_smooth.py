@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from estimators import UnifiedFilter, fixed_interval
+from estimators import TissueFilter, fixed_interval
 from experiments.formats.recording import read_recording
 from experiments.pipeline.compare import SMOOTHER, compare
 from experiments.pipeline.track import measurement
@@ -43,7 +43,7 @@ def smoothed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_estimates_are_those_of_the_smoother(smoothed: Path) -> None:
     recording = read_recording(smoothed / "rec")
     scene = recording.scene
-    tissue = UnifiedFilter(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
+    tissue = TissueFilter(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
     assert recording.marks is not None
     seen = [
         (float(t), [measurement(mark) for mark in marks if mark.node in scene.measured_nodes])

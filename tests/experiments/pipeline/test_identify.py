@@ -209,7 +209,7 @@ def test_compare_runs_all_methods_on_the_same_marks(cache, tmp_path, capsys):
     assert softaim("compare", recording, "--out", out) == 0
     assert "particles" in capsys.readouterr().out
     figures = json.loads((out / "summary.json").read_text())
-    assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "unified", "smoother"]
+    assert list(figures) == ["open-loop", "filter", "ekf", "filterpy-ukf", "enkf", "particles", "smoother"]
     usual = summary(track(read_recording(recording)))
     assert figures["filter"]["mae_mm"] == usual["filter"]["mae_mm"]
     assert all(

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import UnifiedFilter
+from estimators import TissueFilter
 from experiments.formats.plan_file import read_task
 from experiments.formats.recording import MarkRow, read_recording, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
@@ -100,7 +100,7 @@ def test_the_picture_can_be_printed(scene, plan_file, most_mm):
 
 
 def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path):
-    """Marks that moved: mean and covariance are those of `UnifiedFilter.predict_at`, 0.2 s after the last."""
+    """Marks that moved: mean and covariance are those of `TissueFilter.predict_at`, 0.2 s after the last."""
     folder = tmp_path / "rec"
     folder.mkdir()
     scene.rename(folder / "scene.toml")
@@ -112,7 +112,7 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     write_marks_csv(folder / "marks.csv", times, rows, dim=2)
     assert softaim("plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0
     told = json.loads((tmp_path / "out" / "plan.json").read_text())
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     read = read_recording(folder)
     for t, marks in zip(read.exposures_s, read.marks, strict=True):
         tissue.predict(float(t))

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dynamics import HIDDEN, OUTER, NeedleMotion, sliding_friction
-from estimators import Breathing, UnifiedFilter, compliance, normalised_error_squared
+from estimators import Breathing, TissueFilter, compliance, normalised_error_squared
 from experiments.commands.app import app
 from experiments.errors import InputError
 from experiments.formats.needle_file import NeedleForces
@@ -73,7 +73,7 @@ def test_a_breathing_target_is_foretold_half_a_second_ahead():
     now, ahead = [], []
     for seed in (1,):
         world = world_of(replace(case("breathing"), seed=seed, warm_s=18.0, patience_s=0.5))
-        tissue, breathing = UnifiedFilter(world.network, HIDDEN, OUTER), Breathing(2)
+        tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
         away, state = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
         truth, said = [], {}
         for k in range(18 * 30):

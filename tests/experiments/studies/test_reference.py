@@ -29,7 +29,7 @@ def test_it_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_path: Pa
     assert broken_links(tmp_path) == []
     page = (tmp_path / "estimators.html").read_text(encoding="utf-8")
     assert {path.stem for path in tmp_path.glob("*.html")} == {*PACKAGES, "index"}
-    assert 'id="UnifiedFilter.predict"' in page
+    assert 'id="TissueFilter.predict"' in page
     assert "dtype" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
 
 
@@ -50,7 +50,7 @@ def thing(points: "Floats", push: float) -> None:  # noqa: F821
         ("", "expected a docstring, found none"),
         ("Moves points [m].", "expected shapes of points, as (n, dim), found none"),
         ("Moves points, (n, dim).", "expected units of points, as [m], found none"),
-        ("Moves points [m], (n, dim), as `UnifiedFilter.predicted` does.", "`UnifiedFilter.predicted`: no such name"),
+        ("Moves points [m], (n, dim), as `TissueFilter.predicted` does.", "`TissueFilter.predicted`: no such name"),
         ("Moves points [m], (n, dim), see `estimators.gone`.", "`estimators.gone`: no such name"),
         ("Moves points [m], (n, dim), see `GuidanceAdvice`.", "`GuidanceAdvice`: no such name"),
     ],
@@ -60,7 +60,7 @@ def test_what_is_not_stated_and_not_there_is_found(text: str, fault: str, monkey
 
 
 def test_what_is_there_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    named = "`push`, `UnifiedFilter.predict`, `dynamics.forces`, `Lesion`, `ValueError`, `with`, `scene.toml`"
+    named = "`push`, `TissueFilter.predict`, `dynamics.forces`, `Lesion`, `ValueError`, `with`, `scene.toml`"
     assert given(f"Moves points [m], (n, dim); {named}.", monkeypatch, thing) == []
 
 

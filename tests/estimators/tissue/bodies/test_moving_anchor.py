@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dynamics import rest_shape
-from estimators import FilterSettings, MarkMeasurement, UnifiedFilter, coverage, normalised_error_squared
+from estimators import FilterSettings, MarkMeasurement, TissueFilter, coverage, normalised_error_squared
 
 SLIP_M_S, SD_M, CLAMP_SD_M = 5e-3, 1e-3, 1e-4
 TIMES_S = np.arange(0.0, 4.0, 1.0 / 30.0)
@@ -60,7 +60,7 @@ def estimated(network, moved, clamps, seed):
     """Errors of M2 [m], (n, 2), and their covariances."""
     rng, noise = np.random.default_rng(seed), dict.fromkeys(("M1", "M3", "M4"), SD_M)
     noise |= dict.fromkeys(clamps, CLAMP_SD_M)
-    tissue, found = UnifiedFilter(network, "M2", tuple(noise), FilterSettings(led_nodes=clamps)), []
+    tissue, found = TissueFilter(network, "M2", tuple(noise), FilterSettings(led_nodes=clamps)), []
     for t, places in zip(TIMES_S, moved, strict=True):
         tissue.predict(float(t))
         found.append(

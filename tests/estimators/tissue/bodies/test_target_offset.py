@@ -11,7 +11,7 @@ from estimators import (
     FixBias,
     MarkMeasurement,
     TargetPoint,
-    UnifiedFilter,
+    TissueFilter,
 )
 
 SD_M, BIAS_M, FIX_M = 6e-3, 1e-3, 0.5e-3
@@ -19,13 +19,13 @@ AT_S = 0.5
 """When the fix comes [s]."""
 
 
-def made(sd_m: float, *, bias: FixBias | None = None, network=None) -> UnifiedFilter:
+def made(sd_m: float, *, bias: FixBias | None = None, network=None) -> TissueFilter:
     settings = replace(FilterSettings(), fix_bias=bias)
     body = four_mass_phantom() if network is None else network
-    return UnifiedFilter(body, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, settings)
+    return TissueFilter(body, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, settings)
 
 
-def marks_at(tissue: UnifiedFilter, frame: int):
+def marks_at(tissue: TissueFilter, frame: int):
     """Marks that stand where they rest, each a little off, the same in every filter."""
     network, rng = tissue.network, np.random.default_rng(frame)
     return [
@@ -34,7 +34,7 @@ def marks_at(tissue: UnifiedFilter, frame: int):
     ]
 
 
-def tracked(tissue: UnifiedFilter, until_s: float = AT_S):
+def tracked(tissue: TissueFilter, until_s: float = AT_S):
     for frame in range(round(30 * until_s) + 1):
         tissue.predict(frame / 30)
         estimate = tissue.update(marks_at(tissue, frame))

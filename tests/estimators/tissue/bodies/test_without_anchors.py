@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynamics import MassSpringNetwork, rest_shape
-from estimators import MarkMeasurement, Status, UnifiedFilter
+from estimators import MarkMeasurement, Status, TissueFilter
 
 SD = 0.5e-3
 CORNERS = 0.05 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -52,7 +52,7 @@ def test_it_rests_where_it_is_drawn_and_turned():
 def test_the_inside_follows_the_marks():
     """Six seconds at 30 frames/s, corners to 0.5 mm: under half a millimetre on average, and covered as claimed."""
     rng, network = np.random.default_rng(5), square()
-    tissue = UnifiedFilter(network, "inside", ("a", "b", "c", "d"))
+    tissue = TissueFilter(network, "inside", ("a", "b", "c", "d"))
     errors, covered = [], []
     for k in range(180):
         tissue.predict(k / 30.0)
@@ -71,7 +71,7 @@ def test_it_may_start_anywhere():
     """The first marks are a metre from where it is drawn, turned by two radians: it starts there within 0.7 s."""
     network = square()
     turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
-    tissue = UnifiedFilter(network, "inside", ("a", "b", "c", "d"))
+    tissue = TissueFilter(network, "inside", ("a", "b", "c", "d"))
     for k in range(25):
         tissue.predict(k / 30.0)
         marks = [MarkMeasurement(n, turn @ at + 1.0, SD**2 * np.eye(2)) for n, at in zip("abcd", CORNERS, strict=True)]

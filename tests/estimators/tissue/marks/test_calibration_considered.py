@@ -9,7 +9,7 @@ from scipy.linalg import hadamard
 
 from dynamics import HIDDEN, OUTER
 from estimators import (
-    UnifiedFilter,
+    TissueFilter,
     coverage,
 )
 
@@ -64,7 +64,7 @@ def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, truth, mark
     nees, errors, variances = [], [], []
     for seed, theta in enumerate(hadamard(4)):
         frames, places = frames_of(phantom, truth, marks_of, seed, seconds=2.0, theta=theta)
-        tissue = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=4)
+        tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=4)
         for estimate, place in zip(run_through(tissue, frames), places, strict=True):
             off = estimate.mean - place
             nees.append(off @ np.linalg.solve(estimate.cov, off))
@@ -85,7 +85,7 @@ def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state, driven, p
 
     def followed(n_calibration: int) -> tuple[float, float]:
         """Mean probability of a poke, mean error of the target [m]."""
-        tissue, rng = UnifiedFilter(phantom, HIDDEN, OUTER, n_calibration=n_calibration), np.random.default_rng(4)
+        tissue, rng = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=n_calibration), np.random.default_rng(4)
         poked, errors = [], []
         for k, state in enumerate(states[::4]):
             tissue.predict(k / 30.0)

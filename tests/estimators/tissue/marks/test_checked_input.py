@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import MarkMeasurement, UnifiedFilter
+from estimators import MarkMeasurement, TissueFilter
 from tests.estimators.states import digest
 
 NAN = float("nan")
@@ -71,7 +71,7 @@ def test_a_fix_has_a_place(position, warmed):
 
 def shared_sigma(phantom, rest_state, marks_of, without):
     """Sigma of the target [m] after ten frames whose marks, but for those of `without`, share a shift of 1 mm."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     for k in range(10):
         tissue.predict(k / 30.0)
         marks = [

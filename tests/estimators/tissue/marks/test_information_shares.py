@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import OpenLoopCovariance, UnifiedFilter
+from estimators import OpenLoopCovariance, TissueFilter
 from estimators.process.process_model import QUIET
 
 
@@ -18,7 +18,7 @@ def followed(tissue, network, state, marks_of, frames=30, sd=0.00414, seed=0):
 
 def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, marks_of):
     """1 - trace by trace of an `OpenLoopCovariance` that got the same frames; 4 mm marks leave a few per cent of it."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     known = OpenLoopCovariance(phantom, HIDDEN, OUTER, QUIET.white)
     estimate = followed(tissue, phantom, rest_state, marks_of, frames=60)
     for k in range(60):
@@ -29,10 +29,10 @@ def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, 
 
 def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
     """Before marks, not while they come, and again once what they told has worn off; also when they tell nothing."""
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     tissue.predict(0.0)
     assert tissue.update([]).model_only
-    tissue = UnifiedFilter(phantom, HIDDEN, OUTER)
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
     assert not followed(tissue, phantom, rest_state, marks_of).model_only
     flags = []
     for k in range(1, 90):
@@ -40,5 +40,5 @@ def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
         flags.append(tissue.update([]).model_only)
     assert not flags[0]
     assert flags[-1]
-    blind = UnifiedFilter(phantom, HIDDEN, OUTER)
+    blind = TissueFilter(phantom, HIDDEN, OUTER)
     assert followed(blind, phantom, rest_state, marks_of, sd=1.0, frames=5).model_only

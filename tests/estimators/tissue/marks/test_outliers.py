@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import FilterSettings, FixBias, MarkMeasurement, Status, UnifiedFilter
+from estimators import FilterSettings, FixBias, MarkMeasurement, Status, TissueFilter
 
 FRAME_S = 1.0 / 30.0
 SD = 1e-3
@@ -17,7 +17,7 @@ class Run:
     """A filter of the phantom at rest, frame by frame, with marks of 1 mm."""
 
     def __init__(self, sd=SD, settings=None, marked=OUTER):
-        self.tissue = UnifiedFilter(PHANTOM, HIDDEN, marked, settings)
+        self.tissue = TissueFilter(PHANTOM, HIDDEN, marked, settings)
         self.rng, self.sd, self.k = np.random.default_rng(0), sd, 0
 
     def frame(self, nodes=OUTER, off=None):
@@ -93,7 +93,7 @@ def test_outliers_at_different_places_do_not_confirm_each_other():
 @pytest.mark.parametrize(("nodes", "used"), [(OUTER, 3), (("M1", "M3"), 2), (("M3",), 1)])
 def test_a_slow_camera_believes_an_impulse_at_once(nodes, used):
     """Ten frames a second, longer apart than impulse_s = 0.05 s: these marks 100 mm aside together are taken in."""
-    tissue = UnifiedFilter(PHANTOM, HIDDEN, OUTER)
+    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
     for k in range(11):
         tissue.predict(0.1 * k)
         off = np.array([0.1, 0.0]) if k == 10 else np.zeros(2)
@@ -106,7 +106,7 @@ def test_a_slow_camera_believes_an_impulse_at_once(nodes, used):
 @pytest.mark.parametrize("off_m", [0.1, 0.15])
 def test_a_slow_camera_rejects_what_the_others_contradict(off_m):
     """M3 alone beside two marks at their places, for one frame of ten a second."""
-    tissue = UnifiedFilter(PHANTOM, HIDDEN, OUTER)
+    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
     for k in range(15):
         tissue.predict(0.1 * k)
         off = {"M3": np.array([0.0, off_m])} if k == 10 else {}

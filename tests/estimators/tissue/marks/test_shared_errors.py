@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import MarkMeasurement, UnifiedFilter
+from estimators import MarkMeasurement, TissueFilter
 
 
 def target_variance(shared: float, own: float) -> float:
     """Of a phantom at rest after ten frames whose marks are all off together and each by itself [m]."""
     network = four_mass_phantom()
-    tissue = UnifiedFilter(network, HIDDEN, OUTER)
+    tissue = TissueFilter(network, HIDDEN, OUTER)
     for k in range(10):
         tissue.predict(k / 30.0)
         marks = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import ParameterUncertainty, parameters, rest_shape, scale_parameters
-from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, UnifiedFilter
+from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, TissueFilter
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
@@ -25,7 +25,7 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def tissue(scene: Scene) -> UnifiedFilter:
+def tissue(scene: Scene) -> TissueFilter:
     return Line(scene, baseline=False).filter
 
 
@@ -94,7 +94,7 @@ def stated(scene: Scene, *, constants: bool = False, scale_sd: float | None = No
     return replace(scene, uncertainty=known if constants else None, cameras=cameras)
 
 
-def probability(scene: Scene, tissue: UnifiedFilter, positions: np.ndarray) -> float:
+def probability(scene: Scene, tissue: TissueFilter, positions: np.ndarray) -> float:
     """Of the force that marks ask for that are seen here for a second."""
     balance, found = balance_of(scene, tissue), None
     for k in range(31):
@@ -130,7 +130,7 @@ def test_a_place_that_is_not_stated_widens_what_is_advised_and_a_stated_one_the_
     np.testing.assert_allclose(unstated(error_budget(loose, wider)), known, rtol=1e-9)
     estimates = []
     for each in (tissue, wider):
-        filter_ = UnifiedFilter(scene.network, each.target.point, scene.measured_nodes, scene.settings)
+        filter_ = TissueFilter(scene.network, each.target.point, scene.measured_nodes, scene.settings)
         filter_.predict(0.0)
         marks = [
             MarkMeasurement(node, scene.network.positions[scene.network.index(node)], 1e-6 * np.eye(2))

@@ -9,7 +9,7 @@ import pytest
 
 import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
-from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, Status, TargetEstimate, UnifiedFilter, guide
+from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, Status, TargetEstimate, TissueFilter, guide
 from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import Scene
@@ -162,7 +162,7 @@ def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
 def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan):
     """Estimates of a 4 s breath of 10 mm for 12 s: aims at its place on arrival to 1 mm; before, the filter's path."""
     network = four_mass_phantom()
-    tissue = UnifiedFilter(network, HIDDEN, OUTER)
+    tissue = TissueFilter(network, HIDDEN, OUTER)
     advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")
     rest = network.positions[network.index(HIDDEN)]
 
@@ -185,7 +185,7 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
 def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
     """Of a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
     network = four_mass_phantom()
-    tissue = UnifiedFilter(network, HIDDEN, OUTER)
+    tissue = TissueFilter(network, HIDDEN, OUTER)
     marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
     for k in range(6):
         tissue.predict(k / 30.0)
@@ -205,7 +205,7 @@ def test_a_filter_with_unknown_constants_has_tables_too(tmp_path, plan):
     """At rest, where they are exact but for friction: aim and covariance are those of `guide`, 0.05 mm and 15 %."""
     network = four_mass_phantom()
     unsure = independent_uncertainty(parameters(network, ("stiffness",))[:1], 0.1)
-    tissue = UnifiedFilter(network, HIDDEN, OUTER, uncertainty=unsure)
+    tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=unsure)
     marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
     advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")
     for k in range(6):
@@ -221,7 +221,7 @@ def test_a_filter_with_unknown_constants_has_tables_too(tmp_path, plan):
 
 def test_tables_reach_as_far_as_the_needle_and_no_further_than_they_must(plan):
     """27 mm and 15 mm of reach and 50 mm at 200 mm/s, 0.3 s of starts, 0.5 and 0.1 s; a crawling needle: 30 s."""
-    tissue = UnifiedFilter(four_mass_phantom(), HIDDEN, OUTER)
+    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
     way_m = 0.215 - four_mass_phantom().positions[four_mass_phantom().index(HIDDEN), 1] + 0.015 + 0.05
     assert reach_s(plan, tissue) == pytest.approx(0.3 + way_m / 0.2 + 0.1, abs=1e-3)
     crawling = replace(plan, insertion=replace(plan.insertion, speed_m_s=1e-5))

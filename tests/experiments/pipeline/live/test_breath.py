@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, NeedleMotion, SampledForces
-from estimators import Advice, UnifiedFilter, normalised_error_squared
+from estimators import Advice, TissueFilter, normalised_error_squared
 from experiments.formats.needle_file import NeedleForces
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.live.advice import LiveAdvice
@@ -97,7 +97,7 @@ class Run:
     def __init__(self, pushes: Pushes, seed: int, folder: Path) -> None:
         self.world, self.k = world_under(pushes, seed), 0
         given, plan = self.world.case.given, self.world.case.plan
-        self.tissue = UnifiedFilter(given.network, HIDDEN, OUTER, given.settings)
+        self.tissue = TissueFilter(given.network, HIDDEN, OUTER, given.settings)
         self.plan = replace(
             plan,
             insertion=replace(plan.insertion, speed_m_s=0.1),
