@@ -77,11 +77,14 @@ class TissueModel:
         self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
-        """Sigma points (n_points, dim_x) dt seconds later, each under its own poke, which fades meanwhile."""
+        """Sigma points (n_points, dim_x) dt [s] later, each under its own poke, which fades meanwhile.
+
+        Points: [m], [m/s], [N].
+        """
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """Sigma points of each mode, (n_modes, n_points, dim_x), dt seconds later."""
+        """Sigma points of each mode, (n_modes, n_points, dim_x), dt [s] later; [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
@@ -126,7 +129,7 @@ class TissueModel:
         return Q
 
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density of the augmented motion about a shape, each (dim_x, dim_x).
+        """Matrix A and noise density of the augmented motion about a shape [m], each (dim_x, dim_x), in [m], [m/s], [N].
 
         Motions in which the shape is no stable rest, as where a link is compressed, go on at their speed instead of
         growing: a body leaves such a shape for the next rest, where a linear motion would go on to infinity.
