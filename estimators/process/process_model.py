@@ -129,7 +129,7 @@ class TissueModel:
         return Q
 
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density of the augmented motion about a shape [m], each (dim_x, dim_x), in [m], [m/s], [N].
+        """Matrix A and noise density of the augmented motion about a shape [m], (dim_x, dim_x); in [m], [m/s], [N].
 
         Motions in which the shape is no stable rest, as where a link is compressed, go on at their speed instead of
         growing: a body leaves such a shape for the next rest, where a linear motion would go on to infinity.
