@@ -15,7 +15,7 @@ from estimators.tissue.settings import FilterSettings
 class Disturbances:
     """Prior of the unknown forces, given as accelerations.
 
-    Short forces act on each marked node by itself: calm, poked, led or struck. Slow ones, such as a breath or leaning,
+    Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning,
     are a smooth field over all of the nodes where forces may act. Each has its own chain, and a mode is a pair of their
     states. Strengths but those of calm are raised with the acceleration by which a stiff body returns when it is bent.
 
@@ -25,13 +25,13 @@ class Disturbances:
         Standard deviation of a short force [m/s²]; choice.
     slow_m_s2 : tuple of float
         Of a slow force in each of its states [m/s²], the first none; choice.
-    white, jolt : float
-        Of white noise on every free node, always and while the body is struck [m/s²/sqrt(Hz)]; choice.
+    white : float
+        Of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
         Correlation times [s]; choice.
-    calm_s, poked_s, led_each_s, led_s, struck_each_s, struck_s : float
-        Mean durations of calm and of a poke, mean time between two times of being led or struck and mean duration of
-        one [s]; choice.
+    calm_s, poked_s, led_each_s, led_s : float
+        Mean durations of calm and of a poke, mean time between two times of being led and mean duration of one [s];
+        choice.
     rise_s, fall_s : float
         Mean time until a slow force grows to any stronger state, and falls to any weaker [s]; choice.
     smooth : float
@@ -45,15 +45,12 @@ class Disturbances:
     led_m_s2: float = 50.0
     slow_m_s2: tuple[float, ...] = (0.0, 0.5, 2.0)
     white: float = 0.02
-    jolt: float = 12.0
     short_s: float = 0.2
     slow_s: float = 1.5
     calm_s: float = 20.0
     poked_s: float = 0.3
     led_each_s: float = 60.0
     led_s: float = 1.0
-    struck_each_s: float = 20.0
-    struck_s: float = 1.0 / 30.0
     rise_s: float = 30.0
     fall_s: float = 30.0
     smooth: float = 0.25
@@ -76,16 +73,15 @@ class Disturbances:
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Modes without a short force, (n_modes,)."""
-        return np.tile([True, False, False, False], len(self.slow_m_s2))
+        return np.tile([True, False, False], len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
         """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
-        short = np.zeros((4, 4))
+        short = np.zeros((3, 3))
         short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
         short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
-        short[:2, 3], short[3, 0] = 1.0 / self.struck_each_s, 1.0 / self.struck_s
         n = len(self.slow_m_s2)
         slow = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
-        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(4))
+        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(3))
         return np.asarray(rates - np.diag(rates.sum(axis=1)), dtype=float)

@@ -139,7 +139,7 @@ class TissueProcess:
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.network.positions[self.network.free].ravel()
-        strongest = self.variances(0.0)[None, -3]  # the strongest slow forces, poked
+        strongest = self.variances(0.0)[None, -2]  # the strongest slow forces, poked
         before, after = np.zeros((1, self.n, self.n)), np.empty((1, self.n, self.n))
         self._set_forces(before[0], strongest[0])
         propagated(before, self.linearize(state, PUSHED_S), strongest, after)
@@ -204,9 +204,9 @@ class TissueProcess:
         d, raised = self.disturbances, self._raised
         calm, poke, led = d.short_m_s2
         rows = [
-            (white, short, max(short, raised * led), raised * slow, level, 1.0)
+            (d.white, short, max(short, raised * led), raised * slow, level, 1.0)
             for slow in d.slow_m_s2
-            for white, short in ((d.white, calm), (d.white, raised * poke), (d.white, raised * led), (d.jolt, calm))
+            for short in (calm, raised * poke, raised * led)
         ]
         return np.square(rows)
 
