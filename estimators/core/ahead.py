@@ -9,30 +9,12 @@ G_k P G_k' + sum over j of the noise of step j by G_(k-j).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import expm
 
-from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
-from estimators.core.filter import HypothesisFilter
-from estimators.core.tissue import TissueProcess
-from estimators.process.target import TargetMap
-
-
-class Tissue(Protocol):
-    """What tables need of a filter of the tissue; attributes as `TissueFilter` has them."""
-
-    network: MassSpringNetwork
-    process: TissueProcess
-    filter: HypothesisFilter
-    target: TargetMap
-    rest: Floats
-    time_s: float | None
-
-    def rows_of(self, point: TargetMap) -> Floats:
-        """The map of a point's place by the state, (dim, n)."""
+from estimators.core.posterior import TissuePosterior
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +48,7 @@ class AheadTables:
     chain: Floats
 
     @classmethod
-    def of(cls, tissue: Tissue, n_times: int, cycle_s: float) -> AheadTables:
+    def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
         """Tables of a filter; its posterior does not matter."""
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
@@ -95,7 +77,7 @@ class AheadTables:
             expm(process.rates * cycle_s),
         )
 
-    def ahead(self, tissue: Tissue, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
+    def ahead(self, tissue: TissuePosterior, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target.
 
         push: a known force on the free nodes [N], held in each step ahead, (k - 1, n_free, dim)
@@ -113,7 +95,7 @@ class AheadTables:
             shifts[step + 1 :] += self.by_push[1 : self.n_times - step] @ force
         return shifts
 
-    def parts(self, tissue: Tissue) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    def parts(self, tissue: TissuePosterior) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
         """As `ahead`, and the probability (k,) that no force grows until each time, with the moments if so.
 
         That is: no short force acts, and slow ones become no stronger than they are now.
@@ -124,14 +106,14 @@ class AheadTables:
         kept[np.ix_(calm, calm)] = np.tril(self.chain[np.ix_(calm, calm)])
         return *self._whole(tissue), *self._moments(tissue, weights, kept)
 
-    def _whole(self, tissue: Tissue) -> tuple[Floats, Floats, Floats]:
+    def _whole(self, tissue: TissuePosterior) -> tuple[Floats, Floats, Floats]:
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
         weights, times = tissue.filter.weights, self.cycle_s * np.arange(self.n_times, dtype=np.float64)
         _, means, covs = self._moments(tissue, weights, self.chain)
         return tissue.time_s + times, means, covs
 
-    def _moments(self, tissue: Tissue, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
+    def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
         """Probability (k,) that modes change by this part of the chain, and mean (k, dim) and covariance if they do."""
         odds = [weights]
         for _ in range(self.n_times - 1):

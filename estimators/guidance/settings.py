@@ -20,7 +20,7 @@ class AdviceSettings:
     stale_s: age from which an estimate gives no guidance [s]; choice
     coasting_s: time without any mark from which an estimate gives no guidance [s]; choice
     overshot_m: depth beyond the aim from which a tip has to be drawn back [m]; choice
-    abort: a needle that is inside and was told to go has to stop where a hit is less than this part of go probable;
+    abort: a needle that is inside and was given GO has to stop where a hit is less than this part of go probable;
         choice
     abort_s: such a stop stays until there has been guidance for so long [s]; choice
     """

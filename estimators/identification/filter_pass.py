@@ -114,5 +114,5 @@ def pass_through(
     if not np.isfinite(log_likelihood):
         return failed_pass(n)
     median = float(np.median(errors)) if errors else None
-    told = np.array(scores).reshape(len(scores), n)
-    return Pass(told, information, log_likelihood, np.array(nis), np.array(dof), effect, median)
+    of_frames = np.array(scores).reshape(len(scores), n)
+    return Pass(of_frames, information, log_likelihood, np.array(nis), np.array(dof), effect, median)

@@ -15,13 +15,13 @@ from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
 OUTSIDE_M = 0.02
 """From the tip of a needle that waits to its entry [m]."""
 GOES_IN_S = 0.5
-"""Before the onset, a needle that was told to go begins to [s]."""
+"""Before the onset, a needle that was given GO begins to [s]."""
 INSIDE_M = 0.005
 """Depth of a needle that is held there [m]."""
 BEND_RAD = np.deg2rad(90.0)
 """By so much it bends: it would pass the target by 25 mm, twice the lesion's radius, wherever a breath moves it."""
 BESIDE_M = 0.025
-"""From a needle's line to the one on which it would be told to go [m]."""
+"""From a needle's line to the one on which it would be given GO [m]."""
 DENT_M, DENT_N = 0.005, 2.0
 """How far a needle presses into the skin that does not give way yet [m], and by what force [N]."""
 THROWN_M = 0.08
@@ -37,7 +37,7 @@ def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: floa
 
 
 def _bends(since_s: float, plan: Insertion) -> NeedlePose:
-    """Outside until it was told to go; inside it bends, and is drawn out."""
+    """Outside until it was given GO; inside it bends, and is drawn out."""
     if since_s < -GOES_IN_S or since_s >= LASTS_S:
         return _at(plan, -OUTSIDE_M)
     if since_s < 0.0:
@@ -46,7 +46,7 @@ def _bends(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Beside its line, where it is not told to go, it presses on the skin; then it is drawn out and aligned."""
+    """Beside its line, where it is not given GO, it presses on the skin; then it is drawn out and aligned."""
     if since_s < 0.0:
         return _at(plan, -OUTSIDE_M, BESIDE_M)
     return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
@@ -64,9 +64,7 @@ def _displaced(by_m: float) -> Callable[[Session], None]:
 
 
 LOOP: tuple[ScriptedFault, ...] = (
-    ScriptedFault(
-        "needle bent", "a needle that was told to go bends by 90 degrees inside", needle=TrackedNeedle(_bends)
-    ),
+    ScriptedFault("needle bent", "a needle that was given GO bends by 90 degrees inside", needle=TrackedNeedle(_bends)),
     ScriptedFault(
         "needle unseen",
         "its tracker does not see a needle that bends as much, or tells NaN",
@@ -74,7 +72,7 @@ LOOP: tuple[ScriptedFault, ...] = (
     ),
     ScriptedFault(
         "touched early",
-        "a needle beside its line presses 5 mm into the skin, not told to go",
+        "a needle beside its line presses 5 mm into the skin, not given GO",
         needle=TrackedNeedle(_touches, push_N=DENT_N),
     ),
     ScriptedFault(

@@ -122,7 +122,7 @@ def test_with_three_marks_in_ten_missing_it_is_still_to_be_believed(phantom, mak
 
 
 def test_without_marks_it_grows_unsure_then_says_lost_then_finds_back(phantom, rest_state, marks_of, warmed):
-    """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, started anew with the next mark.
+    """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, started again with the next mark.
 
     The largest variance of the target grows with every unseen frame of the first 0.3 s.
     """

@@ -45,7 +45,7 @@ def test_without_marks_it_coasts_then_is_lost_and_starts_again():
 
 
 def test_a_slow_camera_loses_nothing(phantom, rest_state, marks_of):
-    """The paper's: a frame each 1.09 s, longer than lost_s, marks in every one. TRACKING, and never started anew.
+    """The paper's: a frame each 1.09 s, longer than lost_s, marks in every one. TRACKING, and never started again.
 
     The target's covariance falls below a half of what a single frame leaves.
     """
@@ -159,7 +159,7 @@ def test_right_innovations_are_never_taken_for_divergence():
 
 
 def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom):
-    """All marks 2 m aside for a third of a second, which nothing explains: DIVERGED within 0.5 s, started anew.
+    """All marks 2 m aside for a third of a second, which nothing explains: DIVERGED within 0.5 s, started again.
 
     No small covariance meanwhile; TRACKING again within 0.5 s of the marks' return, and right to their noise.
     """

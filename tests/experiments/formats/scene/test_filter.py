@@ -22,7 +22,7 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
-def told(path: Path, text: str):
+def scene_with(path: Path, text: str):
     """The scene read from the file with this before its first mark."""
     content = path.read_text(encoding="utf-8")
     path.write_text(content.replace("\n[[mark]]", f"\n{text}\n[[mark]]", 1), encoding="utf-8")
@@ -38,13 +38,13 @@ def test_nothing_said_is_the_usual_filter_and_exact_constants(path):
 
 def test_kinds_are_every_constant_of_the_kind_by_itself(path):
     """Covariance of the logs: 0.1² on ten stiffnesses, 0.5² on four drags, nothing across."""
-    scene = told(path, "[uncertainty]\nstiffness = 0.1\ndrag = 0.5\n")
+    scene = scene_with(path, "[uncertainty]\nstiffness = 0.1\ndrag = 0.5\n")
     assert scene.uncertainty.parameters == parameters(scene.network, ("stiffness", "drag"))
     np.testing.assert_allclose(scene.uncertainty.cov, np.diag([0.01] * 10 + [0.25] * 4), rtol=0, atol=1e-15)
 
 
 def test_directions_are_told_apart_by_name(path):
-    scene = told(
+    scene = scene_with(
         path,
         '[uncertainty]\nparameters = ["drag M2", "stiffness M1-M2"]\n'
         "directions = [[0.1, 0.2], [0.0, 0.3], [1.0, 0.0]]\n",
@@ -57,7 +57,7 @@ def test_directions_are_told_apart_by_name(path):
 
 
 def test_priors_take_the_place_of_the_usual_ones(path):
-    scene = told(path, "[filter]\npoke_m_s2 = 2.0\npoke_lasting_s = 0.4\nfix_bias_mm = 2.5\nstrain = 0.02\n")
+    scene = scene_with(path, "[filter]\npoke_m_s2 = 2.0\npoke_lasting_s = 0.4\nfix_bias_mm = 2.5\nstrain = 0.02\n")
     usual = FilterSettings()
     assert scene.settings == replace(
         usual, poked=replace(usual.poked, poke=2.0, lasting_s=0.4), fix_bias=FixBias(2.5e-3), discrepancy=0.02
@@ -66,7 +66,7 @@ def test_priors_take_the_place_of_the_usual_ones(path):
 
 def test_the_key_of_an_older_scene_is_read(path):
     """Before, a scene chose between two filters."""
-    assert told(path, "[filter]\nunified = true\n").settings == FilterSettings()
+    assert scene_with(path, "[filter]\nunified = true\n").settings == FilterSettings()
     path.write_text(path.read_text().replace("unified = true", "unified = false"))
     with pytest.raises(InputError, match=r"filter\.unified: expected True, found false"):
         read_scene(path)
@@ -74,7 +74,7 @@ def test_the_key_of_an_older_scene_is_read(path):
 
 @pytest.mark.parametrize("level", ["poke_m_s2 = 2.0", "poke_lasting_s = 0.3", "strain = 0.0"])
 def test_what_is_read_is_written_and_read_again(path, level):
-    scene = told(
+    scene = scene_with(
         path,
         '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
         f"[filter]\n{level}\nfix_bias_mm = 2.5\n",
@@ -87,7 +87,7 @@ def test_what_is_read_is_written_and_read_again(path, level):
 
 
 def test_led_nodes_are_read_and_change_nothing_else(path):
-    scene = told(path, '[filter]\nled_nodes = ["M4", "M1"]\n')
+    scene = scene_with(path, '[filter]\nled_nodes = ["M4", "M1"]\n')
     assert scene.settings == replace(FilterSettings(), led_nodes=("M4", "M1"))
 
 
@@ -98,7 +98,7 @@ def test_led_nodes_are_written_and_read_again_whatever_their_names(path):
     network = replace(scene.network, names=(name, *scene.network.names[1:]))
     marks = tuple(replace(mark, node=name) if mark.node == "M1" else mark for mark in scene.marks)
     assert scene.network.names[0] == "M1"
-    for usual in (FilterSettings(), told(path, "[filter]\npoke_m_s2 = 2.0\nstrain = 0.01\n").settings):
+    for usual in (FilterSettings(), scene_with(path, "[filter]\npoke_m_s2 = 2.0\nstrain = 0.01\n").settings):
         settings = replace(usual, led_nodes=(name, "M4"))
         write_scene(replace(scene, network=network, marks=marks, settings=settings), path)
         assert read_scene(path).settings == settings
@@ -151,7 +151,7 @@ def test_a_scene_with_led_nodes_that_are_not_measured_cannot_be_made(path):
 )
 def test_faults_are_told_in_one_line(path, text, message):
     with pytest.raises(InputError) as fault:
-        told(path, text)
+        scene_with(path, text)
     assert str(fault.value).startswith(f"{path}{message}")
     assert len(str(fault.value).splitlines()) == 1
 

@@ -303,7 +303,7 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
     assert set(gap["advice"][gap["time_s"] < 100.8]) == {"ABORT"}
     assert gap["reason"].iloc[0].endswith("; the estimate is 0.12 s old, more than 0.1 s")
     assert set(gap["advice"][gap["time_s"] > 100.9]) == {"NO_GUIDANCE"}
-    # it went in though it was not told to go
+    # it went in though it was not given GO
     assert set(rows["advice"][(rows["time_s"] > 100.42) & (rows["time_s"] <= before[-1])]) == {"ABORT"}
     assert "ABORT" not in set(rows["advice"][rows["time_s"] <= 100.4])
 
