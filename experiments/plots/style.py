@@ -7,7 +7,7 @@ and Ito's [wong2011]; a path in time is coloured by viridis, which is perceptual
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -106,9 +106,10 @@ def span(ax: Axes, times_s: Floats) -> None:
         ax.set_xlim(times_s[0], times_s[-1])
 
 
-def legend_below(figure: Figure, ax: Axes, n_columns: int) -> None:
-    """The legend of one of the axes under all of them: never over data."""
-    handles, labels = ax.get_legend_handles_labels()
+def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> None:
+    """The legend of one or some of the axes under all of them: never over data."""
+    entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
+    handles, labels = ([one for entry in entries for one in entry[k]] for k in (0, 1))
     figure.legend(handles, labels, loc="outside lower center", ncols=n_columns)
 
 

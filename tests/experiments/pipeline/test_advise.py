@@ -16,7 +16,7 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.advise import advise, came_true, reliability, table
-from experiments.pipeline.integrity.monitor import UNTESTED
+from experiments.pipeline.integrity import UNTESTED
 from tests.experiments.command import softaim
 
 GOOD = (Path(__file__).parents[1] / "needle.toml").read_text(encoding="utf-8")

@@ -23,7 +23,7 @@ from experiments.formats.needle_file import read_needle
 from experiments.formats.scene.scene import Mark, Scene, Target
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
-from experiments.pipeline.warm_up import warm_up
+from experiments.pipeline.live.warm_up import warm_up
 from vision import Frame
 
 INTERVAL = 1 / 30

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
 from estimators import Status
-from experiments.pipeline.scores.withheld import Withheld
+from experiments.pipeline.scores.fit import Withheld
 from experiments.plots.consistency import consistency_figure, sigma_figure
 from experiments.plots.path import FAINT, N_ELLIPSES, path_figure
 from experiments.plots.track import error_figure, motion_figure, write_track_plots

@@ -10,7 +10,7 @@ from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, T
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.integrity.budget import USUAL, balance_of, error_budget, unstated, variance_shares
+from experiments.pipeline.integrity import USUAL, balance_of, error_budget, unstated, variance_shares
 from experiments.pipeline.line import Line
 from experiments.simulation.simulate import scene_of
 

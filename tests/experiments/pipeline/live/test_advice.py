@@ -14,7 +14,7 @@ from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needl
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.advise import advise, header, table
-from experiments.pipeline.integrity.monitor import UNTESTED
+from experiments.pipeline.integrity import UNTESTED
 from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import Session

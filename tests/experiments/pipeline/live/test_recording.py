@@ -18,10 +18,10 @@ from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.following import as_written, follow
 from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, read_journal
 from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.live.recording import WAITING, LiveRecording
 from experiments.pipeline.live.replaying import replay
 from experiments.pipeline.live.session import Session
-from experiments.pipeline.recorder_thread import RecorderThread
 from experiments.simulation.simulate import draw, scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
