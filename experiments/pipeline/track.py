@@ -216,9 +216,10 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
     found: dict[str, float | int | None] = {}
     if done.has_truth:
         errors = rows["err_mm"].dropna().to_numpy()
-        scores = {"mae_mm": np.mean, "sd_mm": np.std, "rmse_mm": lambda e: np.sqrt((e**2).mean())}
-        finite = len(errors) > 0 and bool(np.isfinite(errors).all())
-        found |= {name: plain(float(score(errors))) if finite else None for name, score in scores.items()}
+        found |= dict.fromkeys(("mae_mm", "sd_mm", "rmse_mm"))
+        if len(errors) and np.isfinite(errors).all():
+            found |= plain({"mae_mm": float(errors.mean()), "sd_mm": float(errors.std())})
+            found["rmse_mm"] = plain(float(np.sqrt((errors**2).mean())))
         nees = rows["nees"].dropna().to_numpy()
         if len(nees):
             found["coverage95"] = coverage(nees, done.recording.scene.network.dim)

@@ -109,7 +109,8 @@ def span(ax: Axes, times_s: Floats) -> None:
 def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> None:
     """The legend of one or some of the axes under all of them: never over data."""
     entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
-    handles, labels = ([one for entry in entries for one in entry[k]] for k in (0, 1))
+    handles = [one for handles, _ in entries for one in handles]
+    labels = [one for _, labels in entries for one in labels]
     figure.legend(handles, labels, loc="outside lower center", ncols=n_columns)
 
 

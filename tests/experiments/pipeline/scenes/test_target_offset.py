@@ -24,7 +24,7 @@ from experiments.pipeline.compare import compare
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.plan import planned
-from experiments.pipeline.track import Track, each_step, figures, track
+from experiments.pipeline.track import Track, each_frame, figures, track
 from experiments.simulation.simulate import draw, scene_of
 from vision import Frame
 
@@ -71,7 +71,7 @@ def tracked(folder: Path, method: str) -> np.ndarray:
 def checked(folder: Path) -> np.ndarray:
     done = read_recording(folder)
     line = Line(done.scene, check=True)
-    return np.array([step.estimates[FILTER].mean for step in each_step(line, done)])
+    return np.array([step.estimates[FILTER].mean for _, step in each_frame(line, done)])
 
 
 def compared(folder: Path, method: str) -> np.ndarray:
