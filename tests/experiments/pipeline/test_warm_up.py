@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-NAMES = ["phantom", "cable-slow"]
+NAMES = ["phantom", "space"]
 
 
 @pytest.mark.slow
