@@ -39,8 +39,7 @@ from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, wit
 from experiments.formats.scene.schema import SceneFile
 from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
-from experiments.simulation.seen_marks import seen_marks
-from experiments.simulation.truth import Truth
+from experiments.simulation.seen_marks import Truth, seen_marks
 from experiments.threads import ahead
 from experiments.version import version
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def _rehearse_marks(scene: Scene, places: Floats) -> None:
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
     for k, seen in enumerate([marks, marks, []]):
-        _tried(lambda k=k, seen=seen: line.take(k * INTERVAL_S, seen))
+        _tried(partial(line.take, k * INTERVAL_S, seen))
     _tried(lambda: line.identity.fix(line.filter.predict_at(2.0 * INTERVAL_S).mean, plain))
 
 
@@ -61,7 +62,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
         halves[top:bottom, left:right] = none[top:bottom, left:right]
     line = Line(scene, baseline=False, explain=True)
     for k, picture in enumerate([whole, whole, whole, halves, whole, none, whole]):
-        _tried(lambda k=k, picture=picture: line.see(k * INTERVAL_S, picture))
+        _tried(partial(line.see, k * INTERVAL_S, picture))
 
 
 def _rehearse_search() -> None:

@@ -209,31 +209,14 @@ def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody
         def publish(self, moment, _line) -> None:
             shown.append(moment.fault or "")
 
-    clock = iter(np.arange(1.0, 9.0, 0.001))
-    session = Session(
-        scene_of(coarse_webcam()),
-        tmp_path / "e.csv",
-        lambda _: None,
-        publisher=Seen(),
-        clock=lambda: next(clock),
-    )
-    for k, act in enumerate(
-        (
-            lambda: session.dated(0.0, uneven=True),
-            lambda: session.dated(1.0, uneven=False),
-            session.reset,
-            lambda: session.dated(1.5, uneven=False),
-        )
-    ):
-        act()
+    clock, scene = iter(np.arange(1.0, 9.0, 0.001)), scene_of(coarse_webcam())
+    session = Session(scene, tmp_path / "e.csv", lambda _: None, publisher=Seen(), clock=lambda: next(clock))
+    for k, known in enumerate([(0.0, True), (1.0, False), None, (1.5, False)]):
+        session.reset() if known is None else session.dated(known[0], uneven=known[1])
         session.take(Frame(k, 1.0 + 0.033 * k, image))
     session.close()
-    assert ["unevenly" in shown[0], "1.0 s late" in shown[1], "late" in shown[2], "1.5 s late" in shown[3]] == [
-        True,
-        True,
-        False,
-        True,
-    ]
+    found = ["unevenly" in shown[0], "1.0 s late" in shown[1], "late" in shown[2], "1.5 s late" in shown[3]]
+    assert found == [True, True, False, True]
 
 
 @pytest.mark.parametrize("at", [10, 20])
