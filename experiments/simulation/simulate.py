@@ -162,8 +162,8 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    if nodes is None:
-        raise ValueError("nodes: expected their names, as `completed` gives them, found none")
+    """Rows of these nodes, which `completed` names."""
+    assert nodes is not None
     return [_row(network, node) for node in nodes]
 
 

@@ -142,10 +142,7 @@ FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
 
 
 class Latencies:
-    """How long frames took, from exposure to estimate, counted in classes: as much memory after hours as at first.
-
-    State: the counts, and the longest [ms].
-    """
+    """How long frames took, from exposure to estimate, counted in classes: as much memory after hours as at first."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(int(A_DECADE * np.log10(LONGEST_MS / FINEST_MS)) + 1, dtype=np.int64)
