@@ -1,6 +1,6 @@
 """Mutated messages: the codec refuses what is none, and the server goes on for everybody else.
 
-SOFTAIM_FUZZ=100000 in the environment is how many; `-s` shows how long it took and how long another client waited.
+SOFTAIM_FUZZ=100000 in the environment is how many.
 """
 
 import asyncio
@@ -9,7 +9,6 @@ import math
 import os
 import random
 import struct
-import time
 
 import numpy as np
 
@@ -111,26 +110,23 @@ async def test_the_server_goes_on_for_everybody_else():
                         client.writer.write_eof()
                     assert await client.is_dropped()
 
-    async def watch(client: Client, waits: list[float]) -> None:
-        before = time.monotonic()
+    async def watch(client: Client) -> None:
+        nonlocal n_seen
         while True:
             await client.until("NeedleTipToReference")
-            waits.append(time.monotonic() - before)
-            before = time.monotonic()
+            n_seen += 1
 
     async def moments(feed) -> None:
         while True:
             publish(feed)
             await asyncio.sleep(1 / 60)
 
-    feed, commands = told_of()
-    waits: list[float] = []
-    began = time.monotonic()
+    (feed, commands), n_seen = told_of(), 0
     async with serving(feed) as port, connected(port) as good:
-        others = [asyncio.create_task(watch(good, waits)), asyncio.create_task(moments(feed))]
+        others = [asyncio.create_task(watch(good)), asyncio.create_task(moments(feed))]
         await asyncio.gather(*(attack(port) for _ in range(N_ATTACKERS)))
-        seen = len(waits)
-        while len(waits) < seen + 3:
+        before = n_seen
+        while n_seen < before + 3:
             await asyncio.sleep(0.01)
             assert not any(task.done() for task in others)
         for task in others:
@@ -139,5 +135,3 @@ async def test_the_server_goes_on_for_everybody_else():
     for command in commands:
         assert read_command(command)
     assert len(asyncio.all_tasks()) == 2
-    took, longest = time.monotonic() - began, 1e3 * max(waits)
-    print(f"{N_ATTACKERS * n_each} connections: {took:.1f} s; {len(waits)} moments, {longest:.0f} ms at most")
