@@ -282,7 +282,6 @@ def test_the_command_on_a_scene_of_ones_own(scenario: Path, tmp_path: Path, caps
 
 
 def test_without_advice_there_is_none(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
-    scenario.write_text(SCENARIO.replace("seed = 5", "seed = 5\nframe_interval_s = 0.1"))
     words = ("insert", scenario, "--runs", "1", "--no-advice", "--processes", "1", "--out", tmp_path / "out")
     assert softaim(*words) == 0
     assert "Advice" not in capsys.readouterr().out
