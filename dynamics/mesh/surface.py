@@ -47,6 +47,6 @@ def surface(mesh: TetMesh) -> Surface:
     across = np.cross(b - a, c - a) / 6.0
     nodes, place = np.unique(faces, return_inverse=True)
     shares = np.repeat(np.column_stack([np.linalg.norm(across, axis=1), across]), 3, axis=0)
-    areas, *normal = (np.bincount(place.ravel(), share) for share in shares.T)
-    normals = np.stack(normal, axis=1)
+    summed: Floats = np.stack([np.bincount(place.ravel(), share) for share in shares.T], axis=1)
+    areas, normals = summed[:, 0], summed[:, 1:]
     return Surface(faces, nodes, areas, normals / np.linalg.norm(normals, axis=1, keepdims=True))
