@@ -18,11 +18,8 @@ study/identity.json has the figures of docs/marks-study.md, study/identity.csv a
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,14 +30,14 @@ from numpy.typing import NDArray
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
 from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
 from experiments.arrays import Floats
-from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
-from experiments.engine.study import OWN, run_study
-from experiments.engine.workers import Workers, add_worker_options, chosen_workers
+from experiments.engine.study import OWN
+from experiments.engine.workers import Workers, chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import EXACTLY
+from experiments.studies.grid import kept_runs, print_figures, study_options
 from vision import Detection, Expected, associate_marks
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
@@ -182,14 +179,11 @@ def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
     """All kinds of run on one truth, with names that may be exchanged and with fixed names."""
     one = world(where, how, seed)
     rows = []
-    for kind in REPORTED:
-        reported = reported_names(kind, np.random.default_rng([seed, 3]))
-        for interchangeable in (True, False)[: 2 if kind in BLIND else 1]:
-            row = reported_run(one, kind, reported, [tuple(OUTER)] if interchangeable else [])
-            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": interchangeable} | row)
-    for kind in NAMELESS:
-        for interchangeable in (True, False):
-            row = nameless_run(one, kind, [tuple(OUTER)] if interchangeable else [])
+    for kind in (*REPORTED, *NAMELESS):
+        reported = None if kind in NAMELESS else reported_names(kind, np.random.default_rng([seed, 3]))
+        for interchangeable in (True, False)[: 2 if kind in (*BLIND, *NAMELESS) else 1]:
+            alike = [tuple(OUTER)] if interchangeable else []
+            row = nameless_run(one, kind, alike) if reported is None else reported_run(one, kind, reported, alike)
             rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": interchangeable} | row)
     return rows
 
@@ -235,12 +229,10 @@ def case_rows(case: Case) -> list[dict[str, object]]:
     return [{name: value for name, value in row.items() if name not in case} for row in rows]
 
 
-def study(
-    n_runs: int, out: Path, workers: Workers, advance: Callable[[float], None] = lambda _share: None
-) -> dict[str, dict[str, float]]:
+def study(n_runs: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
     """All settings; identity.csv and identity.json in the folder, its runs in `runs` there."""
     cases = [{"where": where, "how": how, "seed": seed} for where, how in SETTINGS for seed in range(n_runs)]
-    table = run_study(case_rows, cases, out / "runs", workers, advance).checked().drop(columns=list(OWN))
+    table = kept_runs(case_rows, cases, out / "runs", workers).drop(columns=list(OWN))
     table_figures = figures(table)
     write_whole(out / "identity.csv", table.to_csv(index=False, float_format="%.4f"))
     write_whole(out / "identity.json", json.dumps(table_figures, indent=1) + "\n")
@@ -249,15 +241,11 @@ def study(
 
 def main() -> None:
     """Run the study and print its figures."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = study_options(__doc__)
     parser.add_argument("--runs", type=int, default=18)
-    parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on where it stopped")
-    add_worker_options(parser)
-    chosen = parser.parse_args()
-    with run_bar("identity") as advance:
-        table_figures = study(chosen.runs, chosen.out, chosen_workers(chosen), advance)
-    for name, row in table_figures.items():
-        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
+    given = parser.parse_args()
+    for name, row in study(given.runs, given.out, chosen_workers(given)).items():
+        print_figures(f"{name}: ", row, digits=4)
 
 
 if __name__ == "__main__":

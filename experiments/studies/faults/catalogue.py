@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from experiments.studies.faults.camera import CAMERA
 from experiments.studies.faults.judge import Fault
 from experiments.studies.faults.loop import LOOP
@@ -9,9 +11,7 @@ from experiments.studies.faults.scripted import ScriptedFault
 from experiments.studies.faults.system import SYSTEM
 from experiments.studies.faults.tissue import TISSUE
 
-FAULTS: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
+_ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
 
-
-def fault_of(name: str) -> Fault:
-    """The fault of this name; KeyError where there is none."""
-    return {fault.name: fault for fault in FAULTS}[name]
+FAULTS: Mapping[str, Fault] = {fault.name: fault for fault in _ALL}
+"""By name."""

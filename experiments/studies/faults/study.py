@@ -18,7 +18,8 @@ from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.log import LOG
-from experiments.studies.faults.catalogue import FAULTS, fault_of
+from experiments.studies.faults.catalogue import FAULTS
+from experiments.studies.grid import chosen, grid, markdown_table
 
 ROWS = "faults.csv"
 NEVER = float("nan")
@@ -30,19 +31,10 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     LOG.setLevel(logging.CRITICAL)
     try:
         with tempfile.TemporaryDirectory() as folder:
-            row = asdict(fault_of(case["fault"]).judged(case["seed"], Path(folder)))
+            row = asdict(FAULTS[case["fault"]].judged(case["seed"], Path(folder)))
     finally:
         LOG.setLevel(level)
     return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
-
-
-def names_of(only: Sequence[str]) -> list[str]:
-    """The faults to run: all, or those named; InputError for a name that none has."""
-    known = [fault.name for fault in FAULTS]
-    for name in only:
-        if name not in known:
-            raise InputError.at("--only", f"one of {', '.join(known)}", name)
-    return list(only) or known
 
 
 def faults_study(
@@ -61,8 +53,8 @@ def faults_study(
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
         raise InputError.at(folder, "an empty or a new folder, or one of this study", "files in it")
-    cases = [{"fault": name, "seed": seed} for name in names_of(only) for seed in seeds]
-    alone = [case for case in cases if fault_of(str(case["fault"])).alone]
+    cases = grid(fault=chosen("--only", only, FAULTS), seed=seeds)
+    alone = [case for case in cases if FAULTS[case["fault"]].alone]
     if alone:
         run_study(run, alone, folder, Workers(1), lambda share: advance(share * len(alone) / len(cases)))
     found = run_study(run, cases, folder, workers, advance).checked()
@@ -79,7 +71,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
     ended: how programs of its own ended; lacks_s: what its tables or recording lack at most [s]
     """
     rows = []
-    for fault in FAULTS:
+    for fault in FAULTS.values():
         own = runs[runs["fault"] == fault.name]
         if own.empty:
             continue
@@ -136,5 +128,4 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 def markdown(rows: pd.DataFrame) -> str:
     """The table of docs/faults.md."""
-    lines = ["| " + " | ".join(HEADS) + " |", "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: | --- | ---: |"]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in cells(rows)]) + "\n"
+    return markdown_table(HEADS, cells(rows), left=(0, 2, 8))

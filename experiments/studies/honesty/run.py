@@ -58,19 +58,23 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
     """
     scene, frames, truth = recorded(case)
-    errors, covs, wrong, n, lost = [], [], 0, 0, 0
-    for place, estimate in zip(truth, _estimates(scene, case["method"], frames), strict=True):
-        if estimate.time_s < AFTER_S:
-            continue
-        n += 1
-        if estimate.status not in (Status.TRACKING, Status.COASTING):
-            lost += 1
-            continue
-        assert estimate.cov is not None
-        errors.append(place - estimate.mean)
-        covs.append(estimate.cov)
-        wrong += is_wrong(estimate.mean, estimate.cov, place)
-    return {"frames": n, "lost": lost, "wrong": wrong, **_figures(np.array(errors), np.array(covs))}
+    estimates = zip(truth, _estimates(scene, case["method"], frames), strict=True)
+    counted = [(place, one) for place, one in estimates if one.time_s >= AFTER_S]
+    guiding = [(place, one) for place, one in counted if one.status in (Status.TRACKING, Status.COASTING)]
+    found = {"frames": len(counted), "lost": len(counted) - len(guiding)}
+    if not guiding:
+        return {**found, "wrong": 0, "covered": 0.0, "nees": np.nan, "error_mm": np.nan, "sd_mm": np.nan}
+    errors = np.array([place - one.mean for place, one in guiding])
+    covs = np.array([one.cov for _, one in guiding])
+    dim, nees = errors.shape[1], normalised_error_squared(errors, covs)
+    return {
+        **found,
+        "wrong": sum(is_wrong(one.mean, one.cov, place) for place, one in guiding),
+        "covered": float(np.sum(nees <= REGION[dim])),
+        "nees": float(np.mean(nees) / dim),
+        "error_mm": 1e3 * float(np.sqrt(np.mean(errors**2))),
+        "sd_mm": 1e3 * float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean() / dim)),
+    }
 
 
 def recorded(case: Mapping[str, Any]) -> tuple[Scene, list[tuple[float, Marks]], list[Floats]]:
@@ -100,16 +104,3 @@ def _estimates(scene: Scene, method: str, frames: Sequence[tuple[float, Marks]])
         return (line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames)
     problem = TrackingProblem(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
     return (estimate for block in make_method(method, problem).run(frames) for estimate in block)
-
-
-def _figures(errors: Floats, covs: Floats) -> dict[str, float]:
-    if not len(errors):
-        return {"covered": 0.0, "nees": np.nan, "error_mm": np.nan, "sd_mm": np.nan}
-    dim = errors.shape[1]
-    nees = normalised_error_squared(errors, covs)
-    return {
-        "covered": float(np.sum(nees <= REGION[dim])),
-        "nees": float(np.mean(nees) / dim),
-        "error_mm": 1e3 * float(np.sqrt(np.mean(errors**2))),
-        "sd_mm": 1e3 * float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean() / dim)),
-    }

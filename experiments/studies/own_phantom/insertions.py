@@ -15,12 +15,16 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.advise import advise, table
 from experiments.simulation.simulate import simulate
+from experiments.studies.grid import markdown_table
 
 EVERY_S = 0.25
 """Between two insertions [s]: some 75 in a recording of 20 s, whose end no needle reaches; parameter of the study."""
 
 LAST = ("tuned.toml", "identified.toml")
 """The scene that the steps of a project end with: tuned where its filter has levels to tune."""
+
+
+HEADS = ("phantom", "recordings", "insertions", "told", "came true", "true - told, 95 %", "GO", "told", "came true")
 
 
 def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -46,21 +50,16 @@ def reliability_table(found: pd.DataFrame) -> str:
 
     The interval is of the mean difference over recordings, 1.96 standard errors: insertions of one are not independent.
     """
-    lines = [
-        "| phantom | recordings | insertions | told | came true | true - told, 95 % | GO | told | came true |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    table = []
     for name, rows in found.groupby("phantom", sort=False):
         gaps = (rows["true"] - rows["told"]).groupby(rows["seed"]).mean()
         half = 1.96 * float(gaps.std(ddof=1)) / np.sqrt(len(gaps)) if len(gaps) > 1 else np.inf
         gap = float((rows["true"] - rows["told"]).mean())
         go = rows[rows["advice"] == "GO"]
-        lines.append(
-            f"| {name} | {len(gaps)} | {len(rows)} | {rows['told'].mean():.1%} | {rows['true'].mean():.1%} | "
-            f"{100 * gap:+.1f} ± {100 * half:.1f} points | {len(go) / len(rows):.0%} | "
-            f"{_mean(go['told'])} | {_mean(go['true'])} |"
-        )
-    return "\n".join(lines) + "\n"
+        counts = [str(len(gaps)), str(len(rows)), _mean(rows["told"]), _mean(rows["true"])]
+        share = [f"{100 * gap:+.1f} ± {100 * half:.1f} points", f"{len(go) / len(rows):.0%}"]
+        table.append([str(name), *counts, *share, _mean(go["told"]), _mean(go["true"])])
+    return markdown_table(HEADS, table)
 
 
 def _mean(shares: pd.Series) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.errors import InputError
+from experiments.studies.grid import markdown_table
 
 PHANTOMS = {
     "plane of 5 masses": ("--kind", "plane", "--masses", "5"),
@@ -55,7 +56,7 @@ def times_table(rows: pd.DataFrame) -> str:
     step = rows["command"].str.split().str[0]
     step = step.where(~rows["command"].str.contains("--at-rest"), "identify --at-rest")
     sums = rows.assign(step=step).pivot_table("seconds", "step", "phantom", "sum", sort=False)
-    lines = [f"| step [s] | {' | '.join(sums.columns)} |", f"| --- |{' ---: |' * len(sums.columns)}"]
-    lines += [f"| {name} | {' | '.join(f'{value:.0f}' for value in row)} |" for name, row in sums.iterrows()]
-    lines.append(f"| all | {' | '.join(f'{value:.0f}' for value in sums.sum())} |")
-    return "\n".join(lines) + "\n"
+    rows = [*sums.iterrows(), ("all", sums.sum())]
+    return markdown_table(
+        ["step [s]", *sums.columns], [[str(name), *(f"{value:.0f}" for value in row)] for name, row in rows]
+    )

@@ -81,9 +81,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     if body.at_rest:
         start = fit_rest_lengths(start, body.network.positions)
     other = replace(case, seed=case.seed + OTHER_RECORDING).motion
-    names = other.marked + other.hidden
-    seen = measured(other, names, case.seed + OTHER_RECORDING)
-    frames = [(float(time_s), marks) for time_s, marks in zip(other.times_s, seen, strict=True)]
+    frames = timed_marks(other, other.marked + other.hidden, case.seed + OTHER_RECORDING)
     try:
         found = identify_constants(
             start,
@@ -110,3 +108,8 @@ def measured(body: Body, names: tuple[str, ...], seed: int) -> list[list[MarkMea
     noisy = body.positions[:, nodes] + rng.normal(0.0, body.mark_sd_m, body.positions[:, nodes].shape)
     cov = body.mark_sd_m**2 * np.eye(body.network.dim)
     return [[MarkMeasurement(name, place, cov) for name, place in zip(names, frame, strict=True)] for frame in noisy]
+
+
+def timed_marks(body: Body, names: tuple[str, ...], seed: int) -> list[tuple[float, list[MarkMeasurement]]]:
+    """Times [s] and noisy marks of these nodes."""
+    return list(zip(map(float, body.times_s), measured(body, names, seed), strict=True))

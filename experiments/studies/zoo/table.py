@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from experiments.studies.grid import markdown_table
 from experiments.studies.zoo.case import Case
-
-PAGE = Path(__file__).parents[3] / "docs" / "zoo.md"
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,15 +162,14 @@ HEAD = (
 
 def markdown(cells: Sequence[Cell]) -> str:
     """The table, and the summary below it."""
-    rows = [HEAD, tuple("---" if k == 0 else "---:" for k in range(len(HEAD)))]
+    rows = []
     for cell in cells:
         shown = (_number(cell.filter_mm), _number(cell.open_loop_mm), _number(cell.spline_mm), _number(cell.ratio, 2))
         covered = "" if cell.covered is None else f"{100 * cell.covered:.1f} %"
         counts = (str(cell.non_finite), str(cell.wrong_tracking), str(cell.repairs), _number(cell.ms_a_frame))
         fault = ", ".join(faults(cell)) + (f" ({cell.failure})" if cell.failure else "")
         rows.append((cell.name, str(cell.runs), *shown, covered, _number(cell.nees, 2), *counts, fault))
-    table = "\n".join("| " + " | ".join(entry.replace("|", "/") for entry in row) + " |" for row in rows)
-    return table + "\n\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
+    return markdown_table(HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -26,9 +26,10 @@ from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher, Shown
 from experiments.studies.faults.judge import is_wrong
+from experiments.studies.faults.scripted import plan_of
 from experiments.studies.faults.world import BEGAN_S, Motion
-from experiments.studies.faults.wrong_worlds.bodies import BODIES, plan_of, scene_of_body
-from experiments.studies.faults.wrong_worlds.rows import World, world_of
+from experiments.studies.faults.wrong_worlds.bodies import BODIES, scene_of_body
+from experiments.studies.faults.wrong_worlds.rows import WORLDS, World
 from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
 from experiments.studies.faults.wrong_worlds.truth import motion_of
 
@@ -98,7 +99,7 @@ class Judging(Publisher):
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """A world with a body and a seed, as a row of the study; `duration_s` of the case in place of the body's [s]."""
-    world, scene = world_of(case["world"]), scene_of_body(case["body"])
+    world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
     duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
     level = LOG.level
     LOG.setLevel(logging.CRITICAL)
