@@ -19,19 +19,16 @@ from estimators import (
     AdviceSettings,
     Insertion,
     Lesion,
-    MarkMeasurement,
     TissueFilter,
     fixed_interval,
     guide,
     path_near_rest,
     tune_strain,
 )
-from experiments.studies.estimation.trials import EXACTLY, passed
+from experiments.studies.estimation.trials import EXACTLY, Frames, frames_of, passed
 
 FRAME_S, MARK_SD_M = 1.0 / 30.0, 1e-3
 N_ADVISED, N_BY_FILTER, N_TUNED, N_SMOOTHED = 30, 3, 50, 60
-
-Frames = list[tuple[float, list[MarkMeasurement]]]
 
 
 def seconds_of(work: Callable[[], object]) -> float:
@@ -48,15 +45,9 @@ def median_ms(seconds: Sequence[float]) -> float:
 
 def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int) -> Frames:
     """Marks of a body that rests as drawn, to so much an axis [m]."""
-    rng, cov = np.random.default_rng(0), sd_m**2 * np.eye(network.dim)
-    at = [network.positions[network.index(node)] for node in nodes]
-    return [
-        (
-            k * FRAME_S,
-            [MarkMeasurement(n, z + rng.normal(0.0, sd_m, network.dim), cov) for n, z in zip(nodes, at, strict=True)],
-        )
-        for k in range(n_frames)
-    ]
+    at = network.positions[[network.index(node) for node in nodes]]
+    places = at + np.random.default_rng(0).normal(0.0, sd_m, (n_frames, *at.shape))
+    return frames_of(FRAME_S * np.arange(n_frames), places, nodes, sd_m)
 
 
 def recording() -> dict[str, float]:

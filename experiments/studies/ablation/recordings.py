@@ -17,11 +17,11 @@ from experiments.arrays import Floats
 from experiments.studies.estimation.study import CONSTANT_SDS, perturbed
 from experiments.studies.estimation.trials import Model, Trial, seen
 from experiments.studies.honesty.run import recorded
-from experiments.studies.lungs.estimate import frames_of
+from experiments.studies.lungs.estimate import lung_frames
 from experiments.studies.lungs.landmarks import read_lungs
 from experiments.studies.lungs.model import LungConstants, lung_network, node_name
 from experiments.studies.zoo.case import Case
-from experiments.studies.zoo.constants import assumed, timed_marks
+from experiments.studies.zoo.constants import assumed, measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ def _zoo(name: str, constants: str, seconds: float) -> Callable[[int], Recording
     def made(seed: int) -> Recording:
         case = Case(name, seed, constants, length_s=seconds)
         body, model = case.motion, assumed(case.motion, case)
-        frames = timed_marks(body, body.marked, seed)
+        frames = measured(body, body.marked, seed)
         truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
         settings = FilterSettings(led_nodes=body.led)
         return Recording(model.network, body.marked, body.hidden, frames, truth, settings, model.uncertainty)
@@ -93,7 +93,7 @@ def lung(folder: Path) -> Recording:
     marked, sd_m = one.seen(10), constants.reading_sd_m
     seen, hidden = ([node_name(i) for i in landmarks] for landmarks in (marked, one.inner))
     network, truth = lung_network(one.positions[0], constants), one.positions[:, one.inner]
-    return Recording(network, seen, hidden, frames_of(one, marked, sd_m), truth, read_sd_m=sd_m)
+    return Recording(network, seen, hidden, lung_frames(one, marked, sd_m), truth, read_sd_m=sd_m)
 
 
 BODIES: Mapping[str, Callable[[int], Recording]] = {

@@ -32,14 +32,14 @@ from dynamics import (
     rest_shape,
     scale_parameters,
 )
-from estimators import IdentificationSettings, MarkMeasurement, identify_constants
+from estimators import IdentificationSettings, identify_constants
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
 from experiments.engine.workers import chosen_workers
 from experiments.formats.page import rewrite_page
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
-from experiments.studies.estimation.trials import Frames
+from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.grid import DOCS, grid, kept_runs, markdown_table, study_options
 
 PRIOR_SD: Mapping[str, float] = {
@@ -105,32 +105,22 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
     return five_mass_phantom(), ("P1", "P2", "P3", "P4"), "T"
 
 
-def recorded(
-    network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float, frames_per_s: float = FRAMES_PER_S
-) -> tuple[Frames, Floats]:
-    """Frames with the marks of all free nodes, one of these nodes poked at a time, and their true places.
-
-    The places are in metres, (n_frames, n_free, dim).
-    """
+def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> tuple[Frames, Floats]:
+    """Frames with the marks of all free nodes, and their true places [m], (n_frames, n_free, dim)."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
     change = {
         "seed": seed,
         "duration_s": duration_s,
-        "frame_interval_s": 1.0 / frames_per_s,
+        "frame_interval_s": 1.0 / FRAMES_PER_S,
         "pokes": scenario.pokes.model_copy(update={"nodes": list(poked)}),
     }
     rng = np.random.default_rng(seed)
     truth = true_motion(network, scenario.model_copy(update=change), rng)
     noisy = truth.positions + rng.normal(0.0, MARK_SD_M, truth.positions.shape)
     names = [network.names[i] for i in network.free]
-    cov = MARK_SD_M**2 * np.eye(network.dim)
-    frames = [
-        (float(time_s), [MarkMeasurement(name, place, cov) for name, place in zip(names, places, strict=True)])
-        for time_s, places in zip(truth.times_s, noisy, strict=True)
-    ]
-    return frames, truth.positions
+    return frames_of(truth.times_s, noisy, names, MARK_SD_M), truth.positions
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:

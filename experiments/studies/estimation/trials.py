@@ -6,7 +6,7 @@ Truth is by SciPy's RK45 (`experiments.simulation.simulate`), kept in a folder s
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -79,6 +79,14 @@ class Outcome:
     status: tuple[str, ...]
     repairs: int
     turned: bool
+
+
+def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequence[str], sd_m: float) -> Frames:
+    """Marks of these names at these places [m], (n_frames, n_names, dim), that are known to so much an axis [m]."""
+    return [
+        (float(time_s), [MarkMeasurement(name, z, sd_m**2 * np.eye(len(z))) for name, z in zip(names, at, strict=True)])
+        for time_s, at in zip(times_s, places, strict=True)
+    ]
 
 
 def truth(trial: Trial, cache: Path) -> Floats:

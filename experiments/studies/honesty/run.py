@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from estimators import (
-    MarkMeasurement,
     Status,
     TargetEstimate,
     TrackingProblem,
@@ -20,13 +19,12 @@ from estimators import (
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
+from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.faults.judge import is_wrong
 from experiments.studies.faults.world import INTERVAL_S, Motion
 from experiments.studies.faults.wrong_worlds.bodies import scene_of_body
 from experiments.studies.faults.wrong_worlds.run import REGION
 from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of
-
-Marks = Sequence[MarkMeasurement]
 
 PUSHES = {
     "nothing": Pushes(0.0, 0.0),
@@ -77,28 +75,22 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def recorded(case: Mapping[str, Any]) -> tuple[Scene, list[tuple[float, Marks]], list[Floats]]:
+def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
     """The scene of a case, its frames, and where the target truly is in each [m]; arguments as for `run`."""
     duration_s, dt = float(case["duration_s"]), INTERVAL_S
     motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
     scene = scene_of_body(case["body"])
     scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
-    network, dim = scene.network, scene.network.dim
-    rng = np.random.default_rng([case["seed"], 7])
-    at, cov = network.index(scene.target.node), (case["sd_m"] * case["stated"]) ** 2 * np.eye(dim)
-    truth: list[Floats] = []
-    frames: list[tuple[float, Marks]] = []
-    for time_s in np.arange(0.0, duration_s, dt):
-        places = motion.at(float(time_s))
-        seen = places[[network.index(node) for node in scene.measured_nodes]]
-        seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
-        marks = [MarkMeasurement(node, z, cov) for node, z in zip(scene.measured_nodes, seen, strict=True)]
-        truth.append(places[at])
-        frames.append((float(time_s), marks))
-    return scene, frames, truth
+    network, rng = scene.network, np.random.default_rng([case["seed"], 7])
+    times = np.arange(0.0, duration_s, dt)
+    places = np.array([motion.at(float(time_s)) for time_s in times])
+    seen = places[:, [network.index(node) for node in scene.measured_nodes]]
+    seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
+    frames = frames_of(times, seen, scene.measured_nodes, case["sd_m"] * case["stated"])
+    return scene, frames, list(places[:, network.index(scene.target.node)])
 
 
-def _estimates(scene: Scene, method: str, frames: Sequence[tuple[float, Marks]]) -> Iterator[TargetEstimate]:
+def _estimates(scene: Scene, method: str, frames: Frames) -> Iterator[TargetEstimate]:
     if method == FILTER:
         line = Line(scene, baseline=False)
         return (line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames)

@@ -11,8 +11,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from estimators import MarkMeasurement, TissueFilter, normalised_error_squared
+from estimators import TissueFilter, normalised_error_squared
 from experiments.arrays import Floats
+from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.lungs.landmarks import Lung
 from experiments.studies.lungs.model import LungConstants, lung_network, node_name
 from experiments.studies.zoo.rivals import thin_plate_weights
@@ -62,13 +63,9 @@ def inner_landmarks(lung: Lung, seen: str, constants: LungConstants) -> Inner:
     return replace(found, filtered=np.linalg.norm(errors, axis=2), nees=nees)
 
 
-def frames_of(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> list[tuple[float, list[MarkMeasurement]]]:
+def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
     """Times [s] and the marks of these landmarks of a lung."""
-    cov = sd_m**2 * np.eye(3)
-    return [
-        (float(time_s), [MarkMeasurement(node_name(i), places[i], cov) for i in marked])
-        for time_s, places in zip(lung.times_s, lung.positions, strict=True)
-    ]
+    return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
 
 
 def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
@@ -76,7 +73,7 @@ def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstant
     network = lung_network(lung.positions[0], constants)
     inner = [node_name(i) for i in lung.inner]
     begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])
-    return followed(begun, network, inner, frames_of(lung, marked, constants.reading_sd_m))
+    return followed(begun, network, inner, lung_frames(lung, marked, constants.reading_sd_m))
 
 
 def errors_table(found: Sequence[Inner]) -> pd.DataFrame:

@@ -14,7 +14,7 @@ from dynamics import NetworkError
 from estimators import FilterSettings, TissueFilter
 from experiments.simulation.bodies.body import Body
 from experiments.studies.zoo.case import Case
-from experiments.studies.zoo.constants import Assumed, NotIdentifiedError, assumed, identified, measured, timed_marks
+from experiments.studies.zoo.constants import Assumed, NotIdentifiedError, assumed, identified, measured
 from experiments.studies.zoo.rivals import open_loop, spline
 from experiments.studies.zoo.scores import Followed, followed, hidden_scores, mean_distance
 
@@ -41,10 +41,10 @@ def run(case: Case) -> Record:
     found = filtered(model, body, case.seed, LIMIT_S)
     done = len(found.status)
     compared = slice(done or None)  # rivals are scored in the frames that the filter was
-    marks = measured(body, body.marked, case.seed)[compared]
-    simulated = open_loop(model.network, body, marks)
+    frames = measured(body, body.marked, case.seed)[compared]
+    simulated = open_loop(model.network, body, frames)
     record |= {
-        "spline_m": mean_distance(spline(body, marks), truth[compared]),
+        "spline_m": mean_distance(spline(body, frames), truth[compared]),
         "open_loop_m": None if simulated is None else mean_distance(simulated, truth[compared]),
         "ended": found.failure,
         "frames_done": done,
@@ -76,4 +76,4 @@ def filtered(model: Assumed, body: Body, seed: int, limit_s: float) -> Followed:
     """One run of the filter with its default settings."""
     settings = FilterSettings(led_nodes=body.led)
     begun = partial(TissueFilter, model.network, body.hidden[0], body.marked, settings, uncertainty=model.uncertainty)
-    return followed(begun, model.network, body.hidden, timed_marks(body, body.marked, seed), limit_s)
+    return followed(begun, model.network, body.hidden, measured(body, body.marked, seed), limit_s)

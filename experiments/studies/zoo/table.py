@@ -72,34 +72,28 @@ def cells_of(table: pd.DataFrame) -> list[Cell]:
 def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
     failures = [reason for run in runs if (reason := run.get("failure") or run.get("ended"))]
     done = [run for run in runs if run.get("frames_done")]
-    filter_m, loop_m, spline_m = (_mean(done, key) for key in ("error_m", "open_loop_m", "spline_m"))
-    rivals = [m for m in (loop_m, spline_m) if m is not None]
+
+    def mean(key: str, factor: float = 1.0) -> float | None:
+        values = [value for run in done if (value := run.get(key)) is not None]
+        return factor * float(np.mean(values)) if values and len(values) == len(done) else None
+
+    filter_mm, loop_mm, spline_mm = (mean(key, 1e3) for key in ("error_m", "open_loop_m", "spline_m"))
+    rivals = [mm for mm in (loop_mm, spline_mm) if mm is not None]
     return Cell(
         name=name,
         constants=runs[0]["constants"],
         runs=len(runs),
         failed=len(failures),
         failure=failures[0] if failures else "",
-        filter_mm=_mm(filter_m),
-        open_loop_mm=_mm(loop_m),
-        spline_mm=_mm(spline_m),
-        ratio=None if filter_m is None or not rivals else filter_m / min(rivals),
-        covered=_mean(done, "covered"),
-        nees=_mean(done, "nees"),
-        non_finite=int(sum(run["non_finite"] for run in done)),
-        wrong_tracking=int(sum(run["wrong_tracking"] for run in done)),
-        repairs=int(sum(run["repairs"] for run in done)),
-        ms_a_frame=_mean(done, "ms_a_frame"),
+        filter_mm=filter_mm,
+        open_loop_mm=loop_mm,
+        spline_mm=spline_mm,
+        ratio=None if filter_mm is None or not rivals else filter_mm / min(rivals),
+        covered=mean("covered"),
+        nees=mean("nees"),
+        **{key: int(sum(run[key] for run in done)) for key in ("non_finite", "wrong_tracking", "repairs")},
+        ms_a_frame=mean("ms_a_frame"),
     )
-
-
-def _mean(runs: Sequence[Mapping[str, Any]], key: str) -> float | None:
-    values = [value for run in runs if (value := run.get(key)) is not None]
-    return float(np.mean(values)) if values and len(values) == len(runs) else None
-
-
-def _mm(metres: float | None) -> float | None:
-    return None if metres is None else 1e3 * metres
 
 
 def geometric_mean(ratios: Sequence[float]) -> float:
@@ -143,21 +137,8 @@ def summary(cells: Sequence[Cell]) -> list[str]:
     return lines
 
 
-HEAD = (
-    "cell",
-    "runs",
-    "filter [mm]",
-    "open loop [mm]",
-    "spline [mm]",
-    "ratio",
-    "covered",
-    "NEES",
-    "non-finite",
-    "wrong tracking",
-    "repairs",
-    "ms a frame",
-    "beyond its bounds",
-)
+HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "covered", "NEES", "non-finite"]
+HEAD += ["wrong tracking", "repairs", "ms a frame", "beyond its bounds"]
 
 
 def markdown(cells: Sequence[Cell]) -> str:

@@ -69,13 +69,6 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     assert rows[["told", "true"]].to_numpy().max() <= 1.0
 
 
-@pytest.mark.parametrize("number", ["3", "-1", "plane"])
-def test_a_phantom_that_is_not_there_is_one_line(tmp_path, capsys, number):
-    assert study.main(["--out", str(tmp_path / "study"), "--phantoms", number]) == 2
-    assert capsys.readouterr().err == f"--phantoms: expected one of 0, 1, 2, found {number}\n"
-    assert not (tmp_path / "study").exists()
-
-
 def test_steps_that_ended_early_are_done_again(tmp_path, capsys, monkeypatch):
     def ended(_name, folder):
         (folder / "scene.toml").write_text("half", encoding="utf-8")

@@ -111,19 +111,6 @@ def test_the_quick_zoo_writes_its_files(tmp_path, capsys):
     assert len((tmp_path / "zoo" / "runs.csv").read_text().splitlines()) == 4
 
 
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (["--bodies", "chain2,cat"], "--bodies: expected one of chain2"),
-        (["--seeds", "3-x"], "--seeds: expected A or A-B, found 3-x"),
-    ],
-)
-def test_wrong_options_are_one_line(tmp_path, capsys, options, complaint):
-    assert main([*options, "--out", str(tmp_path / "zoo")]) == 2
-    assert complaint in capsys.readouterr().err
-    assert not (tmp_path / "zoo").exists()
-
-
 def test_a_cloth_of_a_tenth_is_followed_as_well_as_by_the_open_loop():
     """Stretched by far more than its marks scatter, it refutes the filter frame by frame; it was 1.3 times worse."""
     found = run(Case("sheet", 0, size=0.1, length_s=1.0))
