@@ -19,6 +19,7 @@ from experiments.engine.runs import Case, Work
 from experiments.engine.study import run_study
 from experiments.engine.workers import Workers, add_worker_options
 from experiments.errors import InputError
+from vision import SourceError
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -85,7 +86,7 @@ def command(main: Main) -> Callable[..., int]:
     def coded(arguments: Sequence[str] | None = None) -> int:
         try:
             return main(arguments) or 0
-        except InputError as error:
+        except (InputError, SourceError) as error:
             sys.stderr.write(f"{error}\n")
             return 2
 

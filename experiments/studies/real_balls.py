@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.pipeline.track import Track
+from experiments.studies.grid import command, print_figures
 from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline, VideoFileFrames, learn_hue
 
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
@@ -202,32 +203,23 @@ def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
     return against_labels(pd.DataFrame(rows), labels[labels.film == film])
 
 
-def report(data: Path, out: Path) -> dict[str, dict[str, float]]:
-    """Follow the ball of every film, write the tables, and measure errors against the labels, where there are any."""
-    labels = pd.read_csv(LABELS)
-    figures = {}
-    for name, film in FILMS.items():
-        sys.stderr.write(f"{name}\n")
-        rows = followed(data / film.path, film)
-        write_whole(out / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
-        own = labels[labels.film == name]
-        if len(own):
-            figures[name] = against_labels(rows, own)
-    return figures
-
-
-def main() -> None:
-    """Follow the balls and print how near the labels they were found."""
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Follow the ball of every film, write the tables, and print errors against the labels, where there are any."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path, help="folder of the real pictures")
     parser.add_argument("--out", type=Path, required=True)
-    chosen = parser.parse_args()
-    with output_folder(chosen.out, force=True, inputs=[chosen.data]) as folder:
-        figures = report(chosen.data, folder)
+    given = parser.parse_args(arguments)
+    labels, figures = pd.read_csv(LABELS), {}
+    with output_folder(given.out, force=True, inputs=[given.data]) as folder:
+        for name, film in FILMS.items():
+            rows, own = followed(given.data / film.path, film), labels[labels.film == name]
+            write_whole(folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
+            if len(own):
+                figures[name] = against_labels(rows, own)
+                print_figures(f"{name}: ", figures[name])
         write_whole(folder / "real-balls.json", json.dumps(figures, indent=1) + "\n")
-    for name, row in figures.items():
-        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.3g}' for key, value in row.items())}\n")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import re
+import tempfile
 from abc import ABC, abstractmethod
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -13,6 +17,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from experiments.arrays import Floats
+from experiments.log import LOG
 
 ONSET_S = 4.0
 """When a fault begins, from the first exposure on [s]: the breath is learnt by then."""
@@ -116,6 +121,18 @@ class Fault(ABC):
     @abstractmethod
     def judged(self, seed: int, folder: Path) -> Judged:
         """What came of it in a run; folder: one that exists, for what the run writes."""
+
+
+@contextmanager
+def quiet_folder() -> Iterator[Path]:
+    """A folder for what a run writes, gone afterwards; meanwhile nothing is logged."""
+    level = LOG.level
+    LOG.setLevel(logging.CRITICAL)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            yield Path(folder)
+    finally:
+        LOG.setLevel(level)
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:

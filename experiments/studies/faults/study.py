@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,8 +15,8 @@ from experiments.engine.study import run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.log import LOG
 from experiments.studies.faults.catalogue import FAULTS
+from experiments.studies.faults.judge import quiet_folder
 from experiments.studies.grid import chosen, grid, markdown_table
 
 ROWS = "faults.csv"
@@ -27,13 +25,8 @@ NEVER = float("nan")
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """One fault with one seed, as a row of the study; NaN for what never came."""
-    level = LOG.level
-    LOG.setLevel(logging.CRITICAL)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            row = asdict(FAULTS[case["fault"]].judged(case["seed"], Path(folder)))
-    finally:
-        LOG.setLevel(level)
+    with quiet_folder() as folder:
+        row = asdict(FAULTS[case["fault"]].judged(case["seed"], folder))
     return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
 
 

@@ -8,8 +8,8 @@ from experiments.studies.identity import (
     DURATION_S,
     FRAMES_PER_S,
     figures,
+    named_run,
     reported_names,
-    reported_run,
     run,
     world,
 )
@@ -25,13 +25,13 @@ def test_names_from_a_turned_start_are_right(turned):
     """The rest shape says that two are exchanged, the motion that they are not: no swap; and the other way round."""
     alike = [("M1", "M3", "M4")]
     told = reported_names("never", np.random.default_rng(0))
-    right = reported_run(turned, "never", told, alike)
+    right = named_run(turned, "never", told, alike)
     assert (right["swaps"], right["wrong_frames"]) == (0, 0)
     exchanged = told[:, [0, 2, 1]]
-    found = reported_run(turned, "from the start", exchanged, alike)
+    found = named_run(turned, "from the start", exchanged, alike)
     assert (found["swaps"], found["wrong_end"]) == (1, False)
     assert found["wrong_frames"] < 0.6 * FRAMES_PER_S
-    assert reported_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
+    assert named_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
 
 
 @pytest.mark.slow
