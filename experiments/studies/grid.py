@@ -19,7 +19,6 @@ from experiments.engine.runs import Case, Work
 from experiments.engine.study import run_study
 from experiments.engine.workers import Workers, add_worker_options
 from experiments.errors import InputError
-from vision import SourceError
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -86,7 +85,7 @@ def command(main: Main) -> Callable[..., int]:
     def coded(arguments: Sequence[str] | None = None) -> int:
         try:
             return main(arguments) or 0
-        except (InputError, SourceError) as error:
+        except InputError as error:
             sys.stderr.write(f"{error}\n")
             return 2
 

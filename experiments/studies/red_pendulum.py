@@ -336,7 +336,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--force", action="store_true")
     given = parser.parse_args(arguments)
-    print(json.dumps(report(given.film, given.out, force=given.force), indent=2))
+    try:
+        print(json.dumps(report(given.film, given.out, force=given.force), indent=2))
+    except vision.SourceError as error:
+        raise InputError(str(error)) from error
 
 
 if __name__ == "__main__":
