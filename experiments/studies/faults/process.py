@@ -140,8 +140,8 @@ class LiveRun:
 
     folder: that exists, for its output; options: of the command line, beside these; on_terminal: whether it runs in a
     terminal, not in pipes; igtl_port: where OpenIGTLink listens, 0 for nowhere
-    State: the process, and who reads what it writes, from `start` on; who watches it, once its page is there; other
-    viewers; what is held until its end.
+    State: the process, and who reads what it writes, from `start` on; port and token of its page, and who watches it,
+    once it is there; other viewers; what is held until its end.
     """
 
     film: Film
@@ -153,6 +153,7 @@ class LiveRun:
     others: list[Viewer] = field(default_factory=list)
     process: subprocess.Popen[bytes] = field(init=False)
     terminal: Terminal = field(init=False)
+    address: tuple[int, str] = field(init=False)
     viewer: Viewer = field(init=False)
     _killed: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
@@ -186,7 +187,8 @@ class LiveRun:
         self._killed.callback(self._kill)
         until = time.monotonic() + STARTS_S
         while self.process.poll() is None and time.monotonic() < until:
-            if self._address() is not None:
+            if found := re.search(r"page: http://127\.0\.0\.1:(\d+)/#token=([\w-]+)\s", self.terminal.text):
+                self.address = int(found[1]), found[2]
                 self.viewer = self.watched()
                 return True
             time.sleep(0.01)
@@ -212,17 +214,6 @@ class LiveRun:
         viewer = Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
         self.held.callback(viewer.close)
         return viewer
-
-    @property
-    def address(self) -> tuple[int, str]:
-        """Port and token of its page, once they were told."""
-        found = self._address()
-        assert found is not None
-        return found
-
-    def _address(self) -> tuple[int, str] | None:
-        found = re.search(r"page: http://127\.0\.0\.1:(\d+)/#token=([\w-]+)\s", self.terminal.text)
-        return None if found is None else (int(found[1]), found[2])
 
     def stop(self) -> float:
         """End it as Ctrl-C does, unless it ends by itself; the film's time then [s], inf where it had ended before."""

@@ -15,9 +15,18 @@ from experiments.engine.study import run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.studies.faults.catalogue import FAULTS
-from experiments.studies.faults.judge import quiet_folder
+from experiments.studies.faults.camera import CAMERA
+from experiments.studies.faults.judge import Fault, quiet_folder
+from experiments.studies.faults.loop import LOOP
+from experiments.studies.faults.scripted import ScriptedFault
+from experiments.studies.faults.system import SYSTEM
+from experiments.studies.faults.tissue import TISSUE
 from experiments.studies.grid import chosen, grid, markdown_table
+
+_ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
+
+FAULTS: Mapping[str, Fault] = {fault.name: fault for fault in _ALL}
+"""All faults by name, in the order of the table."""
 
 ROWS = "faults.csv"
 NEVER = float("nan")

@@ -22,8 +22,7 @@ from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.page import rewrite_page
 from experiments.studies.grid import DOCS, add_seeds, chosen, command, grid, kept_runs, seeds_of, study_options
-from experiments.studies.own_phantom.insertions import insertions, reliability_table
-from experiments.studies.own_phantom.steps import PHANTOMS, stepped, times_table
+from experiments.studies.own_phantom.steps import PHANTOMS, insertions, reliability_table, stepped, times_table
 
 
 @command

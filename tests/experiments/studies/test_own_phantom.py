@@ -11,8 +11,7 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.scene.scene import read_scene
 from experiments.studies.own_phantom import __main__ as study
-from experiments.studies.own_phantom.insertions import insertions, reliability_table
-from experiments.studies.own_phantom.steps import steps_of, times_table
+from experiments.studies.own_phantom.steps import insertions, reliability_table, steps_of, times_table
 from tests.experiments.command import softaim
 
 TUTORIAL = Path(__file__).parents[3] / "docs" / "tutorial.md"

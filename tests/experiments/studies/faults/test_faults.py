@@ -10,10 +10,9 @@ from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.studies.faults import study
-from experiments.studies.faults.catalogue import FAULTS
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Judged, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
-from experiments.studies.faults.study import cells, markdown, run, summary
+from experiments.studies.faults.study import FAULTS, cells, markdown, run, summary
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn
 from tests.experiments.webcam import coarse_webcam
 

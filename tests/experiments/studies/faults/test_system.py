@@ -13,7 +13,7 @@ from experiments.errors import InputError
 from experiments.pipeline.recorder import PIECE_S
 from experiments.servers.faces import PAGE_PORT
 from experiments.studies.faults import process, system
-from experiments.studies.faults.catalogue import FAULTS
+from experiments.studies.faults.study import FAULTS
 from experiments.studies.faults.viewer import Viewer
 from experiments.studies.faults.world import Motion
 
