@@ -115,12 +115,7 @@ def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int])
 
 
 def taken_over(
-    source: str,
-    scene_path: Path | None,
-    folder: Path | None,
-    *,
-    film: bool = False,
-    fps: float | None = None,
+    source: str, scene_path: Path | None, folder: Path | None, *, film: bool = False, fps: float | None = None
 ) -> Taken:
     """What the keys take in in each frame of a film, folder of pictures or recording; written to a folder if given.
 

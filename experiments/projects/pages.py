@@ -138,10 +138,7 @@ def needle_page(of: Template) -> str:
         "# The needle for softaim advise; what is left out has its usual value, see docs/guidance.md.",
         "version = 1",
         _with(f"entry_mm = {toml_list(entry)}", "where it enters the tissue"),
-        _with(
-            f"direction = {toml_list(way)}",
-            f"to where the target {target} is once the needle has pushed it",
-        ),
+        _with(f"direction = {toml_list(way)}", f"to where the target {target} is once the needle has pushed it"),
         _with(f"speed_mm_s = {SPEED_MM_S}", "it goes straight, at this speed"),
         _with("depth_mm = 0.0", "of the tip beyond the entry, now"),
         _with('hit = "NOTCH"', "the middle of the notch has to lie in the lesion; or TIP, CORE"),

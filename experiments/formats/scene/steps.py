@@ -40,12 +40,7 @@ def digest(lines: Sequence[str]) -> str:
 def step_of(table: ProvenanceTable) -> Step:
     """The step of a table."""
     return Step(
-        table.step,
-        table.program,
-        table.recording_sha256,
-        table.network_sha256,
-        table.scene_sha256,
-        tuple(table.kept),
+        table.step, table.program, table.recording_sha256, table.network_sha256, table.scene_sha256, tuple(table.kept)
     )
 
 

@@ -164,10 +164,7 @@ def test_what_is_read_is_not_written_over_even_with_force(tmp_path: Path, where:
 
 
 def test_the_very_folder_that_is_read_is_told_as_such(tmp_path: Path):
-    with (
-        pytest.raises(InputError, match=r"which is read, found the same$"),
-        output_folder(tmp_path, inputs=[tmp_path]),
-    ):
+    with pytest.raises(InputError, match=r"which is read, found the same$"), output_folder(tmp_path, inputs=[tmp_path]):
         pytest.fail("work was begun")
 
 

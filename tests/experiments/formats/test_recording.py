@@ -227,10 +227,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
-COVS = {
-    2: np.array([[4.0, 1.5], [1.5, 9.0]]),
-    3: np.array([[4.0, 1.5, 0.2], [1.5, 9.0, -2.0], [0.2, -2.0, 25.0]]),
-}
+COVS = {2: np.array([[4.0, 1.5], [1.5, 9.0]]), 3: np.array([[4.0, 1.5, 0.2], [1.5, 9.0, -2.0], [0.2, -2.0, 25.0]])}
 
 
 @pytest.mark.parametrize("dim", [2, 3])

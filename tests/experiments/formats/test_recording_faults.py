@@ -11,6 +11,7 @@ from dynamics import four_mass_phantom
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from tests.experiments.rows import rows
 from vision import VideoWriter, fronto_parallel_camera
 
 SIZE_PX = (32, 24)
@@ -48,51 +49,45 @@ def complaint(folder: Path) -> str:
     return told.replace(f"{folder}/", "").replace(str(folder), "rec")
 
 
-BAD_TABLES = {
-    "frames: empty": ("frames.csv", FRAMES, "", "expected columns frame, exposure_s, found an empty file"),
-    "frames: header only": ("frames.csv", "0,0.0\n1,0.1\n2,0.2\n", "", "expected a row for each frame, found none"),
-    "frames: camera": ("frames.csv", "frame,", "camera,frame,", "camera: one camera is read for now"),
-    "frames: gap": ("frames.csv", "1,0.1", "2,0.1", "row 3: frame: expected 1, found 2"),
-    "frames: from 1": ("frames.csv", "0,0.0\n", "", "row 2: frame: expected 0, found 1"),
-    "frames: half": ("frames.csv", "1,0.1", "1.5,0.1", "row 3: frame: expected 1, found 1.5"),
-    "frames: same": (
-        "frames.csv",
-        "0.2",
-        "0.1",
-        "row 4: exposure_s: expected more than 0.1 (the row before), found 0.1",
-    ),
-    "frames: back": (
-        "frames.csv",
-        "0.1",
-        "0.3",
-        "row 4: exposure_s: expected more than 0.3 (the row before), found 0.2",
-    ),
-    "frames: NaN": ("frames.csv", "0.1", "nan", 'row 3: exposure_s: expected a finite number, found "nan"'),
-    "truth: node": ("truth.csv", "M2", "M9", 'row 3: node: no node named "M9"'),
-    "truth: empty": ("truth.csv", TRUTH, "", "expected columns time_s, x_mm, y_mm, node, found an empty file"),
-    "truth: header only": ("truth.csv", TRUTH[22:], "", "expected a row for each time and node, found none"),
-    "truth: same": ("truth.csv", "0.1,M1", "0.0,M1", "row 4: time_s: expected more than 0 (row 2), found 0"),
-    "truth: NaN": ("truth.csv", "3,4", "3,NaN", 'row 3: y_mm: expected a finite number, found "NaN"'),
-    "truth: z": ("truth.csv", "y_mm", "y_mm,z_mm", "z_mm: expected no such column for a flat scene, found it"),
-    "truth: no y": ("truth.csv", ",y_mm", "", 'row 1: expected one column y_mm, found none in "time_s,node,x_mm"'),
-    "marks: node": ("marks.csv", "M2", "M9", 'row 3: node: no node named "M9"'),
-    "marks: no mark": ("marks.csv", "M2", "M3", 'row 3: node: expected a node with a mark in the scene, found "M3"'),
-    "marks: sd 0": ("marks.csv", "4,0.5", "4,0", "row 3: sd_mm: expected more than 0, found 0"),
-    "marks: sd negative": ("marks.csv", "4,0.5", "4,-0.5", "row 3: sd_mm: expected more than 0, found -0.5"),
-    "marks: NaN": ("marks.csv", "3,4", "nan,4", 'row 3: x_mm: expected a finite number, found "nan"'),
-    "marks: twice": ("marks.csv", "M2", "M1", 'row 3: node: expected each node once at one time, found "M1"'),
-    "marks: back": ("marks.csv", "0.1,M1", "-1,M1", "row 4: time_s: expected 0 (the row before) or more, found -1"),
-    "marks: camera": ("marks.csv", "sd_mm", "sd_mm,camera", "camera: one camera is read for now"),
-    "marks: header only": ("marks.csv", MARKS[28:], "", "expected a row for each mark, found none, and no frames.csv"),
-    "marks: empty": ("marks.csv", MARKS, "", "expected columns time_s, sd_mm, x_mm, y_mm, node, found an empty file"),
-    "fixes: sd": ("fixes.csv", "2,0.5\n0.1", "2,0\n0.1", "row 2: sd_mm: expected more than 0, found 0"),
-    "fixes: back": ("fixes.csv", "0.1", "-1", "row 3: time_s: expected 0 (the row before) or more, found -1"),
-    "fixes: z": ("fixes.csv", "sd_mm", "z_mm,sd_mm", "z_mm: expected no such column for a flat scene, found it"),
-    "fixes: empty": ("fixes.csv", FIXES, "", "expected columns time_s, sd_mm, x_mm, y_mm, found an empty file"),
-}
+BAD_TABLES = r"""
+frames.csv | frame,exposure_s\n0,0.0\n1,0.1\n2,0.2\n |  | expected columns frame, exposure_s, found an empty file
+frames.csv | 0,0.0\n1,0.1\n2,0.2\n |  | expected a row for each frame, found none
+frames.csv | frame, | camera,frame, | camera: one camera is read for now
+frames.csv | 1,0.1 | 2,0.1 | row 3: frame: expected 1, found 2
+frames.csv | 0,0.0\n |  | row 2: frame: expected 0, found 1
+frames.csv | 1,0.1 | 1.5,0.1 | row 3: frame: expected 1, found 1.5
+frames.csv | 0.2 | 0.1 | row 4: exposure_s: expected more than 0.1 (the row before), found 0.1
+frames.csv | 0.1 | 0.3 | row 4: exposure_s: expected more than 0.3 (the row before), found 0.2
+frames.csv | 0.1 | nan | row 3: exposure_s: expected a finite number, found "nan"
+truth.csv | M2 | M9 | row 3: node: no node named "M9"
+truth.csv | time_s,node,x_mm,y_mm\n0.0,M1,1,2\n0.0,M2,3,4\n0.1,M1,1,2\n |  | expected columns time_s, x_mm, y_mm, node,
+    found an empty file
+truth.csv | 0.0,M1,1,2\n0.0,M2,3,4\n0.1,M1,1,2\n |  | expected a row for each time and node, found none
+truth.csv | 0.1,M1 | 0.0,M1 | row 4: time_s: expected more than 0 (row 2), found 0
+truth.csv | 3,4 | 3,NaN | row 3: y_mm: expected a finite number, found "NaN"
+truth.csv | y_mm | y_mm,z_mm | z_mm: expected no such column for a flat scene, found it
+truth.csv | ,y_mm |  | row 1: expected one column y_mm, found none in "time_s,node,x_mm"
+marks.csv | M2 | M9 | row 3: node: no node named "M9"
+marks.csv | M2 | M3 | row 3: node: expected a node with a mark in the scene, found "M3"
+marks.csv | 4,0.5 | 4,0 | row 3: sd_mm: expected more than 0, found 0
+marks.csv | 4,0.5 | 4,-0.5 | row 3: sd_mm: expected more than 0, found -0.5
+marks.csv | 3,4 | nan,4 | row 3: x_mm: expected a finite number, found "nan"
+marks.csv | M2 | M1 | row 3: node: expected each node once at one time, found "M1"
+marks.csv | 0.1,M1 | -1,M1 | row 4: time_s: expected 0 (the row before) or more, found -1
+marks.csv | sd_mm | sd_mm,camera | camera: one camera is read for now
+marks.csv | 0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n |  | expected a row for each mark, found none, and no
+    frames.csv
+marks.csv | time_s,node,x_mm,y_mm,sd_mm\n0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n |  | expected columns time_s,
+    sd_mm, x_mm, y_mm, node, found an empty file
+fixes.csv | 2,0.5\n0.1 | 2,0\n0.1 | row 2: sd_mm: expected more than 0, found 0
+fixes.csv | 0.1 | -1 | row 3: time_s: expected 0 (the row before) or more, found -1
+fixes.csv | sd_mm | z_mm,sd_mm | z_mm: expected no such column for a flat scene, found it
+fixes.csv | time_s,x_mm,y_mm,sd_mm\n0.0,1,2,0.5\n0.1,1,2,0.5\n |  | expected columns time_s, sd_mm, x_mm, y_mm, found
+    an empty file
+"""
 
 
-@pytest.mark.parametrize(("name", "old", "new", "message"), BAD_TABLES.values(), ids=BAD_TABLES.keys())
+@pytest.mark.parametrize(("name", "old", "new", "message"), rows(BAD_TABLES))
 def test_a_fault_of_a_table_is_told_with_row_and_column(folder: Path, name: str, old: str, new: str, message: str):
     if name == "marks.csv":
         tables = {"marks.csv": MARKS}

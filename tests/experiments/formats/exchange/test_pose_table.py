@@ -125,10 +125,7 @@ def test_an_analysis_file_in_hdf5_is_asked_for_as_csv(tmp_path: Path) -> None:
         ("scorer,a,a\nbodyparts,n,n\ncoords,x,y\n0,1,2\n", "row 3: expected x, y, likelihood of each body part"),
         ("track,frame_idx,instance.score\n,0,1\n", "expected a row for each frame, and body parts, found none"),
         ("track,frame_idx,n.x,n.y\n,0,1,2\n", "row 1: expected a column n.score, found none"),
-        (
-            "track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n",
-            'columns of different names, found "n.x" twice',
-        ),
+        ("track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n", 'columns of different names, found "n.x" twice'),
         ("track,frame_idx,n.x,n.y,n.score\n,0.5,1,2,1\n", "row 2: frame_idx: expected a frame's number, .* found 0.5"),
         (",,\n,,\n", "expected a table of DeepLabCut .*, found an empty file"),
     ],
