@@ -10,25 +10,9 @@ import pytest
 
 from experiments.commands.app import COMMANDS
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import tree
 
 TABLE = tomllib.loads((Path(__file__).parent / "bad_input.toml").read_text(encoding="utf-8"))["case"]
-
-
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("good")
-    write_good_files(folder)
-    return folder
-
-
-@pytest.fixture
-def here(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Good files where the command is called."""
-    folder = tmp_path / "here"
-    shutil.copytree(good, folder)
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def spoil(folder: Path, change: dict[str, str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import tree
 
 Change = Callable[[str], str]
 
@@ -76,27 +76,16 @@ BROKEN: list[tuple[Change, str]] = [
 """What no test of `formats` has; of those all commands read a scene by the same function."""
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
-    write_good_files(folder)
-    return folder
-
-
 @pytest.mark.parametrize(("change", "said"), BROKEN, ids=[said for _, said in BROKEN])
 def test_a_broken_scene_is_one_line_that_names_file_and_key(
-    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], change, said
+    here: Path, capfd: pytest.CaptureFixture[str], change, said
 ) -> None:
-    good = (files / "scene.toml").read_text(encoding="utf-8")
+    good = Path("scene.toml").read_text(encoding="utf-8")
     broken = change(good)
     assert broken != good
-    monkeypatch.chdir(tmp_path)
-    Path("marks").mkdir()
-    for path in (Path("scene.toml"), Path("marks/scene.toml")):
-        path.write_text(broken, encoding="utf-8")
-    for name in ("frames.csv", "marks.csv"):
-        Path("marks", name).write_bytes((files / "marks" / name).read_bytes())
-    before = tree(tmp_path)
+    for name in ("scene.toml", "marks/scene.toml"):
+        Path(name).write_text(broken, encoding="utf-8")
+    before = tree(here)
     calls = {
         "scene.toml": ["check", "scene.toml", "--out", "out"],
         "marks/scene.toml": ["track", "marks", "--out", "out"],
@@ -107,7 +96,7 @@ def test_a_broken_scene_is_one_line_that_names_file_and_key(
         assert said in shown.err
         assert "found" in shown.err or "no " in shown.err
         assert (code, shown.out) == (2, "")
-        assert tree(tmp_path) == before
+        assert tree(here) == before
 
 
 def test_a_scene_that_is_no_text_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ import typer
 from experiments.commands.app import app
 from experiments.formats.scene.scene import Scene, read_scene, scene_text
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree, write_good_files
+from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree
 from tests.experiments.rows import rows
 
 OF_ALL = {"--json", "--verbose", "--help"}
@@ -214,15 +214,15 @@ class Seen:
 
 
 @pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(good: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Good files, and those that only options need."""
     import cv2
 
     from experiments.pipeline.recorder import Recorder
     from vision import Frame
 
-    folder = tmp_path_factory.mktemp("good")
-    write_good_files(folder)
+    folder = tmp_path_factory.mktemp("options") / "files"
+    shutil.copytree(good, folder)
     (folder / "nodes.csv").write_text(NODES, encoding="utf-8")
     (folder / "springs.csv").write_text(SPRINGS, encoding="utf-8")
     (folder / "several.csv").write_text(SEVERAL, encoding="utf-8")
@@ -249,7 +249,7 @@ def known() -> dict[str, Seen]:
 
 @pytest.fixture
 def seen(
-    good: Path,
+    files: Path,
     known: dict[str, Seen],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -262,7 +262,7 @@ def seen(
             return known[words]
         known[words] = found = Seen()
         folder = tmp_path / f"{len(list(tmp_path.iterdir()))}"
-        shutil.copytree(good, folder)
+        shutil.copytree(files, folder)
         monkeypatch.chdir(folder)
         with monkeypatch.context() as patched:
             for name in WORK.get(words.split(maxsplit=1)[0], ()):

@@ -10,16 +10,12 @@ import pytest
 from mcap.reader import make_reader
 
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import tree
 
 CALL = ("export", "film", "--to", "mcap", "--out", "film.mcap", "--estimates", "results")
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    write_good_files(tmp_path)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def test_it_says_what_is_in_the_file(capfd: pytest.CaptureFixture[str]) -> None:
