@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from dynamics import MassSpringNetwork, NetworkError, reaches
 from experiments.arrays import Floats
 from experiments.errors import shown
 from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError
-from experiments.formats.toml_file import Strict, toml_bool, toml_list, toml_number, toml_text
+from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
 """Distance of two nodes below which a spring between them has no direction [mm]; choice: no drawing is that fine."""
@@ -100,22 +101,22 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
 
 def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
     """`[network]` of a scene file, line by line; groups: of each spring, as `spring_groups` has them."""
-    lines = ["[network]", f"gravity_m_s2 = {toml_list(network.gravity)}"]
+    lines = ["[network]", *key_lines({"gravity_m_s2": network.gravity})]
     for i, name in enumerate(network.names):
-        lines += ["", "[[network.node]]", f"name = {toml_text(name)}"]
-        # to 1e-12 m, so that what computed rest shapes leave of a zero is a zero; adding 0.0 takes its sign away
-        lines += [f"position_mm = {toml_list(np.round(1e3 * network.positions[i], 9) + 0.0)}"]
-        if not network.fixed[i] or network.masses[i] > 0:
-            lines += [f"mass_kg = {toml_number(network.masses[i])}"]
-        lines += _constant_lines(network, i, NODE_KEYS)
-        lines += [f"fixed = {toml_bool(network.fixed[i])}"]
+        keys: dict[str, Any] = {
+            "name": name,
+            # to 1e-12 m, so that what computed rest shapes leave of a zero is a zero; adding 0.0 takes its sign away
+            "position_mm": np.round(1e3 * network.positions[i], 9) + 0.0,
+            "mass_kg": None if network.fixed[i] and network.masses[i] == 0 else network.masses[i],
+        }
+        lines += ["", "[[network.node]]", *key_lines({**keys, **_si(network, i, NODE_KEYS), "fixed": network.fixed[i]})]
     for s, (i, j) in enumerate(network.springs):
-        lines += ["", "[[network.spring]]", f"between = [{toml_text(network.names[i])}, {toml_text(network.names[j])}]"]
-        lines += _constant_lines(network, s, SPRING_KEYS)
-        if groups and groups[s]:
-            lines += [f"group = {toml_text(groups[s])}"]
+        keys = {"between": [network.names[i], network.names[j]], **_si(network, s, SPRING_KEYS)}
+        keys["group"] = (groups[s] if groups else "") or None
+        lines += ["", "[[network.spring]]", *key_lines(keys)]
     return lines
 
 
-def _constant_lines(network: MassSpringNetwork, i: int, keys: Mapping[str, tuple[str, float]]) -> list[str]:
-    return [f"{key} = {toml_number((1.0 / si) * getattr(network, field)[i])}" for key, (field, si) in keys.items()]
+def _si(network: MassSpringNetwork, i: int, keys: Mapping[str, tuple[str, float]]) -> dict[str, float]:
+    """Constants of a node or spring in the units of their keys."""
+    return {key: (1.0 / si) * getattr(network, field)[i] for key, (field, si) in keys.items()}

@@ -13,10 +13,10 @@ import numpy as np
 from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.errors import shown
-from experiments.formats.scene.marks import Mark, look_lines
+from experiments.formats.scene.marks import Mark, look_keys
 from experiments.formats.scene.network import is_node_name
 from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError
-from experiments.formats.toml_file import toml_list, toml_number, toml_text
+from experiments.formats.toml_file import key_lines
 from vision import PlaneCamera
 
 
@@ -111,16 +111,8 @@ def reference_of(table: ReferenceTable | None) -> Reference:
 def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
     look = None
     if table.hue_deg is not None and table.diameter_mm is not None:
-        look = Mark(
-            table.name,
-            table.hue_deg,
-            1e-3 * table.diameter_mm,
-            half_width_deg=table.half_width_deg,
-            min_saturation=table.min_saturation,
-            min_value=table.min_value,
-            even=table.even,
-            ball=table.ball,
-        )
+        shown_as = table.model_dump(exclude={"name", "node", "position_mm", "diameter_mm"})
+        look = Mark(node=table.name, diameter_m=1e-3 * table.diameter_mm, **shown_as)
     return ReferenceMark(table.name, table.node, tuple(1e-3 * x for x in table.position_mm or ()), look)
 
 
@@ -128,16 +120,12 @@ def reference_lines(reference: Reference) -> list[str]:
     """The lines of `[reference]`; none where nothing is stated."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
-    lines = ["", "[reference]"]
-    if reference.drift_sd_m is not None:
-        lines += [f"drift_sd_mm = {toml_number(1e3 * reference.drift_sd_m)}"]
+    drift_sd_mm = None if reference.drift_sd_m is None else 1e3 * reference.drift_sd_m
+    lines = ["", "[reference]", *key_lines({"drift_sd_mm": drift_sd_mm})]
     for mark in reference.marks:
-        lines += ["", "[[reference.mark]]", f"name = {toml_text(mark.name)}"]
-        if mark.node is not None:
-            lines += [f"node = {toml_text(mark.node)}"]
-        else:
-            lines += [f"position_mm = {toml_list(1e3 * np.array(mark.position_m))}"]
-        lines += look_lines(mark.look) if mark.look is not None else []
+        place = {"node": mark.node} if mark.node is not None else {"position_mm": 1e3 * np.array(mark.position_m)}
+        look = {} if mark.look is None else look_keys(mark.look)
+        lines += ["", "[[reference.mark]]", *key_lines({"name": mark.name, **place, **look})]
     return lines
 
 

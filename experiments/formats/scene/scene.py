@@ -20,7 +20,7 @@ from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
-from experiments.formats.toml_file import VERSION, read_toml, toml_list, toml_text, toml_value
+from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera
 
 
@@ -229,11 +229,10 @@ def _content(scene: Scene) -> list[str]:
     lines += reference_lines(scene.reference)
     if scene.uncertainty is not None:
         names = uncertainty_names(network, scene.uncertainty)
-        lines += ["", "[uncertainty]", "parameters = [", *(f"    {toml_text(name)}," for name in names), "]"]
-        lines += ["directions = [", *(f"    {toml_list(row)}," for row in scene.uncertainty.directions), "]"]
+        lines += ["", "[uncertainty]", *long_list("parameters", names)]
+        lines += long_list("directions", scene.uncertainty.directions)
     if keys := filter_table(scene.settings):
-        lines += ["", "[filter]"]
-        lines += [f"{key} = {toml_value(value)}" for key, value in keys.items()]
+        lines += ["", "[filter]", *key_lines(keys)]
     for camera in scene.cameras:
         lines += camera_lines(camera)
     for lens in scene.lenses:

@@ -61,6 +61,7 @@ def test_the_table_is_of_every_command_that_takes_input() -> None:
     assert len({case["said"] for case in TABLE}) >= 60
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_files_are_good_before_they_are_spoilt(here: Path, capfd: pytest.CaptureFixture[str]):
     """What the table spoils is else taken: each kind of file once."""
     assert softaim("track", "marks", "--out", "out", "--json") == 0

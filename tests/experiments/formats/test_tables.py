@@ -112,7 +112,7 @@ def test_order_within_groups_names_the_first_late_row_and_its_rival(path: Path):
         )
     )
 )
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(path: Path, rows: list[tuple[float, str]]):
     write_table(path, ["number", "text"], [[repr(number), text] for number, text in rows])
     table = read_table(path, ["number"], ["text"])
@@ -121,7 +121,7 @@ def test_what_is_written_is_read_again(path: Path, rows: list[tuple[float, str]]
 
 
 @given(st.binary(max_size=200))
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_bytes_are_a_table_or_one_line_of_complaint(path: Path, content: bytes):
     path.write_bytes(b"a,b\n" + content)
     complaint = ""
