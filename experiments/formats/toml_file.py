@@ -66,6 +66,12 @@ def read_toml(path: Path, model: type[Model]) -> Model:
     return read
 
 
+def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
+    """Raise InputError where a place or direction has another number of axes than the scene."""
+    if len(vector) != dim:
+        raise InputError.at(place, f"{dim} numbers, as the scene has", str(len(vector)))
+
+
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
     """A table as the model has it; raises InputError for the first fault, its key after `place`."""
     try:

@@ -65,15 +65,15 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     hues = _hues(table, fixed) if "hue_deg" in has else {}
     chosen = _target(table, target, fixed, positions)
     outer = [name for name in hues if name != chosen] or _outside(names, positions, fixed, chosen)
-    joined = None if springs is None else _springs(springs, names)
-    given = {} if joined is None else joined.table.numbers
+    joined, pairs = (None, None) if springs is None else _springs(springs, names)
+    given = {} if joined is None else joined.numbers
     try:
         network = elastic_body(
             names,
             positions,
             fixed,
             young,
-            springs=None if joined is None else joined.pairs,
+            springs=pairs,
             stiffness=given.get("stiffness_N_m"),
             damping=given.get("damping_N_s_m"),
             masses=masses,
@@ -84,8 +84,8 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     shortest_m = float(np.linalg.norm(np.diff(positions[network.springs], axis=1), axis=2).min())
     if shortest_m < SHORTEST_M:
         raise InputError.at(nodes, f"springs of {1e3 * SHORTEST_M:g} mm or more", f"one of {1e3 * shortest_m:.2g} mm")
-    groups = ("springs",) * len(network.springs) if joined is None else joined.groups
-    return Mesh(Phantom(network, chosen, tuple(outer), groups), hues)
+    groups = (joined.texts if joined is not None else {}).get("group", ["springs"] * len(network.springs))
+    return Mesh(Phantom(network, chosen, tuple(outer), tuple(groups)), hues)
 
 
 def _columns(path: Path) -> list[str]:
@@ -139,16 +139,8 @@ def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], 
     return [name for name in free if name in corners] or free
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Springs:
-    """Rows of springs.csv: pairs of nodes, (n_springs, 2), and the group of each."""
-
-    table: Table
-    pairs: NDArray[np.int64]
-    groups: tuple[str, ...]
-
-
-def _springs(path: Path, names: Sequence[str]) -> _Springs:
+def _springs(path: Path, names: Sequence[str]) -> tuple[Table, NDArray[np.int64]]:
+    """Rows of springs.csv, and their pairs of nodes, (n_springs, 2)."""
     has = _columns(path)
     numbers = [key for key in ("stiffness_N_m", "damping_N_s_m") if key in has]
     table = read_table(path, numbers, ["from", "to", *(["group"] if "group" in has else [])])
@@ -167,4 +159,4 @@ def _springs(path: Path, names: Sequence[str]) -> _Springs:
     if "damping_N_s_m" in has:
         table.check("damping_N_s_m", table.numbers["damping_N_s_m"] >= 0.0, "0 or more")
     pairs = np.array([[places[name] for name in table.texts[end]] for end in ("from", "to")], dtype=np.int64).T
-    return _Springs(table, pairs, tuple(table.texts.get("group", ["springs"] * table.n_rows)))
+    return table, pairs

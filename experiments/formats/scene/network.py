@@ -11,7 +11,7 @@ import numpy as np
 from dynamics import MassSpringNetwork, NetworkError, reaches
 from experiments.arrays import Floats
 from experiments.errors import shown
-from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError
+from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError, check_dim
 from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
@@ -21,6 +21,12 @@ NEAREST_MM = 1e-4
 def is_node_name(name: str) -> bool:
     """Whether a node may have this name: one that prints on one line, without space around it."""
     return bool(name) and name.isprintable() and name == name.strip()
+
+
+def check_name(key: str, name: str) -> None:
+    """Raise SceneError for a name that no node and no mark may have."""
+    if not is_node_name(name):
+        raise SceneError(f"{key}: expected a name that prints on one line, found {shown(name)}")
 
 
 def network_of(table: NetworkTable) -> MassSpringNetwork:
@@ -76,12 +82,7 @@ def _check_node(table: NetworkTable, i: int, node: NodeTable) -> None:
     if node.mass_kg is not None and (node.mass_kg < 0 or (node.mass_kg == 0 and not node.fixed)):
         expected = "0 or more" if node.fixed else "more than 0"
         raise SceneError(f"network.node[{i}].mass_kg: expected {expected}, found {shown(node.mass_kg)}")
-    dim = len(table.gravity_m_s2)
-    if len(node.position_mm) != dim:
-        raise SceneError(
-            f"network.node[{i}].position_mm: expected {dim} numbers, as network.gravity_m_s2 has,"
-            f" found {len(node.position_mm)}"
-        )
+    check_dim(f"network.node[{i}].position_mm", node.position_mm, len(table.gravity_m_s2))
 
 
 def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, int]:

@@ -14,8 +14,8 @@ from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.errors import shown
 from experiments.formats.scene.marks import Mark, look_keys
-from experiments.formats.scene.network import is_node_name
-from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError
+from experiments.formats.scene.network import check_name
+from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError, check_dim, check_own_names
 from experiments.formats.toml_file import key_lines
 from vision import PlaneCamera
 
@@ -56,16 +56,10 @@ class Reference:
 
     def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
         """Raise SceneError where they do not fit the network, the cameras, or the marks of the tissue."""
-        names: dict[str, int] = {}
+        check_own_names("reference.mark", [mark.name for mark in self.marks])
         for i, mark in enumerate(self.marks):
             key = f"reference.mark[{i}]"
-            if not is_node_name(mark.name):
-                raise SceneError(f"{key}.name: expected a name that prints on one line, found {shown(mark.name)}")
-            if mark.name in names:
-                raise SceneError(
-                    f"{key}.name: expected a name of its own, found that of reference.mark[{names[mark.name]}]"
-                )
-            names[mark.name] = i
+            check_name(f"{key}.name", mark.name)
             if mark.name in network.names and mark.name != mark.node:
                 raise SceneError(f"{key}.name: expected no node's name but its own, found {shown(mark.name)}")
             self._check_place(key, mark, network)
@@ -78,11 +72,7 @@ class Reference:
 
     def _check_place(self, key: str, mark: ReferenceMark, network: MassSpringNetwork) -> None:
         if mark.node is None:
-            if len(mark.position_m) != network.dim:
-                raise SceneError(
-                    f"{key}.position_mm: expected {network.dim} numbers, as network.gravity_m_s2 has,"
-                    f" found {len(mark.position_m)}"
-                )
+            check_dim(f"{key}.position_mm", mark.position_m, network.dim)
         elif mark.node not in network.names:
             raise SceneError(f"{key}.node: no node named {shown(mark.node)}")
         elif not network.fixed[network.index(mark.node)]:
