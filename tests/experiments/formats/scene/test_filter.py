@@ -118,15 +118,11 @@ FAULTS = r"""
 [uncertainty]\n | uncertainty: expected one or more of stiffness, rest_length, damping, drag, friction, or
 [uncertainty]\nstiffness = -0.1\n | uncertainty.stiffness: expected more than 0, found -0.1
 [uncertainty]\nparameters = ["drag M2"]\n | uncertainty: expected parameters and directions together
-[uncertainty]\nparameters = ["drag M9"]\ndirections = [[0.1]]\n | uncertainty.parameters[0]: no positive constant
-    named "drag M9"
 [uncertainty]\nparameters = ["drag M2"]\ndirections = [[0.1, 0.2]]\n | uncertainty: expected directions of 1 numbers
     each, found 2
 [uncertainty]\ndrag = 0.1\nparameters = ["drag M2"]\ndirections = [[0.1]]\n | uncertainty: expected parameters and
     directions or kinds, found both, drag
-[filter]\npoke_m_s2 = 0.0\n | filter.poke_m_s2: expected more than 0, found 0.0
 [filter]\nled_nodes = ["M1", "M9"]\n | filter.led_nodes[1]: no node named "M9"
-[filter]\nled_nodes = ["M2"]\n | filter.led_nodes[0]: expected a node with a measured mark, found "M2" without
 [filter]\nled_nodes = ["In1"]\n | filter.led_nodes[0]: expected a node with a measured mark, found "In1" without
 [filter]\nled_nodes = "M1"\n | filter.led_nodes: expected a list, found "M1"
 [filter]\nled_nodes = [1]\n | filter.led_nodes[0]: expected text in quotes, found 1

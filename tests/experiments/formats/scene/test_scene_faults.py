@@ -21,7 +21,6 @@ BAD = r"""
 version = 1 | version =  | line 1: expected TOML, found invalid value at column 11
 [[mark]]\n | [[mark]\n | line 27: expected TOML, found
 mass_kg = 0.2\n | mass_kg = 0.2\nmass_kg = 0.2\n | line 8: expected TOML, found cannot overwrite a value
-version = 1 | version = 2 | version: expected 1, found 2
 version = 1 | version = true | version: expected 1, found true
 version = 1 | version = 1.0 | version: expected 1, found 1.0
 version = 1 |  | version: expected 1, found none
@@ -32,7 +31,6 @@ mass_kg = 0.25 | mass = 1.0 | network.node[1].mass: expected one of name, positi
 stiffness_N_m = 80.0\n |  | network.spring[0].stiffness_N_m: expected this key, found none
 mass_kg = 0.25\n |  | network.node[1].mass_kg: expected this key for a free node, found none
 [target]\nnode = "M2"\nradius_mm = 5.0\n |  | target: expected this key, found none
-mass_kg = 0.25 | mass_kg = "0.25" | network.node[1].mass_kg: expected a number, found "0.25"
 mass_kg = 0.25 | mass_kg = true | network.node[1].mass_kg: expected a number, found true
 measured = false | measured = 0 | mark[1].measured: expected true or false, found 0
 name = "M2" | name = 2 | network.node[1].name: expected text in quotes, found 2
@@ -40,9 +38,7 @@ name = "M2" | name = 2 | network.node[1].name: expected text in quotes, found 2
 [640, 480] | [0, 480] | camera[0].size_px[0]: expected more than 0, found 0
 [[camera]] | [camera] | camera: expected a list, found a table
 [target] | [[target]] | target: expected a table, found [
-mass_kg = 0.25 | mass_kg = nan | network.node[1].mass_kg: expected a finite number, found nan
 [0.0, 200.0] | [0.0, -inf] | network.node[1].position_mm[1]: expected a finite number, found -inf
-mass_kg = 0.25 | mass_kg = -1 | network.node[1].mass_kg: expected more than 0, found -1
 mass_kg = 0.25 | mass_kg = 0.0 | network.node[1].mass_kg: expected more than 0, found 0
 fixed = true | fixed = true\nmass_kg = -0.1 | network.node[2].mass_kg: expected 0 or more, found -0.1
 drag_N_s_m = 0.3 | drag_N_s_m = -0.3 | network.node[0].drag_N_s_m: expected 0 or more, found -0.3
@@ -54,12 +50,10 @@ damping_N_s_m = 0.6 | damping_N_s_m = -0.6 | network.spring[0].damping_N_s_m: ex
     200.0] mm
 ["M1", "M2"] | ["M2", "In1"] | network.node[0]: expected one or more springs to "M1", found none
 name = "M2" | name = "M1" | network.node[1].name: expected a name of its own, found "M1", that of network.node[0]
-["M1", "M2"] | ["M1", "M1"] | network.spring[0].between: expected two different nodes, found ["M1", "M1"]
 ["M2", "In1"] | ["M2", "M9"] | network.spring[1].between: no node named "M9"
 ["M1", "M2"] | ["M1", "M2", "In1"] | network.spring[0].between: expected 2 entries or fewer, found 3
 ["M1", "M2"] | ["M1"] | network.spring[0].between: expected 2 or more entries, found 1
 node = "M1"\nhue | node = "M9"\nhue | mark[0].node: no node named "M9"
-node = "M2"\nradius | node = "M9"\nradius | target.node: no node named "M9"
 node = "M2"\nhue | node = "M1"\nhue | mark[1].node: expected one mark for a node, found a second one on "M1", after
     mark[0]
 node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (a mark tells of a free node), found the
@@ -67,7 +61,6 @@ node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (a mar
 node = "M2"\nradius | node = "In1"\nradius | target.node: expected a free node (a hidden target), found the anchor
     "In1"
 diameter_mm = 30.0 | diameter_mm = 30.0\nmeasured = false | mark: expected one or more measured marks, found none
-hue_deg = 120.0 | hue_deg = 360.0 | mark[0].hue_deg: expected less than 360, found 360
 radius_mm = 5.0 | radius_mm = 0.0 | target.radius_mm: expected more than 0, found 0
 [0.0, 200.0] | [0.0, 200.0, 1.0] | network.node[1].position_mm: expected 2 numbers, as network.gravity_m_s2 has,
     found 3
@@ -75,7 +68,6 @@ radius_mm = 5.0 | radius_mm = 0.0 | target.radius_mm: expected more than 0, foun
     found 2
 [0.0, -9.81] | [-9.81] | network.gravity_m_s2: expected 2 or more entries, found 1
 name = "In1" | name = "" | network.node[2].name: expected a name, found ""
-[0.0, -0.8, 391.5] | [0.8, 0.0, 319.5] | camera[0].plane_to_px: expected a matrix that can be inverted
 [[0.8, 0.0, 319.5], [0.0, -0.8, 391.5], [0.0, 0.0, 1.0]] | [[0,0,0],[0,0,0],[0,0,0]] | camera[0].plane_to_px:
     expected a matrix that can be inverted
 , [0.0, 0.0, 1.0]] | ] | camera[0].plane_to_px: expected 3 or more entries, found 2
@@ -84,8 +76,6 @@ name = "In1" | name = "" | network.node[2].name: expected a name, found ""
     that of "M1" beyond
 calibration_sd_px = 0.2 | translation_mm = [0, 0, 900] | camera[0]: translation_mm: expected no such key beside
     plane_to_px, found one
-calibration_sd_px = 0.2 | file = "camera.toml" | camera[0]: expected one of plane_to_px, matrix, file, found
-    plane_to_px and file
 """
 UNREADABLE = [
     ('name = "front"', 'name = """front', "line 43: expected TOML, found unterminated string at the end"),
