@@ -1,4 +1,18 @@
-"""Tables of tests as text: a row a line."""
+"""Tables of tests as text, a row a line; and what is said of bad input."""
+
+from collections.abc import Callable
+
+import pytest
+
+from experiments.errors import InputError
+
+
+def complaint(call: Callable[..., object], *given: object, **options: object) -> str:
+    """What is said of bad input, on one line."""
+    with pytest.raises(InputError) as fault:
+        call(*given, **options)
+    assert str(fault.value).isprintable()
+    return str(fault.value)
 
 
 def rows(table: str) -> list[list[str]]:

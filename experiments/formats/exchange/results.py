@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from estimators import Status
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
-from experiments.formats.estimate_rows import AXES
 from experiments.formats.exchange.open_table import open_table
+from experiments.formats.marks.rows import AXES, cov_names, cov_of
 from experiments.formats.recording import SAME_TIME_S, nearest_frames
 from experiments.formats.tables import Table, read_rows
 
@@ -75,9 +75,7 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
     path = folder / ESTIMATES
     if not folder.is_dir():
         raise InputError.at(folder, f"a folder with {ESTIMATES}", "a file" if folder.exists() else "none")
-    places = [f"{axis}_mm" for axis in AXES[:dim]]
-    pairs = [(AXES[a] + AXES[b], a, b) for b in range(dim) for a in range(b + 1)]
-    table, columns = _read(path, ["time_s", "status", *places, *(name for name, _, _ in pairs)])
+    table, columns = _read(path, ["time_s", "status", *AXES[:dim], *cov_names(dim)])
     if dim == 2 and "z_mm" in table.numbers:
         raise InputError.at(f"{path}: row 1", "estimates of a flat scene, as the recording's is", "column z_mm")
     table.check("status", np.isin(table.texts["status"], list(Status)), f"one of {', '.join(Status)}")
@@ -85,10 +83,8 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
     if not (frames >= 0).any():
         span = f"{exposures_s[0]:g} to {exposures_s[-1]:g} s"
         raise InputError.at(f"{path}: time_s", f"times of the recording's frames, {span}", _span(times_s))
-    covs = np.empty((table.n_rows, dim, dim))
-    for name, a, b in pairs:
-        covs[:, a, b] = covs[:, b, a] = 1e-6 * table.numbers[name]
-    means = 1e-3 * np.stack([table.numbers[place] for place in places], axis=1)
+    covs = cov_of(np.stack([table.numbers[name] for name in cov_names(dim)], axis=1), dim)
+    means = 1e-3 * np.stack([table.numbers[axis] for axis in AXES[:dim]], axis=1)
     return Estimates(table, columns, times_s, frames, means, covs)
 
 

@@ -5,7 +5,7 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.formats.sweep_file import read_sweep
-from tests.experiments.rows import rows
+from tests.experiments.rows import complaint, rows
 
 HEAD = 'version = 1\nscenario = "poked"\n'
 GRID = """
@@ -83,11 +83,7 @@ OTHERS = [
 
 @pytest.mark.parametrize(("text", "fault"), [*((HEAD + text, fault) for text, fault in rows(FAULTS)), *OTHERS])
 def test_each_fault_is_one_line_with_its_key(tmp_path, text, fault):
-    with pytest.raises(InputError) as caught:
-        swept(tmp_path, text)
-    message = str(caught.value)
-    assert message.startswith(f"{tmp_path / 'study.toml'}: {fault}")
-    assert "\n" not in message
+    assert complaint(swept, tmp_path, text).startswith(f"{tmp_path / 'study.toml'}: {fault}")
 
 
 def test_a_scenario_that_is_not_there_is_named(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from dynamics import four_mass_phantom
 from experiments.errors import InputError
 from experiments.formats.scene.scene import Mark, Scene, SceneError, Target, read_scene
-from tests.experiments.rows import rows
+from tests.experiments.rows import complaint, rows
 
 GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8")
 
@@ -89,11 +89,8 @@ UNREADABLE = [
 def test_a_fault_is_told_in_one_line_with_file_key_expected_found(path: Path, old: str, new: str, message: str):
     assert GOOD.count(old) >= 1
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(InputError) as fault:
-        read_scene(path)
-    told = str(fault.value)
+    told = complaint(read_scene, path)
     assert told.startswith(f"{path}: {message}")
-    assert len(told.splitlines()) == 1
     assert len(told) < len(str(path)) + 200
 
 
