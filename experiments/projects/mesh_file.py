@@ -6,8 +6,6 @@ springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +16,9 @@ from numpy.typing import NDArray
 from dynamics import NetworkError, Phantom, elastic_body, on_hull
 from dynamics.phantoms.lattice import volume
 from experiments.arrays import Floats
-from experiments.errors import InputError, read_text, shown
+from experiments.errors import InputError, shown
 from experiments.formats.scene.network import is_node_name
-from experiments.formats.tables import Table, read_table
+from experiments.formats.tables import Table, read_rows, read_table
 
 YES = ("yes", "")
 """Entries of `fixed` and `target`."""
@@ -43,7 +41,7 @@ class Mesh:
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     """The body of these files, of this Young's modulus [Pa] where no stiffness is given; raises InputError."""
-    has = _columns(nodes)
+    has = next(read_rows(nodes, "columns x_mm, y_mm, name"))
     axes = ["x_mm", "y_mm", *(["z_mm"] if "z_mm" in has else [])]
     texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
     table = read_table(nodes, [*axes, *(["mass_kg"] if "mass_kg" in has else [])], texts)
@@ -86,12 +84,6 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
         raise InputError.at(nodes, f"springs of {1e3 * SHORTEST_M:g} mm or more", f"one of {1e3 * shortest_m:.2g} mm")
     groups = (joined.texts if joined is not None else {}).get("group", ["springs"] * len(network.springs))
     return Mesh(Phantom(network, chosen, tuple(outer), tuple(groups)), hues)
-
-
-def _columns(path: Path) -> list[str]:
-    """Names in the header of a CSV file."""
-    first = read_text(path).split("\n", maxsplit=1)[0]
-    return [name.strip() for row in csv.reader(io.StringIO(first)) for name in row]
 
 
 def _yes(table: Table, column: str) -> NDArray[np.bool_]:
@@ -141,7 +133,7 @@ def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], 
 
 def _springs(path: Path, names: Sequence[str]) -> tuple[Table, NDArray[np.int64]]:
     """Rows of springs.csv, and their pairs of nodes, (n_springs, 2)."""
-    has = _columns(path)
+    has = next(read_rows(path, "columns from, to"))
     numbers = [key for key in ("stiffness_N_m", "damping_N_s_m") if key in has]
     table = read_table(path, numbers, ["from", "to", *(["group"] if "group" in has else [])])
     if not table.n_rows:

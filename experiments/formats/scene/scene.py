@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
+from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, parameter_label
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
 from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.cameras import camera_lines, camera_of, lens_lines
-from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_names, uncertainty_of
+from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.network import check_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of
@@ -214,7 +214,7 @@ def _content(scene: Scene) -> list[str]:
     lines += target_lines(scene.target)
     lines += reference_lines(scene.reference)
     if scene.uncertainty is not None:
-        names = uncertainty_names(network, scene.uncertainty)
+        names = [parameter_label(network, one) for one in scene.uncertainty.parameters]
         lines += ["", "[uncertainty]", *long_list("parameters", names)]
         lines += long_list("directions", scene.uncertainty.directions)
     if keys := filter_table(scene.settings):

@@ -108,12 +108,6 @@ def test_what_does_not_fit_the_scene_is_told(path: Path, body: Path, added: str,
     assert complaint(read_scenario, str(path)) == f"{path}: {told}"
 
 
-def test_a_scene_that_is_not_there_is_told(path: Path):
-    path.write_text(BARE)
-    with pytest.raises(InputError, match=r"body\.toml: expected a file, found none"):
-        read_scenario(str(path))
-
-
 FAULTS = r"""
 seed = 4 | sead = 4 | sead: expected one of version, title, scene, phantom
 pause_s | pauze_s | pokes.pauze_s: expected one of nodes

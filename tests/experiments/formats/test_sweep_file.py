@@ -2,7 +2,6 @@
 
 import pytest
 
-from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.formats.sweep_file import read_sweep
 from tests.experiments.rows import complaint, rows
@@ -84,8 +83,3 @@ OTHERS = [
 @pytest.mark.parametrize(("text", "fault"), [*((HEAD + text, fault) for text, fault in rows(FAULTS)), *OTHERS])
 def test_each_fault_is_one_line_with_its_key(tmp_path, text, fault):
     assert complaint(swept, tmp_path, text).startswith(f"{tmp_path / 'study.toml'}: {fault}")
-
-
-def test_a_scenario_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r'scenario: expected one of breathing, .* or a file, found "gone\.toml"'):
-        swept(tmp_path, 'version = 1\nscenario = "gone.toml"\n')

@@ -77,12 +77,6 @@ def test_rows_are_counted_through_chunks(path: Path, monkeypatch: pytest.MonkeyP
     assert table.texts["node"] == ["n0", "n1", "n2", "n3", "n4"]
 
 
-def test_bytes_that_are_not_text_are_told_with_their_line(path: Path):
-    path.write_bytes(b"a,node\n1,x\n2,\xff\n")
-    with pytest.raises(InputError, match=r"t\.csv: line 3: expected UTF-8 text, found byte 0xff$"):
-        read_table(path, ["a"], ["node"])
-
-
 def test_order_is_checked_with_the_row_before(path: Path):
     path.write_text("t\n0.1\n0.3\n0.3\n0.2\n", encoding="utf-8")
     table = read_table(path, ["t"])

@@ -234,9 +234,9 @@ def test_a_body_too_large_for_a_filter_is_refused_before_anything_is_computed(be
 
 def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr("experiments.projects.check.rest_shape", None)
-    write_scene(string(317, 3), tmp_path / "scene.toml")
+    write_scene(string(101, 3), tmp_path / "scene.toml")
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 2
-    line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 100 free nodes for a filter in space, found 317"
+    line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 100 free nodes for a filter in space, found 101"
     assert capsys.readouterr().err == f"softaim: {line}\n"
     assert not (tmp_path / "out").exists()
 

@@ -82,14 +82,3 @@ def test_with_force_a_file_is_replaced() -> None:
     assert Path("film.mcap").read_text() == "mine"
     assert softaim(*CALL, "--force") == 0
     assert Path("film.mcap").read_bytes().startswith(b"\x89MCAP0\r\n")
-
-
-def test_without_the_package_it_is_one_line(
-    here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("experiments.extras.find_spec", lambda _name: None)
-    before = tree(here)
-    assert softaim(*CALL) == 2
-    said = 'expected the extra export (pip install "softaim[export]"), found no mcap'
-    assert capfd.readouterr().err == f"softaim: --to mcap: {said}\n"
-    assert tree(here) == before

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynamics import four_mass_phantom, parameter_label, parameters
+from dynamics import parameter_label, parameters
 from estimators import FilterSettings, FixBias
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
@@ -133,8 +133,3 @@ FAULTS = r"""
 @pytest.mark.parametrize(("text", "message"), rows(FAULTS))
 def test_faults_are_told_in_one_line(path, text, message):
     assert complaint(scene_with, path, text).startswith(f"{path}: {message}")
-
-
-def test_the_phantom_of_these_tests_has_the_constants_named():
-    network = four_mass_phantom()
-    assert len(parameters(network)) == 3 * 10 + 2 * 4

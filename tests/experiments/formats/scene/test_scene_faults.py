@@ -31,6 +31,7 @@ mass_kg = 0.25 | mass = 1.0 | network.node[1].mass: expected one of name, positi
 stiffness_N_m = 80.0\n |  | network.spring[0].stiffness_N_m: expected this key, found none
 mass_kg = 0.25\n |  | network.node[1].mass_kg: expected this key for a free node, found none
 [target]\nnode = "M2"\nradius_mm = 5.0\n |  | target: expected this key, found none
+stiffness_N_m = 80.0 | stiffness_N_m = 80.0\ngroup = "" | network.spring[0].group: expected a name, found ""
 mass_kg = 0.25 | mass_kg = true | network.node[1].mass_kg: expected a number, found true
 measured = false | measured = 0 | mark[1].measured: expected true or false, found 0
 name = "M2" | name = 2 | network.node[1].name: expected text in quotes, found 2
