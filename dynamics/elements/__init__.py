@@ -7,5 +7,6 @@ from dynamics.elements.assembly import Assembly
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
 from dynamics.elements.springs import Springs
+from dynamics.elements.tetrahedra import Tetrahedra, TissueConstants
 
-__all__ = ["Assembly", "ForceElement", "Resistance", "Springs", "Weight"]
+__all__ = ["Assembly", "ForceElement", "Resistance", "Springs", "Tetrahedra", "TissueConstants", "Weight"]

@@ -16,13 +16,20 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 
 
+def _table(title: str, *heads: str | list[str]) -> Table:
+    """A table with these columns of numbers; a head in a list is that of words, which stand to the left."""
+    table = Table(title=title)
+    for head in heads:
+        table.add_column(*head, justify="left") if isinstance(head, list) else table.add_column(head, justify="right")
+    return table
+
+
 def track_table(figures: Mapping[str, Row]) -> Table:
     """One row a method: errors where the truth is known, else sigma and NIS; frames, speed."""
     known = any("mae_mm" in row for row in figures.values())
-    table = Table(title="Error of the hidden target" if known else "The hidden target; its truth is not known")
     columns = ERRORS if known else SIGMAS
-    for head in ("method", *columns, "frames", "lost", "ms/frame"):
-        table.add_column(head, justify="left" if head == "method" else "right")
+    title = "Error of the hidden target" if known else "The hidden target; its truth is not known"
+    table = _table(title, ["method"], *columns, "frames", "lost", "ms/frame")
     for method, row in figures.items():
         table.add_row(
             method,
@@ -69,9 +76,8 @@ def fit_lines(ours: Row) -> list[str]:
 
 def withheld_table(ours: Row) -> Table:
     """One row a mark: how it was predicted by a filter that never gets it, from the filter's object in summary.json."""
-    table = Table(title="Marks predicted as if hidden")
-    for head in ("mark", "frames", "mean error [mm]", "mean NEES", "by what was predicted"):
-        table.add_column(head, justify="left" if head == "mark" else "right")
+    heads = ("frames", "mean error [mm]", "mean NEES", "by what was predicted")
+    table = _table("Marks predicted as if hidden", ["mark"], *heads)
     for node, one in ours["check_marks"].items():
         nees = f"{one['mean_nees']:.2f}"
         table.add_row(node, str(one["frames"]), f"{one['mean_error_mm']:.2f}", nees, f"{one['ratio']:.2f}")
@@ -85,9 +91,7 @@ def sentence(words: str) -> str:
 
 def marks_table(ours: Row) -> Table:
     """One row a mark, from the filter's object in summary.json: share of frames found, refused, lost, and why."""
-    table = Table(title="Marks")
-    for head in ("mark", "found", "refused", "lost", "most frequent reason", "in frames"):
-        table.add_column(head, justify="left" if head in ("mark", "most frequent reason") else "right")
+    table = _table("Marks", ["mark"], "found", "refused", "lost", ["most frequent reason"], "in frames")
     for node, row in ours["marks"].items():
         shares = [f"{row[key]:.1%}" for key in ("found", "refused", "lost")]
         reason = [row["reason"], f"{row['reason_share']:.1%}"] if row["reason"] else ["", ""]
@@ -97,9 +101,8 @@ def marks_table(ours: Row) -> Table:
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
     """One row a kind of mark: share of the picture that its keys take in, by the marks' own size; frames amiss."""
-    table = Table(title=f"What the keys take in, of {counted(n_frames, 'frame')}")
-    for head in ("marks", "keys", "of the picture", "least", "most", "by the marks' size", "too few", "flooded"):
-        table.add_column(head, justify="left" if head in ("marks", "keys") else "right")
+    heads = ("of the picture", "least", "most", "by the marks' size", "too few", "flooded")
+    table = _table(f"What the keys take in, of {counted(n_frames, 'frame')}", ["marks"], ["keys"], *heads)
     for row in kinds:
         shares = [f"{row[key]:.2%}" for key in ("share_median", "share_least", "share_most")]
         amiss = [f"{row[key]:.1%}" for key in ("frames_too_few", "frames_flooded")]
@@ -125,9 +128,9 @@ def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
 
 def plan_table(report: Mapping[str, Any]) -> Table:
     """The best path of a plan and the next best, from plan.json."""
-    table = Table(title=f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed")
-    for head in ("", "entry [mm]", "depth [mm]", "angle", "hit", "room [mm]", "pushes the target [mm]"):
-        table.add_column(head, justify="right")
+    title = f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed"
+    heads = ("", "entry [mm]", "depth [mm]", "angle", "hit", "room [mm]", "pushes the target [mm]")
+    table = _table(title, *heads)
     for rank, path in enumerate([report["best"], *report["next_best"]], start=1):
         table.add_row(
             str(rank),
@@ -143,11 +146,9 @@ def plan_table(report: Mapping[str, Any]) -> Table:
 
 def insertion_table(report: Mapping[str, Any]) -> Table:
     """One row a policy, from summary.json: hits with their interval, misses, time, insertions."""
-    table = Table(
-        title=f"runs: {report['runs']}, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
-    )
-    for head in ("policy", "hits", "95 % interval", "told", "miss [mm]", "s to a hit", "insertions", "never there"):
-        table.add_column(head, justify="left" if head == "policy" else "right")
+    title = f"runs: {report['runs']}, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
+    heads = ("hits", "95 % interval", "told", "miss [mm]", "s to a hit", "insertions", "never there")
+    table = _table(title, ["policy"], *heads)
     for policy, row in report.items():
         if isinstance(row, Mapping) and "hit_rate" in row:
             table.add_row(
@@ -186,10 +187,7 @@ def demo_table(figures: Figures) -> Table:
     """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
     from experiments.studies.demo import PAPER_MM, heads
 
-    table = Table(title="Mean absolute error ± SD of the hidden mass [mm]")
-    table.add_column("method")
-    for head in heads():
-        table.add_column(head, justify="right")
+    table = _table("Mean absolute error ± SD of the hidden mass [mm]", ["method"], *heads())
     methods = list(next(iter(figures.values())))
     table.add_row(
         "as published (1.09 s a frame, marks to 4.14 mm)", *(f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
@@ -205,10 +203,8 @@ def demo_table(figures: Figures) -> Table:
 
 def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
     """The summary of a sweep: a row for each combination and method, its heads first."""
-    table = Table(title="Error of the hidden target, over runs")
-    for head in cells[0]:
-        broken = head.replace(".", ".\n")  # keys of a grid are long
-        table.add_column(broken, justify="left" if head == "method" else "right")
+    broken = [head.replace(".", ".\n") for head in cells[0]]  # keys of a grid are long
+    table = _table("Error of the hidden target, over runs", *([one] if one == "method" else one for one in broken))
     for row in cells[1:]:
         table.add_row(*row)
     return table
@@ -218,9 +214,8 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
     """A row for each fault."""
     from experiments.studies.faults.study import HEADS
 
-    table = Table(title="Faults: slowest over seeds")
-    for head in HEADS:
-        table.add_column(head, justify="left" if head in ("fault", "shown") else "right")
+    heads = [[head] if head in ("fault", "shown") else head for head in HEADS]
+    table = _table("Faults: slowest over seeds", *heads)
     for row in cells:
         table.add_row(*row)
     return table
@@ -228,10 +223,7 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
 
 def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
     """One row a figure."""
-    table = Table(title="Benchmarks (medians of one run)")
-    table.add_column("benchmark")
-    table.add_column("figure")
-    table.add_column("value", justify="right")
+    table = _table("Benchmarks (medians of one run)", ["benchmark"], ["figure"], "value")
     for name, figures in report.items():
         for key, value in figures.items():
             table.add_row(name, key, f"{value:.3g}")
@@ -240,9 +232,7 @@ def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
 
 def constants_table(report: Mapping[str, Any]) -> Table:
     """One row a constant: value and standard error; in the caption how many the recording does not determine."""
-    table = Table(title="Constants found")
-    for head in ("constant", "value [SI]", "standard error", "change"):
-        table.add_column(head, justify="left" if head == "constant" else "right")
+    table = _table("Constants found", ["constant"], "value [SI]", "standard error", "change")
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
@@ -257,9 +247,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 def levels_table(report: Mapping[str, Any]) -> Table:
     """One row a noise level: value and standard error."""
     units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
-    table = Table(title="Noise levels found")
-    for head in ("level", "value", "unit", "standard error"):
-        table.add_column(head, justify="right" if head in ("value", "standard error") else "left")
+    table = _table("Noise levels found", ["level"], "value", ["unit"], "standard error")
     for name, row in report["levels"].items():
         table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
     gained = report["log_likelihood"] - report["log_likelihood_before"]
@@ -269,9 +257,8 @@ def levels_table(report: Mapping[str, Any]) -> Table:
 
 def calibration_table(done: Calibration) -> Table:
     """One row a constant of the lens: value and standard error."""
-    table = Table(title=f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px")
-    for head in ("constant", "value", "standard error"):
-        table.add_column(head, justify="left" if head == "constant" else "right")
+    title = f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px"
+    table = _table(title, ["constant"], "value", "standard error")
     values = [*done.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *done.distortion]
     names = ("fx [px]", "fy [px]", "cx [px]", "cy [px]", "k1", "k2", "p1", "p2", "k3")
     for name, value, sd in zip(names, values, [*done.matrix_sd, *done.distortion_sd], strict=True):

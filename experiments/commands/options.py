@@ -29,10 +29,7 @@ RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording."
 Fps = Annotated[
     float | None,
     typer.Option(
-        "--fps",
-        min=0.001,
-        max=1e5,
-        help="Frames a second: of pictures, the phantom, or a film in place of its own.",
+        "--fps", min=0.001, max=1e5, help="Frames a second: of pictures, the phantom, or a film in place of its own."
     ),
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]

@@ -86,21 +86,17 @@ class Run:
         """Raise InputError where one of the options was given without the other, without which it has no effect."""
         from experiments.errors import InputError
 
-        if other not in self.given:
-            for option in self._among(options):
+        for option in options if other not in self.given else ():
+            if option in self.given:
                 raise InputError.at(option, f"{other} beside it", "none")
 
     def not_with(self, other: str, *options: str) -> None:
         """Raise InputError where one of the options was given beside another that leaves it without effect."""
         from experiments.errors import InputError, shown
 
-        if other in self.given:
-            for option in self._among(options):
+        for option in options if other in self.given else ():
+            if option in self.given:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
-
-    def _among(self, options: Sequence[str]) -> list[str]:
-        """Those of the options that were given."""
-        return [option for option in options if option in self.given]
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
         """Note the scene of this run, and which steps were not done on it before this one: see `begun`.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.scene.scene import Scene
 from experiments.formats.tables import write_table
 from experiments.pipeline.frame_sources import check_size, open_source
-from vision import NOMINAL_FPS, EveryFrame, Frame, MarkHue, VideoWriter
+from vision import NOMINAL_FPS, EveryFrame, MarkHue, VideoWriter
 from vision.arrays import Image, Picture
 from vision.detection.palette import classes_of, palette_of
 from vision.detection.settings import DETECTION
@@ -115,12 +116,7 @@ def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int])
 
 
 def taken_over(
-    source: str,
-    scene_path: Path | None,
-    folder: Path | None,
-    *,
-    film: bool = False,
-    fps: float | None = None,
+    source: str, scene_path: Path | None, folder: Path | None, *, film: bool = False, fps: float | None = None
 ) -> Taken:
     """What the keys take in in each frame of a film, folder of pictures or recording; written to a folder if given.
 
@@ -141,51 +137,21 @@ def taken_over(
 def _taken(frames: EveryFrame, scene: Scene, folder: Path | None) -> Taken:
     taken = Taken(kinds_of(scene), scene.cameras[0].size_px)
     palette = palette_of(tuple(kind.hue for kind in taken.kinds))
-    with nullcontext() if folder is None else _Writer(folder / FILM) as writer:
-        for frame in frames:
+    others = iter(frames)
+    first = list(islice(others, 2))
+    if not first:
+        raise InputError("hue: expected frames, found none")
+    fps = NOMINAL_FPS if len(first) < 2 else 1.0 / max(first[1].exposure_s - first[0].exposure_s, 1e-3)
+    with nullcontext() if folder is None else VideoWriter(folder / FILM, taken.size_px, fps) as writer:
+        for frame in chain(first, others):
             check_size(frame, scene)
             classes = classes_of(frame.image, palette, 1)
             counted = np.bincount(classes.ravel(), minlength=len(taken.kinds) + 1)[1:].tolist()
             picture = painted(frame.image, classes, taken, counted)
             taken.take(frame.exposure_s, counted, picture)
             if writer is not None:
-                writer.write(frame, picture)
-    if not taken.times_s:
-        raise InputError("hue: expected frames, found none")
+                writer.write(picture)
     return taken
-
-
-class _Writer:
-    """A film whose rate the first two frames tell. State: the first, until the second comes; the open writer."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._first: tuple[float, Image] | None = None
-        self._writer: VideoWriter | None = None
-
-    def write(self, frame: Frame, picture: Image) -> None:
-        if self._writer is not None:
-            self._writer.write(picture)
-        elif self._first is None:
-            self._first = frame.exposure_s, picture
-        else:
-            self._begin(1.0 / max(frame.exposure_s - self._first[0], 1e-3), picture)
-
-    def _begin(self, fps: float, *pictures: Image) -> None:
-        assert self._first is not None
-        height, width = self._first[1].shape[:2]
-        self._writer = VideoWriter(self.path, (width, height), fps)
-        for picture in (self._first[1], *pictures):
-            self._writer.write(picture)
-
-    def __enter__(self) -> _Writer:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_fault: object) -> None:
-        if self._writer is None and self._first is not None and kind is None:
-            self._begin(NOMINAL_FPS)
-        if self._writer is not None:
-            (self._writer.close if kind is None else self._writer.discard)()
 
 
 def _write(taken: Taken, folder: Path) -> None:

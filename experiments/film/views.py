@@ -63,11 +63,7 @@ def ground_camera(scene: Scene) -> PlaneCamera:
 
 
 def overlay_of(
-    line: Line,
-    step: Step,
-    camera: PlaneCamera,
-    guidance: Guidance | None = None,
-    plan: NeedlePlan | None = None,
+    line: Line, step: Step, camera: PlaneCamera, guidance: Guidance | None = None, plan: NeedlePlan | None = None
 ) -> Overlay:
     """What is to be drawn of a step, the line as it stands after it.
 

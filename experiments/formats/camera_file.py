@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +13,21 @@ from pydantic import Field
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.outputs import write_whole
-from experiments.formats.toml_file import VERSION, Name, NotNegative, Positive, Row, Square, Strict, Three, read_toml
+from experiments.formats.toml_file import (
+    VERSION,
+    Name,
+    NotNegative,
+    Positive,
+    Row,
+    Square,
+    Strict,
+    Three,
+    exactly,
+    key_lines,
+    long_list,
+    read_toml,
+    toml_text,
+)
 from vision import Calibration, Lens, Pose
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
@@ -87,24 +100,30 @@ def write_camera_toml(calibration: Calibration, path: Path) -> None:
 def camera_text(calibration: Calibration) -> str:
     """A calibration as `camera.toml` has it."""
     c = calibration
-    lines = [f"version = {VERSION}", f"name = {_text(c.name)}", f"size_px = [{c.size_px[0]}, {c.size_px[1]}]"]
-    lines += ["", "# px; distortion k1 k2 p1 p2 k3; standard errors of fx fy cx cy and of the distortion"]
-    lines += _rows("matrix", c.matrix)
-    lines += [f"distortion = {_list(c.distortion)}", f"matrix_sd = {_list(c.matrix_sd)}"]
-    lines += [f"distortion_sd = {_list(c.distortion_sd)}", f"reprojection_rms_px = {float(c.reprojection_rms_px)!r}"]
-    lines += [f"reprojection_rms_px_each = {_list(c.rms_px_each)}"]
-    lines += _names("images_used", c.images_used)
-    lines += _names("images_left_out", c.images_left_out)
-    lines += ["", "# world to camera: x right, y up, z toward the camera, to x right, y down, z forward"]
-    lines += _rows("rotation", c.pose.rotation)
-    lines += [f"translation_mm = {_list(1e3 * c.pose.translation_m)}", f"mm_per_px = {_list(c.mm_per_px)}"]
-    lines += [f"plane_image = {_text(c.plane_image)}"]
-    lines += [
+    lens = {"matrix": c.matrix, "distortion": c.distortion, "matrix_sd": c.matrix_sd, "distortion_sd": c.distortion_sd}
+    fit = {"reprojection_rms_px": float(c.reprojection_rms_px), "reprojection_rms_px_each": c.rms_px_each}
+    pose = {"rotation": c.pose.rotation, "translation_mm": 1e3 * c.pose.translation_m}
+    lines = [
+        f"version = {VERSION}",
+        *head_lines(c.name, c.size_px),
+        "",
+        "# px; distortion k1 k2 p1 p2 k3; standard errors of fx fy cx cy and of the distortion",
+        *key_lines({**lens, **fit}, exactly),
+        *long_list("images_used", c.images_used),
+        *long_list("images_left_out", c.images_left_out),
+        "",
+        "# world to camera: x right, y up, z toward the camera, to x right, y down, z forward",
+        *key_lines({**pose, "mm_per_px": c.mm_per_px, "plane_image": c.plane_image}, exactly),
         "",
         "# rows of one standard deviation: fx fy cx cy k1 k2 p1 p2 k3, rotation [rad] x y z, translation [mm]",
+        *long_list("uncertainty", c.uncertainty * TO_MM, exactly),
     ]
-    lines += _rows("uncertainty", c.uncertainty * TO_MM)
     return "\n".join(lines) + "\n"
+
+
+def head_lines(name: str, size_px: tuple[int, int]) -> list[str]:
+    """What every camera's table begins with."""
+    return [f"name = {toml_text(name)}", f"size_px = [{size_px[0]}, {size_px[1]}]"]
 
 
 def read_camera_toml(path: Path) -> CalibratedCamera:
@@ -129,19 +148,3 @@ def read_camera_toml(path: Path) -> CalibratedCamera:
         reprojection_rms_px=file.reprojection_rms_px,
         mm_per_px=(file.mm_per_px[0], file.mm_per_px[1]),
     )
-
-
-def _list(values: Iterable[float]) -> str:
-    return f"[{', '.join(repr(float(value)) for value in values)}]"
-
-
-def _rows(key: str, rows: Floats) -> list[str]:
-    return [f"{key} = [", *(f"    {_list(row)}," for row in rows), "]"]
-
-
-def _names(key: str, names: Iterable[str]) -> list[str]:
-    return [f"{key} = [", *(f"    {_text(name)}," for name in names), "]"]
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False)

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import isnan
 
 from estimators import TargetEstimate
+from experiments.formats.marks.rows import cov_entries_mm2, cov_names
 
 AXES = "xyz"
 
 
 def header(dim: int) -> list[str]:
     """Names of the columns: the covariance as xx xy yy, then xz yz zz in space."""
-    places = [f"{AXES[a]}_mm" for a in range(dim)]
-    covs = [AXES[a] + AXES[b] for b in range(dim) for a in range(b + 1)]
-    return ["time_s", "status", *places, *covs, "nis", "marks_used", "poked", "gain", "model_only"]
+    places = [f"{axis}_mm" for axis in AXES[:dim]]
+    return ["time_s", "status", *places, *cov_names(dim), "nis", "marks_used", "poked", "gain", "model_only"]
 
 
 def row(estimate: TargetEstimate) -> list[object]:
     """The values of one estimate under `header`, None where it has none."""
-    dim = len(estimate.mean)
-    cov = np.full((dim, dim), np.nan) if estimate.cov is None else 1e6 * estimate.cov
-    covs = [None if np.isnan(cov[a, b]) else float(cov[a, b]) for b in range(dim) for a in range(b + 1)]
-    places = [float(1e3 * x) for x in estimate.mean]
+    covs: list[float | None] = [None] * len(cov_names(len(estimate.mean)))
+    if estimate.cov is not None:
+        covs = [None if isnan(entry) else entry for entry in cov_entries_mm2(estimate.cov)]
     return [
         estimate.time_s,
         str(estimate.status),
-        *places,
+        *(float(1e3 * x) for x in estimate.mean),
         *covs,
         estimate.nis,
         estimate.marks_used,

@@ -13,25 +13,24 @@ from dynamics import MassSpringNetwork
 from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, NeedlePush, PlannedNeedle
 from estimators.process.target import TargetPoint
 from experiments.errors import InputError, shown
-from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, read_toml
+from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, check_axes, read_toml
 
 Part = Annotated[float, Field(ge=0, le=1)]
 USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class NeedleForces:
-    """Forces of a simulated needle, by default as in soft PVC (`docs/needle.md`).
+class NeedleForces(Strict):
+    """`[forces]`: of a simulated needle, as the filter assumes them; by default as in soft PVC (`docs/needle.md`).
 
     Constants as of `dynamics.NeedleMechanics`, nominal: each true one lies between so much less and so much more,
     `error`. A puncture_N of 0: the skin offers no resistance.
     """
 
-    puncture_N: float = 0.8  # noqa: N815
-    contact_N_m: float = 400.0  # noqa: N815
-    cutting_N: float = 0.4  # noqa: N815
-    friction_N_m: float = 5.0  # noqa: N815
-    error: float = 0.3
+    puncture_N: NotNegative = 0.8  # noqa: N815 (the format's own word)
+    contact_N_m: Positive = 400.0  # noqa: N815
+    cutting_N: NotNegative = 0.4  # noqa: N815
+    friction_N_m: NotNegative = 5.0  # noqa: N815
+    error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
         """What is predicted of this needle's push on a network; the error is uniform."""
@@ -44,12 +43,7 @@ class NeedleForces:
 
     def constants(self) -> dict[str, float]:
         """The nominal constants by name."""
-        return {
-            "puncture_N": self.puncture_N,
-            "contact_N_m": self.contact_N_m,
-            "cutting_N": self.cutting_N,
-            "friction_N_m": self.friction_N_m,
-        }
+        return self.model_dump(exclude={"error"})
 
 
 FORCES = NeedleForces()
@@ -88,16 +82,6 @@ class AdviceTable(Strict):
     abort_s: NotNegative = SETTINGS.abort_s
 
 
-class ForcesTable(Strict):
-    """`[forces]`: what the simulated needle does to the tissue, as the filter assumes it; see `NeedleForces`."""
-
-    puncture_N: NotNegative = FORCES.puncture_N  # noqa: N815 (the format's own word)
-    contact_N_m: Positive = FORCES.contact_N_m  # noqa: N815
-    cutting_N: NotNegative = FORCES.cutting_N  # noqa: N815
-    friction_N_m: NotNegative = FORCES.friction_N_m  # noqa: N815
-    error: Annotated[float, Field(ge=0, lt=1)] = FORCES.error
-
-
 class NeedleFile(Strict):
     """The whole of `needle.toml`, version 1."""
 
@@ -113,7 +97,7 @@ class NeedleFile(Strict):
     tip_sd_mm: NotNegative = 1e3 * USUAL.tip_sd_m
     bending_sd_mm_per_mm: NotNegative = USUAL.bending_sd
     lesion: LesionTable | None = None
-    forces: ForcesTable = ForcesTable()
+    forces: NeedleForces = FORCES
     advice: AdviceTable = AdviceTable()
 
     @model_validator(mode="after")
@@ -149,9 +133,7 @@ def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     """
     file = read_toml(path, NeedleFile)
     for key in ("entry_mm", "direction"):
-        found = getattr(file, key)
-        if len(found) != dim:
-            raise InputError.at(f"{path}: {key}", f"{dim} numbers, as the scene has", str(len(found)))
+        check_axes(f"{path}: {key}", getattr(file, key), dim)
     needle = Needle(
         Hit(file.hit),
         1e-3 * file.notch_offset_mm,
@@ -163,20 +145,9 @@ def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     insertion = Insertion(
         1e-3 * np.array(file.entry_mm), np.array(file.direction), 1e-3 * file.speed_mm_s, 1e-3 * file.depth_mm
     )
-    table = file.advice
-    settings = AdviceSettings(
-        table.go,
-        table.worth,
-        table.horizon_s,
-        table.step_s,
-        table.stale_s,
-        table.coasting_s,
-        1e-3 * table.overshot_mm,
-        table.abort,
-        table.abort_s,
-    )
-    forces = NeedleForces(**file.forces.model_dump())
-    return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings, forces)
+    thresholds = file.advice.model_dump()
+    settings = AdviceSettings(overshot_m=1e-3 * thresholds.pop("overshot_mm"), **thresholds)
+    return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings, file.forces)
 
 
 def _lesion(path: Path, table: LesionTable | None, radius_m: float, dim: int) -> Lesion:

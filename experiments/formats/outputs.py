@@ -32,17 +32,32 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
     _check_free(path, final, force, work=None)
     work: Path | None = None
     try:
-        work = _fresh_folder(path, final)
-        yield work
-        _check_free(path, final, force, work)  # again: someone else may have written there during a long run
-        _hand_over(path, work, final)
-    except OSError as error:
-        if error.errno in FULL:
-            raise InputError.refused(path, "room to write", error) from error
-        raise
+        with _accepted(path, "room to write", FULL):
+            work = _fresh_folder(path, final)
+            yield work
+            _check_free(path, final, force, work)  # again: someone else may have written there during a long run
+            _hand_over(path, work, final)
     finally:
         if work is not None:
             shutil.rmtree(work, ignore_errors=True)
+
+
+@contextmanager
+def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator[None]:
+    """What the operating system refuses, by any of these error numbers or by all, is bad input that names the path."""
+    try:
+        yield
+    except OSError as error:
+        if errors and error.errno not in errors:
+            raise
+        raise InputError.refused(path, expected, error) from error
+
+
+def _probe(final: Path, folder: Path) -> None:
+    """Make a file in a folder and take it away."""
+    part = _part_of(final, folder)
+    part.touch(exist_ok=False)
+    part.unlink()
 
 
 @contextmanager
@@ -57,13 +72,9 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
         check_apart(path, source)
     _check_free(path, final, force, work=None)
     made = not final.is_dir()
-    try:
+    with _accepted(path, "a folder that can be written"):
         final.mkdir(parents=True, exist_ok=True)
-        probe = _part_of(final, final)
-        probe.touch(exist_ok=False)
-        probe.unlink()
-    except OSError as error:
-        raise InputError.refused(path, "a folder that can be written", error) from error
+        _probe(final, final)
     try:
         yield final
     finally:
@@ -126,20 +137,15 @@ def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] =
     """
     final = _final(path)
     part = _part_of(final, final.parent)
-    try:
+    with _accepted(path, "a file that can be written"):
         file = part.open("xb")
-    except OSError as error:
-        raise InputError.refused(path, "a file that can be written", error) from error
     try:
-        with file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        write_together(beside(), {path: part})
-    except OSError as error:
-        if error.errno in FULL:
-            raise InputError.refused(path, "room to write", error) from error
-        raise
+        with _accepted(path, "room to write", FULL):
+            with file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            write_together(beside(), {path: part})
     finally:
         part.unlink(missing_ok=True)
 
@@ -151,12 +157,8 @@ def check_new(path: Path, force: bool) -> None:
         raise InputError.at(path, "a new file", "one that is there; --force replaces it")
     if not final.parent.is_dir():
         raise InputError.at(path, "a file in a folder that is there", "none" if not final.parent.exists() else "a file")
-    part = _part_of(final, final.parent)
-    try:
-        part.touch(exist_ok=False)
-        part.unlink()
-    except OSError as error:
-        raise InputError.refused(path, "a file that can be written", error) from error
+    with _accepted(path, "a file that can be written"):
+        _probe(final, final.parent)
 
 
 def _final(path: Path) -> Path:
@@ -192,10 +194,8 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
         if os.path.exists(final):
             raise InputError.at(path, "a folder", "a file")
         return
-    try:
+    with _accepted(path, "a folder that can be read"):
         taken = any(entry != work for entry in final.iterdir())
-    except OSError as error:
-        raise InputError.refused(path, "a folder that can be read", error) from error
     if taken and not force:
         raise InputError.at(path, "an empty or a new folder", "files in it; --force writes beside and over them")
 
@@ -223,14 +223,12 @@ def _fresh_folder(path: Path, final: Path) -> Path:
 
 
 def _hand_over(path: Path, work: Path, final: Path) -> None:
-    try:
+    with _accepted(path, "a folder that can be written"):
         if final.is_dir():
             _merge(path, work, final)
         else:
             final.parent.mkdir(parents=True, exist_ok=True)
             work.rename(final)
-    except OSError as error:
-        raise InputError.refused(path, "a folder that can be written", error) from error
 
 
 def _merge(path: Path, work: Path, final: Path) -> None:

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from dynamics import GAUGES_MM
 from estimators import Obstacle, PlannedNeedle, Skin
 from experiments.errors import InputError
-from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Strict, read_toml
+from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Strict, check_axes, read_toml
 
 Kind = Literal["rib", "vessel", "other"]
 
@@ -109,17 +109,14 @@ def read_task(path: Path, dim: int) -> Task:
     """The task of a file for a scene of so many axes; raises InputError, `file: key: expected …, found …`."""
     file = read_toml(path, PlanFile)
     places = {f"entry.{key}": getattr(file.entry, key) for key in ("from_mm", "to_mm", "normal")}
-    seen: dict[str, int] = {}
+    names = [one.name for one in file.obstacle]
     for i, one in enumerate(file.obstacle):
         places |= {f"obstacle[{i}].{key}": getattr(one, key) for key in ("centre_mm", "from_mm", "to_mm")}
-        if one.name in seen:
-            raise InputError.at(
-                f"{path}: obstacle[{i}].name", "a name of its own", f"that of obstacle[{seen[one.name]}]"
-            )
-        seen[one.name] = i
+        if (first := names.index(one.name)) < i:
+            raise InputError.at(f"{path}: obstacle[{i}].name", "a name of its own", f"that of obstacle[{first}]")
     for key, place in places.items():
-        if place is not None and len(place) != dim:
-            raise InputError.at(f"{path}: {key}", f"{dim} numbers, as the scene has", str(len(place)))
+        if place is not None:
+            check_axes(f"{path}: {key}", place, dim)
     table, entry = file.needle, file.entry
     return Task(
         needle=PlannedNeedle(

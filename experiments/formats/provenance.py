@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -83,13 +82,9 @@ def provenance_text(of: Provenance) -> str:
         "inputs": [{"path": str(one.path), "sha256": one.sha256} for one in of.inputs],
     }
     if of.scene is not None:
-        table["scene"] = _scene_table(of.scene, of.left_out)
+        steps = [step_keys(step) for step in of.scene.steps]
+        table["scene"] = {"sha256": scene_digest(of.scene), "steps": steps, "left_out": list(of.left_out)}
     return json.dumps(table, indent=2, ensure_ascii=False) + "\n"
-
-
-def _scene_table(scene: Scene, left_out: Sequence[str]) -> Mapping[str, Any]:
-    steps = [step_keys(step) for step in scene.steps]
-    return {"sha256": scene_digest(scene), "steps": steps, "left_out": list(left_out)}
 
 
 def _utc(time: datetime) -> str:

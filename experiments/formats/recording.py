@@ -205,16 +205,21 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
         check_seconds(table, "time_s")
         exposures_s, frames = np.unique(times_s, return_inverse=True)
     else:
-        after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
-        near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
-        distances = np.abs(exposures_s[near] - times_s)
-        frames = np.where(distances[0] <= distances[1], near[0], near[1])
-        table.check("time_s", distances.min(axis=0) <= SAME_TIME_S, "an exposure time of frames.csv")
+        frames, off_s = nearest_frames(times_s, exposures_s)
+        table.check("time_s", off_s <= SAME_TIME_S, "an exposure time of frames.csv")
     _, first = np.unique(frames * len(names) + nodes, return_index=True)
     table.check("node", np.isin(np.arange(table.n_rows), first), "each node once at one time")
     rows = _mark_rows(table, scene, spread)
     starts = np.searchsorted(frames, np.arange(len(exposures_s) + 1)).tolist()
     return exposures_s, tuple(tuple(rows[a:b]) for a, b in pairwise(starts))
+
+
+def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The frame nearest to each time [s], (n,), the earlier of two, and how far that is [s], (n,)."""
+    after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
+    near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
+    off_s = np.abs(exposures_s[near] - times_s)
+    return np.where(off_s[0] <= off_s[1], near[0], near[1]), off_s.min(axis=0)
 
 
 def _spread_columns(path: Path, dim: int) -> list[str]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, create_model, model_validator
 
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
 from experiments.errors import InputError, shown
 from experiments.formats.scene.scene import usable_scene
-from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, read_toml
+from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, check_axes, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 STEPS = "STEPS.md"
@@ -36,11 +36,6 @@ Light = Literal["webcam", "paper"]
 Distractors = Annotated[int, Field(ge=0, le=50)]
 
 
-def _check_ordered(shortest_s: float, longest_s: float) -> None:
-    if longest_s < shortest_s:
-        raise ValueError(f"expected longest_s of at least shortest_s ({shortest_s}), found {longest_s}")
-
-
 class Tremor(Strict):
     """Tremor of the table: noise acceleration on every free node, white below half of 1 / interval_s."""
 
@@ -55,46 +50,49 @@ class Release(Strict):
     force_n: Coordinates
 
 
-class Pokes(Strict):
-    """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
+class _Forces(Strict):
+    """Forces on nodes.
 
     nodes: default: all with a measured mark
-    acceleration_m_s2: the largest force by the node's mass; each poke has between the part `weakest` and all of it
+    acceleration_m_s2: the largest force by the node's mass
+    shortest_s, longest_s: between which the duration, or the period, is drawn
+    """
+
+    nodes: Nodes | None = None
+    acceleration_m_s2: Positive
+    shortest_s: Positive
+    longest_s: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.longest_s < self.shortest_s:
+            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
+        return self
+
+
+class Pokes(_Forces):
+    """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
+
+    Each has between the part `weakest` and all of the largest force.
     pause_s: mean of the exponential pause between two pokes
     together: all of the nodes at once, in the same direction, and not one of them at random
     """
 
-    nodes: Nodes | None = None
-    acceleration_m_s2: Positive
-    shortest_s: Positive
-    longest_s: Positive
     pause_s: Positive
     weakest: Annotated[float, Field(gt=0, le=1)] = 0.3
     together: bool = False
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Pokes:
-        _check_ordered(self.shortest_s, self.longest_s)
-        return self
 
-
-class Breathing(Strict):
+class Breathing(_Forces):
     """Periodic forces on nodes as of breathing: a wave and half as much of its second harmonic.
 
-    nodes: default: all with a measured mark
-    shortest_s, longest_s: between which the period is drawn, the same for the whole run
-    acceleration_m_s2: of the first wave, by the node's mass, along `direction`, by default `UPWARD`
+    The period is the same for the whole run. direction: of the force, which is that of the first wave; default `UPWARD`
     """
 
-    nodes: Nodes | None = None
-    acceleration_m_s2: Positive
-    shortest_s: Positive
-    longest_s: Positive
     direction: Coordinates | None = None
 
     @model_validator(mode="after")
-    def _ordered(self) -> Breathing:
-        _check_ordered(self.shortest_s, self.longest_s)
+    def _directed(self) -> Breathing:
         if self.direction is not None and not any(self.direction):
             raise ValueError("direction: expected one other than nought, found nought")
         return self
@@ -119,15 +117,13 @@ class SeenMarks(Strict):
     outliers: Share = 0.0
 
 
-class Marks(Strict):
-    """How marks are seen where there is no film, see `SeenMarks`; of the phantom, hue and size of its discs, too.
+class Marks(SeenMarks):
+    """How marks are seen where there is no film; of the phantom, hue and size of its discs, too.
 
     The phantom has a disc on each free node; the hidden one is drawn too, for scoring only.
     """
 
-    sd_mm: Positive | None = None
-    lost: Share = 0.0
-    outliers: Share = 0.0
+    sd_mm: Positive | None = None  # type: ignore[assignment]
     hue_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
     diameter_mm: Positive = 30.0
 
@@ -216,11 +212,8 @@ class Scenario(Strict):
     def seen(self) -> SeenMarks:
         """How marks are seen where there is no film."""
         usual = PAPER_SD_MM if self.scene is None else NEAR_SD_MM
-        return SeenMarks(
-            sd_mm=usual if self.marks.sd_mm is None else self.marks.sd_mm,
-            lost=self.marks.lost,
-            outliers=self.marks.outliers,
-        )
+        sd_mm = usual if self.marks.sd_mm is None else self.marks.sd_mm
+        return SeenMarks(sd_mm=sd_mm, lost=self.marks.lost, outliers=self.marks.outliers)
 
 
 def shipped() -> list[str]:
@@ -270,9 +263,9 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
             change[key] = table if table.nodes is not None else table.model_copy(update={"nodes": list(marked)})
     if scenario.release is not None:
         _check_free(network, scenario.release.node, f"{place}: release.node")
-        _check_dim(network, scenario.release.force_n, f"{place}: release.force_n")
+        check_axes(f"{place}: release.force_n", scenario.release.force_n, network.dim)
     if scenario.breathing is not None and scenario.breathing.direction is not None:
-        _check_dim(network, scenario.breathing.direction, f"{place}: breathing.direction")
+        check_axes(f"{place}: breathing.direction", scenario.breathing.direction, network.dim)
     return scenario.model_copy(update=change)
 
 
@@ -281,11 +274,6 @@ def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
         raise InputError(f"{place}: no node named {shown(node)}")
     if network.fixed[network.index(node)]:
         raise InputError.at(place, "a free node", f"the anchor {shown(node)}")
-
-
-def _check_dim(network: MassSpringNetwork, vector: Sequence[float], place: str) -> None:
-    if len(vector) != network.dim:
-        raise InputError.at(place, f"{network.dim} numbers, as the scene has", str(len(vector)))
 
 
 def scenario_file(name: str) -> Path | None:

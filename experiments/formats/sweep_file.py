@@ -24,14 +24,19 @@ MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breat
 """Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have keys of their own."""
 
 
-GROUPS = ("scenario", "filter", "marks", "model")
-"""First parts of the keys of a grid."""
-
-
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
 """Factors on the constants that the methods are given, by their kind; the truth keeps its own."""
+
+
+GROUPS: Mapping[str, type[Strict]] = {
+    "scenario": Scenario,
+    "filter": FilterTable,
+    "marks": SeenMarks,
+    "model": ModelFactors,
+}
+"""First parts of the keys of a grid, and what they vary."""
 
 
 class SweepFile(Strict):
@@ -89,33 +94,22 @@ def read_sweep(path: Path) -> Sweep:
     if file.scenario not in shipped() and not Path(name).is_file():
         raise InputError.at(f"{path}: scenario", f"one of {', '.join(shipped())} or a file", shown(file.scenario))
     read = read_scenario_file(name)
-    scenario = read.model_dump(exclude_unset=True)
     lists = dict(_lists(file.grid, f"{path}: grid", ()))
     n_runs = file.seeds * math.prod(len(values) for values in lists.values())
     if n_runs > MOST_RUNS:
         raise InputError.at(f"{path}: grid", f"at most {MOST_RUNS} runs", str(n_runs))
+    starts: dict[str, dict[str, Any]] = {
+        "scenario": read.model_dump(exclude_unset=True),
+        "marks": read.seen.model_dump(),
+    }
     setups = []
     for values in itertools.product(*lists.values()):
         at = dict(zip(lists, values, strict=True))
-        scenario_at, filter_at, marks_at, model_at = (
-            _changed(start, {key: value for key, value in at.items() if key[0] == group})
-            for group, start in (
-                ("scenario", scenario),
-                ("filter", {}),
-                ("marks", read.seen.model_dump()),
-                ("model", {}),
-            )
-        )
-        place = f"{path}: grid."
-        setups.append(
-            Setup(
-                {".".join(key): value for key, value in at.items()},
-                validated(scenario_at, Scenario, f"{place}scenario."),
-                validated(filter_at, FilterTable, f"{place}filter."),
-                validated(marks_at, SeenMarks, f"{place}marks."),
-                validated(model_at, ModelFactors, f"{place}model."),
-            )
-        )
+        parts: dict[str, Any] = {}
+        for group, model in GROUPS.items():
+            changed = _changed(starts.get(group, {}), {key: value for key, value in at.items() if key[0] == group})
+            parts[group] = validated(changed, model, f"{path}: grid.{group}.")
+        setups.append(Setup({".".join(key): value for key, value in at.items()}, **parts))
     own = None if read.scene is None else Path(read.scene)
     scene = own if file.scene is None else path.parent / file.scene
     seeds = range(file.first_seed, file.first_seed + file.seeds)

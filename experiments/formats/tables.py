@@ -25,33 +25,34 @@ CHUNK_ROWS = 50_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Columns of a CSV file: numbers as arrays (n_rows,), all finite; texts as lists of n_rows."""
+    """Columns of a CSV file.
+
+    numbers: arrays (n_rows,), all finite but in an `open_table`; texts: lists of n_rows
+    first_row: of the data, as an editor counts lines
+    """
 
     path: Path
     numbers: dict[str, Floats]
     texts: dict[str, list[str]]
     n_rows: int
+    first_row: int = 2
 
     def place(self, row: int, column: str) -> str:
         """Where the entry of this data row, counted from 0, stands in the file."""
-        return f"{self.path}: row {row + 2}: {column}"
+        return f"{self.path}: row {row + self.first_row}: {column}"
 
     def check(self, column: str, good: NDArray[np.bool_], expected: str) -> None:
         """Raise InputError for the first row that is not good, (n_rows,)."""
         if not good.all():
             row = int(np.argmin(good))
-            entry = (
-                _number_text(self.numbers[column][row]) if column in self.numbers else shown(self.texts[column][row])
-            )
+            own = self.numbers.get(column)
+            entry = shown(self.texts[column][row]) if own is None else _number_text(own[row])
             raise InputError.at(self.place(row, column), expected, entry)
 
     def check_each(self, column: str, expected: Floats) -> None:
         """Raise InputError for the first row whose number is not the expected one, (n_rows,)."""
-        wrong = np.flatnonzero(self.numbers[column] != expected)
-        if len(wrong):
-            row = int(wrong[0])
-            found = _number_text(self.numbers[column][row])
-            raise InputError.at(self.place(row, column), _number_text(expected[row]), found)
+        good = self.numbers[column] == expected
+        self.check(column, good, _number_text(expected[np.argmin(good)]))
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
         """Raise InputError for the first row whose number falls behind the one before, or repeats it if strictly.
@@ -167,7 +168,7 @@ def _numbers(entries: Sequence[str]) -> Floats | None:
 
 def _number_text(value: float) -> str:
     """A number as a person would write it: 3 and not 3.0."""
-    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+    return str(int(value)) if abs(value) < 1e15 and value == int(value) else repr(float(value))
 
 
 def _first_fault(

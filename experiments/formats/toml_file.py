@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from experiments.errors import InputError, read_text, shown
 from experiments.log import LOG
+
+Number = Callable[[float], str]
+"""How a number is written."""
 
 VERSION = 1
 """Of the formats that are read: scene, scenario, needle, plan and camera files."""
@@ -60,6 +64,12 @@ def read_toml(path: Path, model: type[Model]) -> Model:
     read = validated(data, model, f"{path}: ")
     LOG.info("read %s", path)
     return read
+
+
+def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
+    """Raise InputError where a place or direction has another number of axes than the scene."""
+    if len(vector) != dim:
+        raise InputError.at(place, f"{dim} numbers, as the scene has", str(len(vector)))
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
@@ -129,25 +139,38 @@ def toml_number(value: float) -> str:
     return text if set(text) & set(".e") else f"{text}.0"
 
 
-def toml_list(values: Iterable[float]) -> str:
-    """Numbers on one line, as `toml_number` writes them."""
-    return f"[{', '.join(toml_number(value) for value in values)}]"
-
-
 def toml_text(value: str) -> str:
     """Text in quotes."""
     return json.dumps(value, ensure_ascii=False)
 
 
-def toml_bool(value: bool) -> str:
-    """`true` or `false`."""
-    return "true" if value else "false"
+def toml_value(value: Any, number: Number = toml_number) -> str:
+    """A truth value, a number, a text, or a list of these, on one line."""
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return toml_text(value)
+    if isinstance(value, float | int):
+        return number(value)
+    return f"[{', '.join(toml_value(one, number) for one in value)}]"
 
 
-def toml_value(value: bool | float | Sequence[str]) -> str:
-    """A truth value, a number or texts on one line."""
-    if isinstance(value, bool):
-        return toml_bool(value)
-    if isinstance(value, int | float):
-        return toml_number(value)
-    return f"[{', '.join(toml_text(text) for text in value)}]"
+def long_list(key: str, entries: Iterable[Any], number: Number = toml_number, why: str = "") -> list[str]:
+    """A list with a line for each entry; why: a comment behind the key."""
+    return [f"{key} = [{why and f'  # {why}'}", *(f"    {toml_value(entry, number)}," for entry in entries), "]"]
+
+
+def key_lines(table: Mapping[str, Any], number: Number = toml_number) -> list[str]:
+    """The lines of a table: a key each, None left out, matrices row by row."""
+    lines: list[str] = []
+    for key, value in table.items():
+        if isinstance(value, np.ndarray) and value.ndim == 2:
+            lines += long_list(key, value, number)
+        elif value is not None:
+            lines += [f"{key} = {toml_value(value, number)}"]
+    return lines
+
+
+def exactly(value: float) -> str:
+    """A number with all its digits."""
+    return repr(float(value))

@@ -6,8 +6,6 @@ springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +16,9 @@ from numpy.typing import NDArray
 from dynamics import NetworkError, Phantom, elastic_body, on_hull
 from dynamics.phantoms.lattice import volume
 from experiments.arrays import Floats
-from experiments.errors import InputError, read_text, shown
+from experiments.errors import InputError, shown
 from experiments.formats.scene.network import is_node_name
-from experiments.formats.tables import Table, read_table
+from experiments.formats.tables import Table, read_rows, read_table
 
 YES = ("yes", "")
 """Entries of `fixed` and `target`."""
@@ -43,7 +41,7 @@ class Mesh:
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     """The body of these files, of this Young's modulus [Pa] where no stiffness is given; raises InputError."""
-    has = _columns(nodes)
+    has = next(read_rows(nodes, "columns x_mm, y_mm, name"))
     axes = ["x_mm", "y_mm", *(["z_mm"] if "z_mm" in has else [])]
     texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
     table = read_table(nodes, [*axes, *(["mass_kg"] if "mass_kg" in has else [])], texts)
@@ -65,15 +63,15 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     hues = _hues(table, fixed) if "hue_deg" in has else {}
     chosen = _target(table, target, fixed, positions)
     outer = [name for name in hues if name != chosen] or _outside(names, positions, fixed, chosen)
-    joined = None if springs is None else _springs(springs, names)
-    given = {} if joined is None else joined.table.numbers
+    joined, pairs = (None, None) if springs is None else _springs(springs, names)
+    given = {} if joined is None else joined.numbers
     try:
         network = elastic_body(
             names,
             positions,
             fixed,
             young,
-            springs=None if joined is None else joined.pairs,
+            springs=pairs,
             stiffness=given.get("stiffness_N_m"),
             damping=given.get("damping_N_s_m"),
             masses=masses,
@@ -84,14 +82,8 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     shortest_m = float(np.linalg.norm(np.diff(positions[network.springs], axis=1), axis=2).min())
     if shortest_m < SHORTEST_M:
         raise InputError.at(nodes, f"springs of {1e3 * SHORTEST_M:g} mm or more", f"one of {1e3 * shortest_m:.2g} mm")
-    groups = ("springs",) * len(network.springs) if joined is None else joined.groups
-    return Mesh(Phantom(network, chosen, tuple(outer), groups), hues)
-
-
-def _columns(path: Path) -> list[str]:
-    """Names in the header of a CSV file."""
-    first = read_text(path).split("\n", maxsplit=1)[0]
-    return [name.strip() for row in csv.reader(io.StringIO(first)) for name in row]
+    groups = (joined.texts if joined is not None else {}).get("group", ["springs"] * len(network.springs))
+    return Mesh(Phantom(network, chosen, tuple(outer), tuple(groups)), hues)
 
 
 def _yes(table: Table, column: str) -> NDArray[np.bool_]:
@@ -139,17 +131,9 @@ def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], 
     return [name for name in free if name in corners] or free
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Springs:
-    """Rows of springs.csv: pairs of nodes, (n_springs, 2), and the group of each."""
-
-    table: Table
-    pairs: NDArray[np.int64]
-    groups: tuple[str, ...]
-
-
-def _springs(path: Path, names: Sequence[str]) -> _Springs:
-    has = _columns(path)
+def _springs(path: Path, names: Sequence[str]) -> tuple[Table, NDArray[np.int64]]:
+    """Rows of springs.csv, and their pairs of nodes, (n_springs, 2)."""
+    has = next(read_rows(path, "columns from, to"))
     numbers = [key for key in ("stiffness_N_m", "damping_N_s_m") if key in has]
     table = read_table(path, numbers, ["from", "to", *(["group"] if "group" in has else [])])
     if not table.n_rows:
@@ -167,4 +151,4 @@ def _springs(path: Path, names: Sequence[str]) -> _Springs:
     if "damping_N_s_m" in has:
         table.check("damping_N_s_m", table.numbers["damping_N_s_m"] >= 0.0, "0 or more")
     pairs = np.array([[places[name] for name in table.texts[end]] for end in ("from", "to")], dtype=np.int64).T
-    return _Springs(table, pairs, tuple(table.texts.get("group", ["springs"] * table.n_rows)))
+    return table, pairs

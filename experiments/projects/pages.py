@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, scene_text
-from experiments.formats.toml_file import toml_list, toml_text
+from experiments.formats.toml_file import toml_text, toml_value
 from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
@@ -137,11 +137,8 @@ def needle_page(of: Template) -> str:
     lines = [
         "# The needle for softaim advise; what is left out has its usual value, see docs/guidance.md.",
         "version = 1",
-        _with(f"entry_mm = {toml_list(entry)}", "where it enters the tissue"),
-        _with(
-            f"direction = {toml_list(way)}",
-            f"to where the target {target} is once the needle has pushed it",
-        ),
+        _with(f"entry_mm = {toml_value(entry)}", "where it enters the tissue"),
+        _with(f"direction = {toml_value(way)}", f"to where the target {target} is once the needle has pushed it"),
         _with(f"speed_mm_s = {SPEED_MM_S}", "it goes straight, at this speed"),
         _with("depth_mm = 0.0", "of the tip beyond the entry, now"),
         _with('hit = "NOTCH"', "the middle of the notch has to lie in the lesion; or TIP, CORE"),

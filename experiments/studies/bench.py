@@ -19,7 +19,7 @@ loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x4
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import cv2
@@ -66,59 +66,39 @@ from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.simulate import film, scene_of, true_motion
-from experiments.studies.bench_recording import recording
-from experiments.studies.estimation.trials import EXACTLY
+from experiments.studies.bench_recording import FRAME_S, median_ms, recording, resting_frames, seconds_of
+from experiments.studies.estimation.trials import EXACTLY, Frames, passed
 from vision.arrays import Image
 
 Report = dict[str, dict[str, float]]
 Moments = tuple[Floats, Floats]
 Groups = Sequence[Sequence[str]]
 
-FRAME_S = 1.0 / 30.0
 SUB_STEPS = 4
 """Runge-Kutta steps of a frame in plain NumPy."""
 
 
 def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
     """All benchmarks, by name; medians, in ms."""
-    report = {"filter_step": filter_step()}
-    advance(0.4)
-    report["full_step"] = full_step()
-    advance(0.45)
-    report["bodies"] = bodies()
-    advance(0.5)
-    report["advice"] = advice()
-    advance(0.6)
-    report["recording"] = recording()
-    advance(0.65)
-    report["detect"] = detect()
-    advance(0.7)
-    report["loop_640x480"] = loop_640x480()
-    advance(0.9)
-    report["film_640x480"] = film_640x480(*_filmed_webcam(60))
-    advance(1.0)
+    report = {}
+    for name, (done, work) in BENCHMARKS.items():
+        report[name] = work()
+        advance(done)
     return report
 
 
-def median_ms(work: Callable[[], object], repeats: int) -> float:
+def repeated_ms(work: Callable[[], object], repeats: int) -> float:
     """Median duration of a piece of work [ms], after one run that is not counted."""
     work()
-    seconds = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        work()
-        seconds.append(time.perf_counter() - began)
-    return 1e3 * float(np.median(seconds))
+    return 1e3 * float(np.median([seconds_of(work) for _ in range(repeats)]))
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
     """The target after a frame of ours, of filterpy's in plain NumPy and compiled, from one posterior and marks."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
-    frames = list(_marks(network, OUTER, 0.00414, 31))
-    for time_s, marks in frames[:-1]:
-        tissue.predict(time_s)
-        tissue.update(marks)
+    frames = resting_frames(network, OUTER, 0.00414, 31)
+    passed(tissue, frames[:-1])
     (time_s, marks), before = frames[-1], tissue.snapshot()
     process, own, target = tissue.process, tissue.filter, tissue.target
     means, covs, weights = own.means.copy(), own.covs.copy(), own.weights.copy()
@@ -163,37 +143,27 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
 def filter_step() -> dict[str, float]:
     """A frame of our filter against stock filterpy's."""
     ours, plain, compiled = filter_pair()
-    ours_ms, plain_ms, compiled_ms = median_ms(ours, 300), median_ms(plain, 2), median_ms(compiled, 5)
+    ours_ms, plain_ms, compiled_ms = repeated_ms(ours, 300), repeated_ms(plain, 2), repeated_ms(compiled, 5)
     found = {"ours_ms": ours_ms, "filterpy_ms": plain_ms, "filterpy_compiled_ms": compiled_ms}
     return found | {"ratio": plain_ms / ours_ms, "ratio_compiled": compiled_ms / ours_ms}
 
 
-def _marks(
-    network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int
-) -> Iterator[tuple[float, list[MarkMeasurement]]]:
-    """Frames of a body that rests as drawn: times [s] and marks to so much an axis."""
-    rng, cov = np.random.default_rng(0), sd_m**2 * np.eye(network.dim)
-    for k in range(n_frames):
-        at = [network.positions[network.index(node)] + rng.normal(0.0, sd_m, network.dim) for node in nodes]
-        yield k * FRAME_S, [MarkMeasurement(node, place, cov) for node, place in zip(nodes, at, strict=True)]
+def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
+    """Median of a frame of a filter [ms]."""
+    identity = AssociationFilter(tissue, groups)
 
-
-def _frame_ms(tissue: TissueFilter, frames: Iterable[tuple[float, list[MarkMeasurement]]], groups: Groups) -> float:
-    """Median of a frame of a filter [ms], the first tenth of them left out."""
-    identity, seconds = AssociationFilter(tissue, groups), []
-    for time_s, marks in frames:
-        began = time.perf_counter()
+    def step(time_s: float, marks: list[MarkMeasurement]) -> None:
         tissue.predict(time_s)
         identity.update(marks)
-        seconds.append(time.perf_counter() - began)
-    return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
+
+    return median_ms([seconds_of(partial(step, *frame)) for frame in frames])
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
     """The whole filter, frame after frame, with exact constants and with uncertain ones."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
-    frames = list(_marks(network, OUTER, 0.00414, n_frames))
+    frames = resting_frames(network, OUTER, 0.00414, n_frames)
     return {
         "ours_ms": _frame_ms(TissueFilter(network, HIDDEN, OUTER, EXACTLY), frames, [OUTER]),
         "considered_ms": _frame_ms(TissueFilter(network, HIDDEN, OUTER, uncertainty=ten), frames, [OUTER]),
@@ -229,24 +199,22 @@ def _grid_ms(side: int, n_frames: int) -> float:
     inner = ((places > 0.0) & (places < side - 1.0)).all(axis=1)
     marked = [names[i] for i in np.flatnonzero(~(inner | network.fixed))]
     tissue = TissueFilter(network, names[int(np.argmax(inner))], marked)
-    return _frame_ms(tissue, _marks(network, marked, 0.5e-3, n_frames), [])
+    return _frame_ms(tissue, resting_frames(network, marked, 0.5e-3, n_frames), [])
 
 
 def advice() -> dict[str, float]:
     """The path of the phantom's target for a second [ms], advice on a needle from a path, a hit's probability."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
-    for time_s, marks in _marks(network, OUTER, 1e-3, 10):
-        tissue.predict(time_s)
-        tissue.update(marks)
+    passed(tissue, resting_frames(network, OUTER, 1e-3, 10))
     times = 9 * FRAME_S + FRAME_S * np.arange(1, 31, dtype=np.float64)
-    report = {"path_ms_a_second": median_ms(lambda: tissue.predict_path(times), 20)}
+    report = {"path_ms_a_second": repeated_ms(lambda: tissue.predict_path(times), 20)}
     t = FRAME_S * np.arange(121, dtype=np.float64)
     tables, breathing, first = tissue.tables(46, FRAME_S), Breathing(2), 9 * FRAME_S
     for k in range(400):
         angle = 2.0 * np.pi * k * FRAME_S / 4.0
         breathing.update(k * FRAME_S, 0.01 * np.array([np.cos(angle), np.sin(angle)]), 1e-6 * np.eye(2))
-    report["quick_path_ms"] = median_ms(lambda: path_by_tables(tables, tissue), 200)
+    report["quick_path_ms"] = repeated_ms(lambda: path_by_tables(tables, tissue), 200)
     clock = iter(400 * FRAME_S + FRAME_S * np.arange(1000, dtype=np.float64))
     place = network.positions[network.index(HIDDEN)]
     ahead, disc = AdviceSettings(horizon_s=0.3), Lesion.ball(5e-3, 2)
@@ -257,18 +225,18 @@ def advice() -> dict[str, float]:
         breathing.breath()
         return advise(path_by_tables(tables, tissue), towards, disc, settings=ahead, now_s=first)
 
-    report["live_frame_ms"] = median_ms(live_frame, 200)
+    report["live_frame_ms"] = repeated_ms(live_frame, 200)
     for dim, name in ((2, "plane"), (3, "space")):
         means = np.zeros((121, dim))
         means[:, 0] = 5e-3 * np.cos(3.0 * t)
         path = TargetPath(t, means, np.tile(1e-6 * np.eye(dim), (121, 1, 1)))
         insertion = Insertion(0.06 * np.eye(dim)[1], -np.eye(dim)[1], 0.1)
         lesion = Lesion.ball(5e-3, dim)
-        report[f"advise_{name}_ms"] = median_ms(partial(advise, path, insertion, lesion), 200)
+        report[f"advise_{name}_ms"] = repeated_ms(partial(advise, path, insertion, lesion), 200)
     belief, lesion = GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
     axis = np.eye(3)[1]
-    report["plan_500_paths_ms"] = median_ms(_planned(network), 20)
-    report["hit_probability_ms"] = median_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
+    report["plan_500_paths_ms"] = repeated_ms(_planned(network), 20)
+    report["hit_probability_ms"] = repeated_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
     return report
 
 
@@ -314,31 +282,21 @@ def detect(n_frames: int = 60) -> dict[str, float]:
         "tracked_ms": tracked,
         "blob_detector_ms": lambda k: blobs.detect(frames[k]),
     }
-    seconds: dict[str, list[float]] = {name: [] for name in work}
-    for name, one in work.items():
-        for k in range(n_frames):
-            began = time.perf_counter()
-            one(k)
-            seconds[name].append(time.perf_counter() - began)
-    medians = {name: 1e3 * float(np.median(each[n_frames // 10 :])) for name, each in seconds.items()}
+    medians = {name: median_ms([seconds_of(partial(one, k)) for k in range(n_frames)]) for name, one in work.items()}
     return medians | {"ratio": medians["blob_detector_ms"] / medians["full_1280x720_ms"]}
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:
     """The loop of the paper at 640x480: the frame is in memory, the estimate is out."""
     scene, times_s, images = _filmed_webcam(n_frames)
-    line = Line(scene, baseline=False)
-    detect, filtered, total = [], [], []
+    line, seconds = Line(scene, baseline=False), []
     for exposure_s, image in zip(times_s, images, strict=True):
         began = time.perf_counter()
         step = line.see(exposure_s, image)
-        total.append(time.perf_counter() - began)
-        detect.append(step.detect_s)
-        filtered.append(step.method_s[FILTER])
-    warm = slice(n_frames // 10, None)
-    rest = [all_of_it - d - f for all_of_it, d, f in zip(total, detect, filtered, strict=True)]
-    parts = {"detect_ms": detect, "filter_ms": filtered, "rest_ms": rest, "total_ms": total}
-    return {key: 1e3 * float(np.median(seconds[warm])) for key, seconds in parts.items()}
+        total_s, filter_s = time.perf_counter() - began, step.method_s[FILTER]
+        seconds.append((step.detect_s, filter_s, total_s - step.detect_s - filter_s, total_s))
+    names = ("detect_ms", "filter_ms", "rest_ms", "total_ms")
+    return {name: median_ms(own) for name, own in zip(names, zip(*seconds, strict=True), strict=True)}
 
 
 def _filmed_webcam(n_frames: int) -> tuple[Scene, list[float], list[Image]]:
@@ -348,3 +306,16 @@ def _filmed_webcam(n_frames: int) -> tuple[Scene, list[float], list[Image]]:
     scene = scene_of(scenario)
     truth = true_motion(scene.network, scenario, rng)
     return scene, truth.times_s.tolist(), list(film(scenario, scene, truth, rng))
+
+
+BENCHMARKS: dict[str, tuple[float, Callable[[], dict[str, float]]]] = {
+    "filter_step": (0.4, filter_step),
+    "full_step": (0.45, full_step),
+    "bodies": (0.5, bodies),
+    "advice": (0.6, advice),
+    "recording": (0.65, recording),
+    "detect": (0.7, detect),
+    "loop_640x480": (0.9, loop_640x480),
+    "film_640x480": (1.0, lambda: film_640x480(*_filmed_webcam(60))),
+}
+"""Each with the share of all work that is done after it."""

@@ -9,58 +9,60 @@ smooth: `fixed_interval`, for each frame; ratio: by the filter alone on the same
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
-from dynamics import HIDDEN, OUTER, four_mass_phantom
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom
 from estimators import (
     AdviceSettings,
     Insertion,
     Lesion,
-    MarkMeasurement,
     TissueFilter,
     fixed_interval,
     guide,
     path_near_rest,
     tune_strain,
 )
-from experiments.studies.estimation.trials import EXACTLY
+from experiments.studies.estimation.trials import EXACTLY, Frames, frames_of, passed
 
 FRAME_S, MARK_SD_M = 1.0 / 30.0, 1e-3
 N_ADVISED, N_BY_FILTER, N_TUNED, N_SMOOTHED = 30, 3, 50, 60
 
-Frames = list[tuple[float, list[MarkMeasurement]]]
+
+def seconds_of(work: Callable[[], object]) -> float:
+    """How long a piece of work takes [s]."""
+    began = time.perf_counter()
+    work()
+    return time.perf_counter() - began
+
+
+def median_ms(seconds: Sequence[float]) -> float:
+    """Median [ms] without the first tenth."""
+    return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
+
+
+def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int) -> Frames:
+    """Marks of a body that rests as drawn, to so much an axis [m]."""
+    at = network.positions[[network.index(node) for node in nodes]]
+    places = at + np.random.default_rng(0).normal(0.0, sd_m, (n_frames, *at.shape))
+    return frames_of(FRAME_S * np.arange(n_frames), places, nodes, sd_m)
 
 
 def recording() -> dict[str, float]:
     """All figures of this page; medians or totals by frames, in ms."""
-    frames = resting_frames(N_SMOOTHED)
+    frames = resting_frames(four_mass_phantom(), OUTER, MARK_SD_M, N_SMOOTHED)
     return advised(frames) | tuned(frames[:N_TUNED]) | smoothed(frames)
-
-
-def resting_frames(n_frames: int) -> Frames:
-    """Marks of the phantom at rest."""
-    rng, network = np.random.default_rng(0), four_mass_phantom()
-    at = {node: network.positions[network.index(node)] for node in OUTER}
-    cov = MARK_SD_M**2 * np.eye(2)
-    return [
-        (k * FRAME_S, [MarkMeasurement(node, at[node] + rng.normal(0.0, MARK_SD_M, 2), cov) for node in OUTER])
-        for k in range(n_frames)
-    ]
 
 
 def _filter() -> TissueFilter:
     return TissueFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY)
 
 
-def _passed(frames: Frames) -> float:
+def _pass_s(frames: Frames) -> float:
     """Seconds of the filter's way through frames."""
-    tissue, began = _filter(), time.perf_counter()
-    for time_s, marks in frames:
-        tissue.predict(time_s)
-        tissue.update(marks)
-    return time.perf_counter() - began
+    return seconds_of(partial(passed, _filter(), frames))
 
 
 def advised(frames: Frames) -> dict[str, float]:
@@ -71,35 +73,26 @@ def advised(frames: Frames) -> dict[str, float]:
     tables, settings = tissue.tables(82, FRAME_S), AdviceSettings(horizon_s=2.0)
     asked = partial(guide, insertion=towards, lesion=Lesion.ball(5e-3, 2), settings=settings)
     fast, slow = [], []
-    for k, (time_s, marks) in enumerate(frames):
+    for left, (time_s, marks) in zip(range(len(frames), 0, -1), frames, strict=True):
         tissue.predict(time_s)
         estimate = tissue.update(marks)
-        if k < len(frames) - N_ADVISED:
-            continue
-        began = time.perf_counter()
-        asked(tissue, estimate, path_at=partial(path_near_rest, tables, tissue))
-        fast.append(time.perf_counter() - began)
-        if k < len(frames) - N_BY_FILTER:
-            continue
-        began = time.perf_counter()
-        asked(tissue, estimate)
-        slow.append(time.perf_counter() - began)
+        if left <= N_ADVISED:
+            fast.append(seconds_of(partial(asked, tissue, estimate, path_at=partial(path_near_rest, tables, tissue))))
+        if left <= N_BY_FILTER:
+            slow.append(seconds_of(partial(asked, tissue, estimate)))
     by_tables, by_filter = 1e3 * float(np.median(fast)), 1e3 * float(np.median(slow))
     return {"advise_ms": by_tables, "advise_by_filter_ms": by_filter, "advise_ratio": by_filter / by_tables}
 
 
 def tuned(frames: Frames) -> dict[str, float]:
     """The level of the discrepancy by the frames, and what a pass through them takes in the same run."""
-    pass_s, began = min(_passed(frames), _passed(frames)), time.perf_counter()
-    tune_strain(four_mass_phantom(), frames, OUTER, HIDDEN)
-    took_s = time.perf_counter() - began
+    pass_s = min(_pass_s(frames), _pass_s(frames))
+    took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 
 
 def smoothed(frames: Frames) -> dict[str, float]:
     """The smoother's way through the frames and back, and the filter's alone."""
     fixed_interval(_filter(), frames[:3])
-    pass_s, began = _passed(frames), time.perf_counter()
-    fixed_interval(_filter(), frames)
-    took_s = time.perf_counter() - began
+    pass_s, took_s = _pass_s(frames), seconds_of(partial(fixed_interval, _filter(), frames))
     return {"smooth_ms": 1e3 * took_s / len(frames), "smooth_ratio": took_s / pass_s}

@@ -13,10 +13,8 @@ constant.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -25,10 +23,9 @@ import numpy as np
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
-from experiments.engine.executor import results
-from experiments.engine.progress import run_bar
-from experiments.engine.workers import add_worker_options, chosen_workers
-from experiments.studies.estimation.trials import EXACTLY, Trial, seen
+from experiments.engine.workers import chosen_workers
+from experiments.studies.estimation.trials import EXACTLY, Trial, passed, seen
+from experiments.studies.grid import print_figures, runs_of, study_options
 from vision import Lens, PlaneCamera, Pose, posed_camera
 
 MARK_SD_M = 0.0005
@@ -52,13 +49,8 @@ CASES = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """One run, by filter: squared error and variance of the target [m²], and NEES, each (n_frames,)."""
-
-    squared: dict[str, Floats]
-    variance: dict[str, Floats]
-    nees: dict[str, Floats]
+Run = dict[str, tuple[Floats, Floats]]
+"""One run, by filter: errors of the target [m], (n_frames, 2), and their covariances [m²], (n_frames, 2, 2)."""
 
 
 def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
@@ -77,12 +69,7 @@ def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
     return replace(camera, calibration=camera.calibration * error_m / rms)
 
 
-def run(
-    seed: int,
-    case: tuple[str, str, float],
-    cache: Path,
-    duration_s: float = 5.0,
-) -> Run:
+def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
     """The filters on the same marks, seen by a camera miscalibrated by one draw of its directions."""
     kind, scenario, error_m = case
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
@@ -93,34 +80,25 @@ def run(
     frames = []
     for time_s, marks in given:
         shared = camera.calibration_error([mark.position for mark in marks])
-        frames.append(
-            (
-                time_s,
-                [replace(m, position=m.position + F @ theta, shared=F) for m, F in zip(marks, shared, strict=True)],
-            )
-        )
-    found = Run({}, {}, {})
+        off = [replace(m, position=m.position + F @ theta, shared=F) for m, F in zip(marks, shared, strict=True)]
+        frames.append((time_s, off))
+    found: Run = {}
     for name in FILTERS:
         n = 0 if name == INDEPENDENT else len(theta)
         tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY, n_calibration=n)
-        errors, covs = [], []
-        for (time_s, marks), place in zip(frames, hidden, strict=True):
-            tissue.predict(time_s)
-            estimate = tissue.update(marks)
-            errors.append(estimate.mean - place)
-            covs.append(estimate.cov)
-        e, P = np.array(errors[SETTLED:]), np.array(covs[SETTLED:])
-        found.squared[name], found.variance[name] = (e**2).sum(axis=1), np.trace(P, axis1=1, axis2=2)
-        found.nees[name] = normalised_error_squared(e, P)
+        estimates = passed(tissue, frames)[SETTLED:]
+        errors = np.array([one.mean for one in estimates]) - hidden[SETTLED:]
+        found[name] = errors, np.array([one.cov for one in estimates])
     return found
 
 
 def figures(runs: list[Run], name: str) -> dict[str, float]:
     """Of one filter over runs: rms error and rms sigma [mm], the part in the 95 % region, and mean NEES."""
-    nees = np.concatenate([one.nees[name] for one in runs])
+    errors, covs = (np.concatenate(parts) for parts in zip(*(one[name] for one in runs), strict=True))
+    nees = normalised_error_squared(errors, covs)
     return {
-        "error_mm": 1e3 * float(np.sqrt(np.mean([one.squared[name] for one in runs]))),
-        "sigma_mm": 1e3 * float(np.sqrt(np.mean([one.variance[name] for one in runs]))),
+        "error_mm": 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean())),
+        "sigma_mm": 1e3 * float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean())),
         "coverage95": coverage(nees, 2),
         "mean_nees": float(nees.mean()),
     }
@@ -128,19 +106,16 @@ def figures(runs: list[Run], name: str) -> dict[str, float]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = study_options(__doc__, out=False)
     parser.add_argument("--runs", type=int, default=len(SEEDS))
-    add_worker_options(parser)
     given = parser.parse_args()
-    workers = chosen_workers(given)
     with tempfile.TemporaryDirectory() as folder:
         for case in CASES:
-            with run_bar(" ".join(map(str, case))) as advance:
-                runs = results(partial(run, case=case, cache=Path(folder)), SEEDS[: given.runs], workers, advance)
+            work = partial(run, case=case, cache=Path(folder))
+            runs = runs_of(work, SEEDS[: given.runs], chosen_workers(given))
             for name in FILTERS:
-                row = "  ".join(f"{key} {value:.3g}" for key, value in figures(runs, name).items())
-                sys.stdout.write(f"{case[0]:6} {case[1]:6} {1e3 * case[2]:g} mm  {name:15} {row}\n")
-                sys.stdout.flush()
+                label = f"{case[0]:6} {case[1]:6} {1e3 * case[2]:g} mm  {name:15} "
+                print_figures(label, figures(runs, name))
 
 
 if __name__ == "__main__":

@@ -1,29 +1,25 @@
 """Error of the hidden mass at 30 frames/s and 4.14 mm of mark noise, both methods, true parameters, seeded runs.
 
 Reproduces the comparison of [paper] section IV under the paper's own mark noise (its "4.14 ± 1.47 mm", taken as the
-standard deviation of each axis) at a camera's own frame rate. Truth by SciPy's RK45. `python -m
-experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obtained in docs/decisions.md):
+standard deviation of each axis) at a camera's own frame rate. Truth by SciPy's RK45.
+`python -m experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obtained in docs/decisions.md):
 
     scenario  open loop  filter  ratio  in 95 % region  worst
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from estimators import MarkMeasurement, coverage, normalised_error_squared
 from experiments.arrays import Floats
-from experiments.engine.executor import results
-from experiments.engine.progress import run_bar
-from experiments.engine.workers import ALL_CORES, Workers, add_worker_options, chosen_workers
+from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.simulation.simulate import scene_of, true_motion
+from experiments.studies.grid import print_figures, runs_of, study_options
 
 MARK_SD_M = 0.00414
 N_RUNS = 20
@@ -67,14 +63,9 @@ def seeded_run(case: tuple[str, int]) -> Run:
     return run(*case)
 
 
-def study(
-    scenario_name: str,
-    seeds: range,
-    workers: Workers = ALL_CORES,
-    advance: Callable[[float], None] = lambda _share: None,
-) -> dict[str, float]:
+def study(scenario_name: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
     """Figures over seeded runs: mean errors [mm], their ratio, 95 % coverage, the worst error of any frame [mm]."""
-    runs: list[Run] = results(seeded_run, [(scenario_name, seed) for seed in seeds], workers, advance)
+    runs: list[Run] = runs_of(seeded_run, [(scenario_name, seed) for seed in seeds], workers)
     errors = {m: 1e3 * np.concatenate([r.errors[m] for r in runs]) for m in (OPEN_LOOP, FILTER)}
     means = {m: float(e.mean()) for m, e in errors.items()}
     return {
@@ -90,13 +81,9 @@ def study(
 
 def main() -> None:
     """Print the figures of both scenarios."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    add_worker_options(parser)
-    workers = chosen_workers(parser.parse_args())
+    workers = chosen_workers(study_options(__doc__, out=False).parse_args())
     for scenario in ("quiet", "poked"):
-        with run_bar(scenario) as advance:
-            figures = study(scenario, SEEDS, workers, advance)
-        sys.stdout.write(f"{scenario:8}" + "  ".join(f"{k} {v:.3g}" for k, v in figures.items()) + "\n")
+        print_figures(f"{scenario:8}", study(scenario, SEEDS, workers))
 
 
 if __name__ == "__main__":

@@ -18,11 +18,7 @@ study/identity.json has the figures of docs/marks-study.md, study/identity.csv a
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,14 +29,14 @@ from numpy.typing import NDArray
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, rest_shape
 from estimators import AssociatedEstimate, AssociationFilter, MarkMeasurement, TissueFilter
 from experiments.arrays import Floats
-from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
-from experiments.engine.study import OWN, run_study
-from experiments.engine.workers import Workers, add_worker_options, chosen_workers
+from experiments.engine.study import OWN
+from experiments.engine.workers import Workers, chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import EXACTLY
+from experiments.studies.grid import kept_runs, print_figures, study_options
 from vision import Detection, Expected, associate_marks
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
@@ -105,91 +101,63 @@ def reported_names(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
     return reported
 
 
-def reported_run(
-    one: World,
-    kind: str,
-    reported: NDArray[np.int64],
-    alike: list[tuple[str, ...]],
+def named_run(
+    one: World, kind: str, reported: NDArray[np.int64] | None, alike: list[tuple[str, ...]]
 ) -> dict[str, object]:
-    """A run with names that another gave; alike empty: they are fixed."""
+    """A run with names that another gave, or by where the filter expects marks; alike empty: names are fixed."""
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     identity = AssociationFilter(tissue, alike)
-    cov = one.noise_m**2 * np.eye(one.network.dim)
-    errors, right, seconds, swaps, doubts = [], [], [], [], 0
-    for k, time_s in enumerate(one.times_s):
-        marks = [MarkMeasurement(n, one.marks[k, m], cov) for n, m in zip(OUTER, reported[k], strict=True)]
-        began = time.perf_counter()
-        tissue.predict(float(time_s))
+    taken = range(0, len(one.times_s), NAMELESS.get(kind, 1))
+    errors, wrong, doubts = [], [], 0
+    for k in taken:
+        tissue.predict(float(one.times_s[k]))
+        if reported is None:
+            names, which = expected_names(one, k, tissue, hidden=kind == "hidden")
+        else:
+            names, which = list(OUTER), reported[k].tolist()
+        cov = one.noise_m**2 * np.eye(one.network.dim)
+        marks = [MarkMeasurement(name, one.marks[k, m], cov) for name, m in zip(names, which, strict=True)]
         if kind == "slipped by" and k < FROM:
             named = AssociatedEstimate(tissue.update(marks), tuple(marks))
         else:
-            named = identity.update(identity.named(marks))
-        seconds.append(time.perf_counter() - began)
+            named = identity.update(marks if reported is None else identity.named(marks))
         doubts += bool(identity.rivals)
-        if named.swap is not None:
-            swaps.append(k)
         errors.append(np.linalg.norm(named.estimate.mean - one.target[k]))
-        right.append(all(OUTER[m] == mark.node for mark, m in zip(named.marks, reported[k], strict=True)))
-    end = one.times_s > one.times_s[-1] - END_S
+        if marks:
+            wrong.append(any(mark.node != OUTER[m] for mark, m in zip(named.marks, which, strict=True)))
+    end = one.times_s[taken] > one.times_s[-1] - END_S
     return {
         "end_mm": 1e3 * float(np.sqrt(np.mean(np.square(errors)[end]))),
-        "wrong_frames": len(right) - sum(right),
-        "wrong_end": not right[-1],
-        "swaps": len(swaps),
-        "first_swap": swaps[0] if swaps else -1,
-        "doubts": doubts,
-        "ms": 1e3 * float(np.median(seconds)),
-        "worst_ms": 1e3 * float(np.max(seconds[5:])),
-    }
-
-
-def nameless_run(one: World, kind: str, alike: list[tuple[str, ...]]) -> dict[str, object]:
-    """A run in which each frame's marks are named by where the filter expects them."""
-    tissue = TissueFilter(one.network, HIDDEN, OUTER, EXACTLY)
-    identity = AssociationFilter(tissue, alike)
-    cov = one.noise_m**2 * np.eye(one.network.dim)
-    errors, wrong, at_end = [], 0, False
-    for k in range(0, len(one.times_s), NAMELESS[kind]):
-        tissue.predict(float(one.times_s[k]))
-        hidden = kind == "hidden" and k % 40 >= 25
-        seen = [] if hidden else [Detection(1e3 * z, 1e6 * cov, 10.0, 0.0, False) for z in one.marks[k]]
-        expected = []
-        for node in OUTER:
-            mean, spread = tissue.expected(node)
-            expected.append(Expected(node, 1e3 * mean, 1e6 * spread, 0.0))
-        found = associate_marks(seen, expected, gate=1e4)
-        which = [next(m for m, d in enumerate(seen) if d is f.detection) for f in found]
-        named = identity.update(
-            [MarkMeasurement(f.name, one.marks[k, m], cov) for f, m in zip(found, which, strict=True)]
-        )
-        if found:
-            at_end = any(mark.node != OUTER[m] for mark, m in zip(named.marks, which, strict=True))
-            wrong += at_end
-        errors.append((one.times_s[k], np.linalg.norm(named.estimate.mean - one.target[k])))
-    late = [e for t, e in errors if t > one.times_s[-1] - END_S]
-    return {
-        "end_mm": 1e3 * float(np.sqrt(np.mean(np.square(late)))),
-        "wrong_frames": wrong,
-        "wrong_end": at_end,
+        "wrong_frames": sum(wrong),
+        "wrong_end": wrong[-1],
         "swaps": len(identity.swaps),
+        "doubts": doubts,
     }
+
+
+def expected_names(one: World, k: int, tissue: TissueFilter, *, hidden: bool) -> tuple[list[str], list[int]]:
+    """Names of the marks of a frame by where the filter expects them, and which marks they are; some frames hidden."""
+    cov = one.noise_m**2 * np.eye(one.network.dim)
+    seen = [] if hidden and k % 40 >= 25 else [Detection(1e3 * z, 1e6 * cov, 10.0, 0.0, False) for z in one.marks[k]]
+    expected = []
+    for node in OUTER:
+        mean, spread = tissue.expected(node)
+        expected.append(Expected(node, 1e3 * mean, 1e6 * spread, 0.0))
+    found = associate_marks(seen, expected, gate=1e4)
+    return [f.name for f in found], [next(m for m, d in enumerate(seen) if d is f.detection) for f in found]
 
 
 def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
     """All kinds of run on one truth, with names that may be exchanged and with fixed names."""
     one = world(where, how, seed)
     rows = []
-    for kind in REPORTED:
-        reported = reported_names(kind, np.random.default_rng([seed, 3]))
-        for interchangeable in (True, False)[: 2 if kind in BLIND else 1]:
-            row = reported_run(one, kind, reported, [tuple(OUTER)] if interchangeable else [])
-            rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": interchangeable} | row)
-    for kind in NAMELESS:
-        for interchangeable in (True, False):
-            row = nameless_run(one, kind, [tuple(OUTER)] if interchangeable else [])
+    for kind in (*REPORTED, *NAMELESS):
+        reported = None if kind in NAMELESS else reported_names(kind, np.random.default_rng([seed, 3]))
+        for interchangeable in (True, False)[: 2 if kind in (*BLIND, *NAMELESS) else 1]:
+            row = named_run(one, kind, reported, [tuple(OUTER)] if interchangeable else [])
             rows.append({"where": where, "how": how, "seed": seed, "kind": kind, "doubted": interchangeable} | row)
     return rows
 
@@ -235,12 +203,10 @@ def case_rows(case: Case) -> list[dict[str, object]]:
     return [{name: value for name, value in row.items() if name not in case} for row in rows]
 
 
-def study(
-    n_runs: int, out: Path, workers: Workers, advance: Callable[[float], None] = lambda _share: None
-) -> dict[str, dict[str, float]]:
+def study(n_runs: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
     """All settings; identity.csv and identity.json in the folder, its runs in `runs` there."""
     cases = [{"where": where, "how": how, "seed": seed} for where, how in SETTINGS for seed in range(n_runs)]
-    table = run_study(case_rows, cases, out / "runs", workers, advance).checked().drop(columns=list(OWN))
+    table = kept_runs(case_rows, cases, out / "runs", workers).drop(columns=list(OWN))
     table_figures = figures(table)
     write_whole(out / "identity.csv", table.to_csv(index=False, float_format="%.4f"))
     write_whole(out / "identity.json", json.dumps(table_figures, indent=1) + "\n")
@@ -249,15 +215,11 @@ def study(
 
 def main() -> None:
     """Run the study and print its figures."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = study_options(__doc__)
     parser.add_argument("--runs", type=int, default=18)
-    parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on where it stopped")
-    add_worker_options(parser)
-    chosen = parser.parse_args()
-    with run_bar("identity") as advance:
-        table_figures = study(chosen.runs, chosen.out, chosen_workers(chosen), advance)
-    for name, row in table_figures.items():
-        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
+    given = parser.parse_args()
+    for name, row in study(given.runs, given.out, chosen_workers(given)).items():
+        print_figures(f"{name}: ", row, digits=4)
 
 
 if __name__ == "__main__":

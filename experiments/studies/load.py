@@ -10,46 +10,18 @@ processes together. On a machine that does other work, too, the latter is what t
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case, Work
 from experiments.engine.study import run_study
-from experiments.engine.workers import Workers, add_worker_options, chosen_workers
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """What so many runs took on so many processes [s].
-
-    wall_s: from the call to the table; runs_s, runs_cpu_s: of the runs alone, wall and processor time, summed
-    cpu_s: processor time of all processes
-    """
-
-    n_runs: int
-    n_processes: int
-    wall_s: float
-    runs_s: float
-    runs_cpu_s: float
-    cpu_s: float
-
-    @property
-    def figures(self) -> dict[str, float]:
-        """As they are printed."""
-        return {
-            "runs": self.n_runs,
-            "processes": self.n_processes,
-            "wall_s": self.wall_s,
-            "busy": self.runs_s / (self.n_processes * self.wall_s),
-            "beyond_a_run_ms": 1e3 * (self.n_processes * self.wall_s - self.runs_s) / self.n_runs,
-            "beyond_a_run_cpu_ms": 1e3 * (self.cpu_s - self.runs_cpu_s) / self.n_runs,
-        }
+from experiments.engine.workers import Workers, chosen_workers
+from experiments.studies.grid import study_options
 
 
 def busy(case: Case) -> dict[str, float]:
@@ -67,7 +39,7 @@ def timed(case: Case, work: Work) -> list[dict[str, object]]:
     return [{**row, "cpu_s": time.process_time() - began} for row in rows]
 
 
-def measured(work: Work, cases: list[Case], workers: Workers) -> Load:
+def measured(work: Work, cases: list[Case], workers: Workers) -> dict[str, float]:
     """What these runs take; work gives `cpu_s`, the processor time of a run."""
     cpu_s: list[float] = []
 
@@ -80,9 +52,19 @@ def measured(work: Work, cases: list[Case], workers: Workers) -> Load:
     with tempfile.TemporaryDirectory() as folder, run_bar("load") as bar:
         table = run_study(work, cases, Path(folder), workers, advance).checked().drop_duplicates("key")
     wall_s = time.perf_counter() - began
-    sums = table[["seconds", "cpu_s"]].sum()
-    n_processes, runs_s, runs_cpu_s = workers.n_local, float(sums["seconds"]), float(sums["cpu_s"])
-    return Load(len(cases), n_processes, wall_s, runs_s, runs_cpu_s, cpu_s[-1] - cpu_s[0])
+    return figures(len(cases), workers.n_local, wall_s, cpu_s[-1] - cpu_s[0], table[["seconds", "cpu_s"]].sum())
+
+
+def figures(n_runs: int, n_processes: int, wall_s: float, cpu_s: float, runs: Mapping[str, float]) -> dict[str, float]:
+    """By wall time and processor time of all [s], and both, `seconds` and `cpu_s`, of the runs alone, summed."""
+    return {
+        "runs": n_runs,
+        "processes": n_processes,
+        "wall_s": wall_s,
+        "busy": runs["seconds"] / (n_processes * wall_s),
+        "beyond_a_run_ms": 1e3 * (n_processes * wall_s - runs["seconds"]) / n_runs,
+        "beyond_a_run_cpu_ms": 1e3 * (cpu_s - runs["cpu_s"]) / n_runs,
+    }
 
 
 def _cpu_s() -> float:
@@ -96,15 +78,14 @@ def _cpu_s() -> float:
 
 def main() -> None:
     """Print the figures."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = study_options(__doc__, out=False)
     parser.add_argument("--runs", type=int, default=2000)
     parser.add_argument("--ms", type=float, default=50.0, help="processor time of a run")
     parser.add_argument("--sweep", type=Path, help="runs of this sweep file in place of synthetic ones")
-    add_worker_options(parser)
-    chosen = parser.parse_args()
-    if chosen.sweep is None:
-        cases: list[Case] = [{"seed": seed, "ms": chosen.ms} for seed in range(chosen.runs)]
-        load = measured(busy, cases, chosen_workers(chosen))
+    given = parser.parse_args()
+    workers = chosen_workers(given)
+    if given.sweep is None:
+        found = measured(busy, [{"seed": seed, "ms": given.ms} for seed in range(given.runs)], workers)
     else:
         # here, so that synthetic runs do not wait for the filters to load
         from experiments.formats.sweep_file import read_sweep
@@ -112,8 +93,8 @@ def main() -> None:
 
         with tempfile.TemporaryDirectory() as truths:
             work = partial(timed, work=partial(swept_rows, truths=Path(truths)))
-            load = measured(work, list(cases_of(read_sweep(chosen.sweep))), chosen_workers(chosen))
-    for name, value in load.figures.items():
+            found = measured(work, list(cases_of(read_sweep(given.sweep))), workers)
+    for name, value in found.items():
         sys.stdout.write(f"{name} {value:.4g}\n")
 
 

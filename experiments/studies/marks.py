@@ -11,22 +11,19 @@ the figures of docs/marks-study.md, study/marks.csv every mark of every frame.
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from experiments.engine.executor import results
-from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
-from experiments.engine.study import OWN, run_study
-from experiments.engine.workers import Workers, add_worker_options, chosen_workers
+from experiments.engine.study import OWN
+from experiments.engine.workers import Workers, chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.px_follower import PxFollower
+from experiments.studies.grid import add_seeds, kept_runs, print_figures, runs_of, seeds_of, study_options
+from experiments.studies.real_balls import PxFollower
 from vision import (
     Disc,
     Expected,
@@ -39,7 +36,6 @@ from vision import (
     MarkHue,
     Outline,
     Pose,
-    RunFrame,
     draw_frame,
     learn_hue,
     posed_camera,
@@ -73,8 +69,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
     gate = PREDICTED_SD_PX**2 * np.eye(2)
 
     rows = []
-
-    def see(one: RunFrame) -> None:
+    for one in (first, *frames):
         expected = []
         for name, truth in zip(names, one.frame.centers_px, strict=True):
             place = truth + rng.normal(0.0, PREDICTED_SD_PX, 2)
@@ -101,10 +96,6 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
                 row |= {"far": bool(away[k] > FAR_PX), "false": false}
                 row |= {"swapped": false and bool((away < radius_px).any())}
             rows.append(row)
-
-    see(first)
-    for one in frames:
-        see(one)
     return pd.DataFrame(rows)
 
 
@@ -166,12 +157,8 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
 
 def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
     """Frames of lost identity in so many crossings."""
-    outcomes = results(crossing, range(n_runs), workers)
-    return {
-        "frames": sum(frames for _, frames, _ in outcomes),
-        "frames_lost": sum(lost for lost, _, _ in outcomes),
-        "crossings_swapped": sum(lost > 0 for lost, _, _ in outcomes),
-    }
+    lost, frames, _ = np.array(runs_of(crossing, range(n_runs), workers)).T
+    return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
 
 
 def case_rows(case: Case) -> list[dict[str, object]]:
@@ -180,17 +167,10 @@ def case_rows(case: Case) -> list[dict[str, object]]:
     return [{str(name): value for name, value in row.items() if not pd.isna(value)} for row in rows]
 
 
-def study(
-    seeds: Sequence[int],
-    n_frames: int,
-    out: Path,
-    workers: Workers,
-    *,
-    advance: Callable[[float], None] = lambda _share: None,
-) -> dict[str, dict[str, float]]:
+def study(seeds: Sequence[int], n_frames: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
     """Both levels, a run for each seed; marks.csv and marks.json in the folder, its runs in `runs` there."""
     cases = [{"seed": seed, "level": level, "n_frames": n_frames} for level in LEVELS for seed in seeds]
-    table = run_study(case_rows, cases, out / "runs", workers, advance).checked()
+    table = kept_runs(case_rows, cases, out / "runs", workers)
     table = table.drop(columns=["n_frames", *OWN])
     table.insert(len(table.columns) - 1, "level", table.pop("level"))
     by_level: dict[str, dict[str, float]] = {level: figures(table[table.level == level]) for level in LEVELS}
@@ -202,20 +182,13 @@ def study(
 
 def main() -> None:
     """Run the study and print its figures."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--runs", type=int, default=100)
+    parser = study_options(__doc__)
     parser.add_argument("--frames", type=int, default=60)
-    parser.add_argument(
-        "--first-seed", type=int, default=FIRST_SEED, help="of the runs: %(default)s; below, figures were chosen"
-    )
-    parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on where it stopped")
-    add_worker_options(parser)
-    chosen = parser.parse_args()
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.runs)
-    with run_bar("marks") as advance:
-        by_level = study(seeds, chosen.frames, chosen.out, chosen_workers(chosen), advance=advance)
+    add_seeds(parser, 100, FIRST_SEED, runs="--runs")
+    given = parser.parse_args()
+    by_level = study(seeds_of(given), given.frames, given.out, chosen_workers(given))
     for level, row in by_level.items():
-        sys.stdout.write(f"{level}: {'  '.join(f'{key} {value:.4g}' for key, value in row.items())}\n")
+        print_figures(f"{level}: ", row, digits=4)
 
 
 if __name__ == "__main__":

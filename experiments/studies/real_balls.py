@@ -13,18 +13,21 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import filterpy.kalman as filterpy
 import numpy as np
 import pandas as pd
+from filterpy.common import Q_continuous_white_noise
 
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.pipeline.track import Track
-from experiments.studies.px_follower import PxFollower
-from vision import Outline, VideoFileFrames, learn_hue
+from experiments.studies.grid import command, print_figures
+from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline, VideoFileFrames, learn_hue
 
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
 """film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by: balls labelled by eye, some twice (by 1 and 2).
@@ -57,6 +60,75 @@ FILMS = {
     "green-toss": Film("green-ball/ball.mp4", (25, 505.0, 58.0), 23.0, 6000.0, 950.0, 0.1, 0.1),
     "green-hand": Film("green-ball/ball3.mp4", (164, 1137.0, 80.0), 34.0, 3000.0, 950.0, 0.05, 0.1),
 }
+
+
+GONE = 10
+"""Frames unseen after which a mark is searched anywhere; chosen."""
+FASTEST_PX_S = 1500.0
+"""Standard deviation of a velocity at the first sight [px/s]; chosen."""
+
+
+class PxFollower:
+    """Where marks are in the picture, frame after frame, whatever they sit on.
+
+    hues: of each mark, by its name
+    jolt_px: white acceleration of a mark in the picture [px/s²/sqrt(Hz)]
+    starts_px: where marks are in the first frame, each (2,), give or take start_sd_px; anywhere where there is none
+    State: a filter for each mark that is in view; how many frames each was unseen; the time.
+    """
+
+    def __init__(
+        self,
+        hues: Mapping[str, MarkHue],
+        jolt_px: float,
+        starts_px: Mapping[str, Floats] | None = None,
+        start_sd_px: float = 5.0,
+    ) -> None:
+        self.finder = MarkFinder(hues.values())
+        self._hues, self._jolt_px = hues, jolt_px
+        self._unseen = dict.fromkeys(hues, 0)
+        self._time_s: float | None = None
+        cov = start_sd_px**2 * np.eye(2)
+        self.filters = {name: _started(place, cov) for name, place in (starts_px or {}).items()}
+
+    def see(self, frame: Frame, outlines: Mapping[str, Outline]) -> dict[str, Detection]:
+        """The marks seen in the next frame, by name; outlines: of each."""
+        dt = 0.0 if self._time_s is None else frame.exposure_s - self._time_s
+        self._time_s = frame.exposure_s
+        if dt > 0.0:
+            F = np.kron(np.array([[1.0, dt], [0.0, 1.0]]), np.eye(2))
+            Q = np.kron(Q_continuous_white_noise(2, dt, spectral_density=self._jolt_px**2), np.eye(2))
+            for each in self.filters.values():
+                each.predict(F=F, Q=Q)
+        height, width = frame.image.shape[:2]
+        anywhere = np.array([width / 2.0, height / 2.0]), np.diag([width**2, height**2]) / 4.0
+        expected = []
+        for name, hue in self._hues.items():
+            known = self.filters.get(name)
+            mean, cov = anywhere if known is None else (known.x[:2], known.P[:2, :2])
+            expected.append(Expected(name, mean, cov, hue.hue_deg, outlines[name]))
+        found = {one.name: one.detection for one in self.finder.find(frame.image, expected)}
+        for name in self._hues:
+            self._take(name, found.get(name))
+        return found
+
+    def _take(self, name: str, seen: Detection | None) -> None:
+        self._unseen[name] = 0 if seen is not None else self._unseen[name] + 1
+        if seen is None:
+            if self._unseen[name] > GONE:
+                self.filters.pop(name, None)
+        elif name in self.filters:
+            self.filters[name].update(seen.center_px, R=seen.cov_px2, H=np.eye(2, 4))
+        else:
+            self.filters[name] = _started(seen.center_px, seen.cov_px2)
+
+
+def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
+    started = filterpy.KalmanFilter(4, 2)
+    started.x = np.array([*place_px, 0.0, 0.0])
+    started.P = np.zeros((4, 4))
+    started.P[:2, :2], started.P[2:, 2:] = cov_px2, FASTEST_PX_S**2 * np.eye(2)
+    return started
 
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
@@ -131,32 +203,23 @@ def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
     return against_labels(pd.DataFrame(rows), labels[labels.film == film])
 
 
-def report(data: Path, out: Path) -> dict[str, dict[str, float]]:
-    """Follow the ball of every film, write the tables, and measure errors against the labels, where there are any."""
-    labels = pd.read_csv(LABELS)
-    figures = {}
-    for name, film in FILMS.items():
-        sys.stderr.write(f"{name}\n")
-        rows = followed(data / film.path, film)
-        write_whole(out / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
-        own = labels[labels.film == name]
-        if len(own):
-            figures[name] = against_labels(rows, own)
-    return figures
-
-
-def main() -> None:
-    """Follow the balls and print how near the labels they were found."""
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Follow the ball of every film, write the tables, and print errors against the labels, where there are any."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path, help="folder of the real pictures")
     parser.add_argument("--out", type=Path, required=True)
-    chosen = parser.parse_args()
-    with output_folder(chosen.out, force=True, inputs=[chosen.data]) as folder:
-        figures = report(chosen.data, folder)
+    given = parser.parse_args(arguments)
+    labels, figures = pd.read_csv(LABELS), {}
+    with output_folder(given.out, force=True, inputs=[given.data]) as folder:
+        for name, film in FILMS.items():
+            rows, own = followed(given.data / film.path, film), labels[labels.film == name]
+            write_whole(folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4f"))
+            if len(own):
+                figures[name] = against_labels(rows, own)
+                print_figures(f"{name}: ", figures[name])
         write_whole(folder / "real-balls.json", json.dumps(figures, indent=1) + "\n")
-    for name, row in figures.items():
-        sys.stdout.write(f"{name}: {'  '.join(f'{key} {value:.3g}' for key, value in row.items())}\n")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -42,10 +42,10 @@ from experiments.formats.outputs import output_folder
 from experiments.formats.recording import Recording, read_recording, write_frames_csv, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
-from experiments.pipeline.track import Track, track, write_tables
+from experiments.pipeline.track import Track, track
 from experiments.plots.path import ellipse
 from experiments.plots.style import OURS, PAGE_MM, TRUE, grid_figure, legend_below, styled, write_picture
-from experiments.plots.track import write_track_plots
+from experiments.studies.grid import command
 from experiments.studies.real_balls import FILMS, followed, tracked_against_labels
 
 GRAVITY = 9.81
@@ -307,9 +307,6 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
         swing = write_recording(film, folder / "recording")
         recording: Recording = read_recording(folder / "recording")
         seen = track(recording)
-        (folder / "track").mkdir()
-        write_tables(seen, folder / "track")
-        write_track_plots(seen, folder / "track")
         found = sum(bool(step.marks) for step in seen.steps)
         if found < len(seen.steps):
             raise InputError(f"{film}: expected the ball found in all {len(seen.steps)} frames, found it in {found}")
@@ -331,19 +328,19 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
     return figures
 
 
-def main() -> None:
-    """Read the command line, make the report, print its figures."""
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the report, print its figures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("film", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--force", action="store_true")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     try:
         print(json.dumps(report(given.film, given.out, force=given.force), indent=2))
-    except (InputError, vision.SourceError) as fault:
-        print(f"softaim: {fault}", file=sys.stderr)
-        sys.exit(2)
+    except vision.SourceError as error:
+        raise InputError(str(error)) from error
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -72,12 +72,9 @@ def public_names() -> Iterator[Public]:
             if id(thing) in seen:
                 continue
             seen.add(id(thing))
-            yield Public(f"{package}.{name}", thing, thing.__doc__ or "", thing.__module__, _class(thing))
+            owner = thing if inspect.isclass(thing) else None
+            yield Public(f"{package}.{name}", thing, thing.__doc__ or "", thing.__module__, owner)
             yield from _members(f"{package}.{name}", thing)
-
-
-def _class(thing: Any) -> type | None:
-    return thing if inspect.isclass(thing) else None
 
 
 def _members(place: str, owner: Any) -> Iterator[Public]:

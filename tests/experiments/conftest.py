@@ -1,7 +1,9 @@
 """What the tests of commands share."""
 
+import shutil
 import time
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +12,26 @@ from estimators.identification.budget import Budget
 from experiments.engine import spare
 from experiments.pipeline import identify
 from experiments.pipeline.live import session
+from tests.experiments.commands.good_files import write_good_files
 
 ONE_START = IdentificationSettings(n_starts=1)
+
+
+@pytest.fixture(scope="session")
+def good(tmp_path_factory) -> Path:
+    """Good files of every kind, to be read only."""
+    folder = tmp_path_factory.mktemp("good")
+    write_good_files(folder)
+    return folder
+
+
+@pytest.fixture
+def here(good, tmp_path, monkeypatch) -> Path:
+    """Good files where the command is called, to be spoilt."""
+    folder = tmp_path / "here"
+    shutil.copytree(good, folder)
+    monkeypatch.chdir(folder)
+    return folder
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ import pytest
 
 from experiments import extras
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import write_good_files
 
 ROOT = Path(__file__).parents[2]
 
@@ -25,6 +24,7 @@ def test_what_the_readme_installs_is_all_that_its_commands_need() -> None:
     assert f'pip install -c constraints.txt ".[{",".join(extras.EXTRAS)}]"' in readme
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize(
     ("call", "asked_by", "extra"),
     [
@@ -36,16 +36,8 @@ def test_what_the_readme_installs_is_all_that_its_commands_need() -> None:
     ],
 )
 def test_without_an_extra_it_is_one_line(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-    *,
-    call: str,
-    asked_by: str,
-    extra: str,
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], call: str, asked_by: str, extra: str
 ) -> None:
-    write_good_files(tmp_path)
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(extras, "find_spec", lambda _name: None)
     assert softaim(*call.split()) == 2
     shown = capfd.readouterr().err

@@ -48,7 +48,4 @@ def advise(
             print(line)
         print(f"Table and picture in {out}")
 
-    return Answer(
-        {"out": out, "frames": len(done.times_s), "advice": counts, "reliability": reliable},
-        show,
-    )
+    return Answer({"out": out, "frames": len(done.times_s), "advice": counts, "reliability": reliable}, show)

@@ -29,6 +29,7 @@ def check(
 ) -> Answer:
     """Say of a scene where it rests, how it moves, how well its target can be known, and what is missing."""
     import json
+    from contextlib import nullcontext
 
     run.only_with("--out", "--vector", "--force")
     from experiments.plots.check import check_figure
@@ -36,19 +37,13 @@ def check(
     from experiments.projects.check import checked
     from experiments.projects.report import check_lines, check_report
 
-    def look() -> tuple[dict[str, object], list[tuple[str, str]]]:
+    with nullcontext() if out is None else run.folder(out, force=force, inputs=[scene]) as folder:
         done = checked(scene, frames_per_s=fps, sd_mm=sd_mm, advance=run.stage("check"))
         if folder is not None:
             write_picture(check_figure(done), folder / "check.png", vector)
-            (folder / "check.json").write_text(json.dumps(check_report(done), indent=2) + "\n", encoding="utf-8")
-        return check_report(done), check_lines(done)
-
-    folder: Path | None = None
-    if out is None:
-        report, lines = look()
-    else:
-        with run.folder(out, force=force, inputs=[scene]) as folder:
-            report, lines = look()
+        report, lines = check_report(done), check_lines(done)
+        if folder is not None:
+            (folder / "check.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
     def show() -> None:
         print_lines(lines)

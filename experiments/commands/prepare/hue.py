@@ -44,15 +44,14 @@ def _learned(source: str, at: str, frame: int) -> Answer:
 def _taken(
     run: Run, source: str, scene: Path | None, out: Path | None, *, film: bool, fps: float | None, force: bool
 ) -> Answer:
+    from contextlib import nullcontext
+
     from experiments.commands.console import sentence, taken_table
     from experiments.commands.terminal import print_table
     from experiments.film.taken import taken_over, verdicts
 
-    if out is None:
-        done = taken_over(source, scene, None, fps=fps)
-    else:
-        with run.folder(out, force=force, inputs=[Path(source), scene]) as folder:
-            done = taken_over(source, scene, folder, film=film, fps=fps)
+    with nullcontext() if out is None else run.folder(out, force=force, inputs=[Path(source), scene]) as folder:
+        done = taken_over(source, scene, folder, film=film, fps=fps)
     figures, told = done.figures(), verdicts(done)
 
     def show() -> None:

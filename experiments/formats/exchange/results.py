@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from estimators import Status
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
-from experiments.formats.estimate_rows import AXES
-from experiments.formats.exchange.open_table import OpenTable, open_table
-from experiments.formats.recording import SAME_TIME_S
-from experiments.formats.tables import read_rows
+from experiments.formats.exchange.open_table import open_table
+from experiments.formats.marks.rows import AXES, cov_names, cov_of
+from experiments.formats.recording import SAME_TIME_S, nearest_frames
+from experiments.formats.tables import Table, read_rows
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 WORDS = ("status", "model_only", "advice", "reason")
@@ -31,21 +31,23 @@ Entry = float | str | bool | None
 class Results:
     """What a run wrote of a recording; its rows in their order.
 
-    table: of the file; times_s: of the rows, those of frames to the last digit [s], (n,)
+    table: of the file; columns: their names, in order
+    times_s: of the rows, those of frames to the last digit [s], (n,)
     frames: of the recording that the rows are of, -1 for moments without one, (n,)
     """
 
-    table: OpenTable
+    table: Table
+    columns: tuple[str, ...]
     times_s: Floats
     frames: NDArray[np.int64]
 
     def entries(self, row: int) -> dict[str, Entry]:
         """All that a row says, by column; None where it says nothing."""
-        return {column: self._entry(column, row) for column in self.table.columns}
+        return {column: self._entry(column, row) for column in self.columns}
 
     def _entry(self, column: str, row: int) -> Entry:
-        if column in self.table.words:
-            word = self.table.words[column][row]
+        if column in self.table.texts:
+            word = self.table.texts[column][row]
             return FLAGS.get(word, word)
         value = float(self.table.numbers[column][row])
         return None if np.isnan(value) else value
@@ -61,7 +63,7 @@ class Estimates(Results):
     @property
     def trusted(self) -> NDArray[np.bool_]:
         """Which rows say where the target is, (n,)."""
-        followed = np.isin(self.table.words["status"], TRUSTED)
+        followed = np.isin(self.table.texts["status"], TRUSTED)
         return followed & np.isfinite(self.means).all(axis=1) & np.isfinite(self.covs).all(axis=(1, 2))
 
 
@@ -73,21 +75,17 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
     path = folder / ESTIMATES
     if not folder.is_dir():
         raise InputError.at(folder, f"a folder with {ESTIMATES}", "a file" if folder.exists() else "none")
-    places = [f"{axis}_mm" for axis in AXES[:dim]]
-    pairs = [(AXES[a] + AXES[b], a, b) for b in range(dim) for a in range(b + 1)]
-    table = _read(path, ["time_s", "status", *places, *(name for name, _, _ in pairs)])
+    table, columns = _read(path, ["time_s", "status", *AXES[:dim], *cov_names(dim)])
     if dim == 2 and "z_mm" in table.numbers:
         raise InputError.at(f"{path}: row 1", "estimates of a flat scene, as the recording's is", "column z_mm")
-    table.check("status", np.isin(table.words["status"], list(Status)), f"one of {', '.join(Status)}")
+    table.check("status", np.isin(table.texts["status"], list(Status)), f"one of {', '.join(Status)}")
     times_s, frames = _frames_of(table.numbers["time_s"], exposures_s)
     if not (frames >= 0).any():
         span = f"{exposures_s[0]:g} to {exposures_s[-1]:g} s"
         raise InputError.at(f"{path}: time_s", f"times of the recording's frames, {span}", _span(times_s))
-    covs = np.empty((table.n_rows, dim, dim))
-    for name, a, b in pairs:
-        covs[:, a, b] = covs[:, b, a] = 1e-6 * table.numbers[name]
-    means = 1e-3 * np.stack([table.numbers[place] for place in places], axis=1)
-    return Estimates(table, times_s, frames, means, covs)
+    covs = cov_of(np.stack([table.numbers[name] for name in cov_names(dim)], axis=1), dim)
+    means = 1e-3 * np.stack([table.numbers[axis] for axis in AXES[:dim]], axis=1)
+    return Estimates(table, columns, times_s, frames, means, covs)
 
 
 def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
@@ -95,11 +93,11 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
     path = folder / ADVICE
     if not path.exists():
         return None
-    table = _read(path, ["time_s", "advice", "reason"])
-    return Results(table, *_frames_of(table.numbers["time_s"], exposures_s))
+    table, columns = _read(path, ["time_s", "advice", "reason"])
+    return Results(table, columns, *_frames_of(table.numbers["time_s"], exposures_s))
 
 
-def _read(path: Path, needed: list[str]) -> OpenTable:
+def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
     """A table that has these columns and maybe others; a live run may have been killed in its last line."""
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):
@@ -108,16 +106,13 @@ def _read(path: Path, needed: list[str]) -> OpenTable:
             raise InputError.at(f"{path}: row 1", f"one column {column}", found)
     table = open_table(path, header, rows, WORDS)
     table.check("time_s", np.isfinite(table.numbers["time_s"]), "a finite number")
-    return table
+    return table, tuple(header)
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Times of rows [s], those of frames made theirs, and the frame of each row, -1 where it is of none."""
-    after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
-    near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
-    off = np.abs(exposures_s[near] - times_s)
-    frames = np.where(off[0] <= off[1], near[0], near[1])
-    found = off.min(axis=0) <= SAME_TIME_S + DIGITS * np.abs(times_s)
+    frames, off_s = nearest_frames(times_s, exposures_s)
+    found = off_s <= SAME_TIME_S + DIGITS * np.abs(times_s)
     return np.where(found, exposures_s[frames], times_s), np.where(found, frames, -1)
 
 

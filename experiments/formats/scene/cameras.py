@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from experiments.arrays import Floats
 from experiments.errors import shown
-from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, read_camera_toml
+from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, head_lines, read_camera_toml
 from experiments.formats.camera_yaml import LensFile, read_lens_file
 from experiments.formats.scene.schema import CameraTable
-from vision import PlaneCamera, posed_camera
+from experiments.formats.toml_file import exactly, key_lines
+from vision import Lens, PlaneCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 """Takes points of the plane in metres, homogeneous, to the millimetres of a scene file's homography."""
@@ -73,30 +75,22 @@ def _placed(table: CameraTable, lens: LensFile) -> PlaneCamera | LensFile:
 
 def lens_lines(lens: LensFile) -> list[str]:
     """`[[camera]]` of a lens that stands nowhere yet, line by line."""
-    lines = ["", "[[camera]]", f"name = {shown(lens.name)}", f"size_px = [{lens.size_px[0]}, {lens.size_px[1]}]"]
-    return [*lines, *_rows("matrix", lens.lens.matrix), f"distortion = {_list(lens.lens.distortion)}"]
+    head = head_lines(lens.name or "", lens.size_px)
+    return ["", "[[camera]]", *head, *key_lines(_lens_keys(lens.lens), exactly)]
 
 
 def camera_lines(camera: PlaneCamera) -> list[str]:
     """`[[camera]]` of a scene file, line by line."""
-    lines = ["", "[[camera]]", f"name = {shown(camera.name)}", f"size_px = [{camera.size_px[0]}, {camera.size_px[1]}]"]
+    keys: dict[str, Any] = {}
     if camera.lens is None:
-        lines += _rows("plane_to_px", camera.plane_to_px @ np.linalg.inv(METRES_TO_MM))
+        keys["plane_to_px"] = camera.plane_to_px @ np.linalg.inv(METRES_TO_MM)
     else:
         pose = camera.pose
-        lines += _rows("matrix", camera.lens.matrix)
-        lines += [f"distortion = {_list(camera.lens.distortion)}"]
-        lines += [*_rows("rotation", pose.rotation), f"translation_mm = {_list(1e3 * pose.translation_m)}"]
-        if len(camera.calibration):
-            lines += _rows("uncertainty", camera.calibration * TO_MM)
-    if camera.scale_sd is not None:
-        lines += [f"scale_sd = {float(camera.scale_sd)!r}"]
-    return [*lines, f"calibration_sd_px = {_list([camera.calibration_sd_px])[1:-1]}"]
+        keys = {**_lens_keys(camera.lens), "rotation": pose.rotation, "translation_mm": 1e3 * pose.translation_m}
+        keys["uncertainty"] = camera.calibration * TO_MM if len(camera.calibration) else None
+    keys |= {"scale_sd": camera.scale_sd, "calibration_sd_px": float(camera.calibration_sd_px)}
+    return ["", "[[camera]]", *head_lines(camera.name, camera.size_px), *key_lines(keys, exactly)]
 
 
-def _list(values: Iterable[float]) -> str:
-    return f"[{', '.join(repr(float(value)) for value in values)}]"
-
-
-def _rows(key: str, rows: Iterable[Iterable[float]]) -> list[str]:
-    return [f"{key} = [", *(f"    {_list(row)}," for row in rows), "]"]
+def _lens_keys(lens: Lens) -> dict[str, Floats]:
+    return {"matrix": lens.matrix, "distortion": lens.distortion}

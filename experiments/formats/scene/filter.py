@@ -12,7 +12,6 @@ from dynamics import (
     NetworkError,
     ParameterUncertainty,
     independent_uncertainty,
-    parameter_label,
     parameter_named,
     parameters,
 )
@@ -71,8 +70,3 @@ def filter_table(settings: FilterSettings) -> dict[str, float | list[str]]:
     if settings.led_nodes:
         keys["led_nodes"] = list(settings.led_nodes)
     return keys
-
-
-def uncertainty_names(network: MassSpringNetwork, uncertainty: ParameterUncertainty) -> list[str]:
-    """The names of the constants, as `[uncertainty]` has them."""
-    return [parameter_label(network, parameter) for parameter in uncertainty.parameters]

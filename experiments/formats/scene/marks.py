@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from experiments.arrays import Floats
 from experiments.formats.scene.schema import MarkTable
-from experiments.formats.toml_file import toml_bool, toml_number, toml_text
+from experiments.formats.toml_file import key_lines
 from vision import MarkHue, PlaneCamera
 
 
@@ -52,32 +52,25 @@ class Mark:
 
 def mark_of(table: MarkTable) -> Mark:
     """The mark of a table, in metres."""
-    return Mark(
-        table.node,
-        table.hue_deg,
-        1e-3 * table.diameter_mm,
-        table.measured,
-        table.half_width_deg,
-        table.min_saturation,
-        table.min_value,
-        table.even,
-        table.ball,
-    )
+    keys = table.model_dump()
+    return Mark(diameter_m=1e-3 * keys.pop("diameter_mm"), **keys)
 
 
 def mark_lines(mark: Mark) -> list[str]:
     """`[[mark]]` of a scene file, line by line."""
-    own = ["", "[[mark]]", f"node = {toml_text(mark.node)}"]
-    look = look_lines(mark)
-    return [*own, *look[:2], f"measured = {toml_bool(mark.measured)}", *look[2:]]
+    look = look_keys(mark)
+    head = {"node": mark.node, "hue_deg": look["hue_deg"], "diameter_mm": look["diameter_mm"]}
+    return ["", "[[mark]]", *key_lines({**head, "measured": mark.measured, **look})]
 
 
-def look_lines(mark: Mark) -> list[str]:
+def look_keys(mark: Mark) -> dict[str, float | bool | None]:
     """The keys that say how a film shows a mark, hue and diameter first."""
-    lines = [f"hue_deg = {toml_number(mark.hue_deg)}", f"diameter_mm = {toml_number(1e3 * mark.diameter_m)}"]
-    lines += [f"half_width_deg = {toml_number(mark.half_width_deg)}"]
-    lines += [f"min_saturation = {toml_number(mark.min_saturation)}", f"min_value = {toml_number(mark.min_value)}"]
-    lines += [f"even = {toml_bool(mark.even)}"]
-    if mark.ball:
-        lines += ["ball = true"]
-    return lines
+    return {
+        "hue_deg": mark.hue_deg,
+        "diameter_mm": 1e3 * mark.diameter_m,
+        "half_width_deg": mark.half_width_deg,
+        "min_saturation": mark.min_saturation,
+        "min_value": mark.min_value,
+        "even": mark.even,
+        "ball": mark.ball or None,
+    }

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from dynamics import MassSpringNetwork, NetworkError, reaches
 from experiments.arrays import Floats
 from experiments.errors import shown
-from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError
-from experiments.formats.toml_file import Strict, toml_bool, toml_list, toml_number, toml_text
+from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError, check_dim
+from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
 """Distance of two nodes below which a spring between them has no direction [mm]; choice: no drawing is that fine."""
@@ -20,6 +21,12 @@ NEAREST_MM = 1e-4
 def is_node_name(name: str) -> bool:
     """Whether a node may have this name: one that prints on one line, without space around it."""
     return bool(name) and name.isprintable() and name == name.strip()
+
+
+def check_name(key: str, name: str) -> None:
+    """Raise SceneError for a name that no node and no mark may have."""
+    if not is_node_name(name):
+        raise SceneError(f"{key}: expected a name that prints on one line, found {shown(name)}")
 
 
 def network_of(table: NetworkTable) -> MassSpringNetwork:
@@ -75,12 +82,7 @@ def _check_node(table: NetworkTable, i: int, node: NodeTable) -> None:
     if node.mass_kg is not None and (node.mass_kg < 0 or (node.mass_kg == 0 and not node.fixed)):
         expected = "0 or more" if node.fixed else "more than 0"
         raise SceneError(f"network.node[{i}].mass_kg: expected {expected}, found {shown(node.mass_kg)}")
-    dim = len(table.gravity_m_s2)
-    if len(node.position_mm) != dim:
-        raise SceneError(
-            f"network.node[{i}].position_mm: expected {dim} numbers, as network.gravity_m_s2 has,"
-            f" found {len(node.position_mm)}"
-        )
+    check_dim(f"network.node[{i}].position_mm", node.position_mm, len(table.gravity_m_s2))
 
 
 def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, int]:
@@ -100,22 +102,22 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
 
 def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
     """`[network]` of a scene file, line by line; groups: of each spring, as `spring_groups` has them."""
-    lines = ["[network]", f"gravity_m_s2 = {toml_list(network.gravity)}"]
+    lines = ["[network]", *key_lines({"gravity_m_s2": network.gravity})]
     for i, name in enumerate(network.names):
-        lines += ["", "[[network.node]]", f"name = {toml_text(name)}"]
-        # to 1e-12 m, so that what computed rest shapes leave of a zero is a zero; adding 0.0 takes its sign away
-        lines += [f"position_mm = {toml_list(np.round(1e3 * network.positions[i], 9) + 0.0)}"]
-        if not network.fixed[i] or network.masses[i] > 0:
-            lines += [f"mass_kg = {toml_number(network.masses[i])}"]
-        lines += _constant_lines(network, i, NODE_KEYS)
-        lines += [f"fixed = {toml_bool(network.fixed[i])}"]
+        keys: dict[str, Any] = {
+            "name": name,
+            # to 1e-12 m, so that what computed rest shapes leave of a zero is a zero; adding 0.0 takes its sign away
+            "position_mm": np.round(1e3 * network.positions[i], 9) + 0.0,
+            "mass_kg": None if network.fixed[i] and network.masses[i] == 0 else network.masses[i],
+        }
+        lines += ["", "[[network.node]]", *key_lines({**keys, **_si(network, i, NODE_KEYS), "fixed": network.fixed[i]})]
     for s, (i, j) in enumerate(network.springs):
-        lines += ["", "[[network.spring]]", f"between = [{toml_text(network.names[i])}, {toml_text(network.names[j])}]"]
-        lines += _constant_lines(network, s, SPRING_KEYS)
-        if groups and groups[s]:
-            lines += [f"group = {toml_text(groups[s])}"]
+        keys = {"between": [network.names[i], network.names[j]], **_si(network, s, SPRING_KEYS)}
+        keys["group"] = (groups[s] if groups else "") or None
+        lines += ["", "[[network.spring]]", *key_lines(keys)]
     return lines
 
 
-def _constant_lines(network: MassSpringNetwork, i: int, keys: Mapping[str, tuple[str, float]]) -> list[str]:
-    return [f"{key} = {toml_number((1.0 / si) * getattr(network, field)[i])}" for key, (field, si) in keys.items()]
+def _si(network: MassSpringNetwork, i: int, keys: Mapping[str, tuple[str, float]]) -> dict[str, float]:
+    """Constants of a node or spring in the units of their keys."""
+    return {key: (1.0 / si) * getattr(network, field)[i] for key, (field, si) in keys.items()}

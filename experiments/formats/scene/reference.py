@@ -13,10 +13,10 @@ import numpy as np
 from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.errors import shown
-from experiments.formats.scene.marks import Mark, look_lines
-from experiments.formats.scene.network import is_node_name
-from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError
-from experiments.formats.toml_file import toml_list, toml_number, toml_text
+from experiments.formats.scene.marks import Mark, look_keys
+from experiments.formats.scene.network import check_name
+from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError, check_dim, check_own_names
+from experiments.formats.toml_file import key_lines
 from vision import PlaneCamera
 
 
@@ -56,16 +56,10 @@ class Reference:
 
     def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
         """Raise SceneError where they do not fit the network, the cameras, or the marks of the tissue."""
-        names: dict[str, int] = {}
+        check_own_names("reference.mark", [mark.name for mark in self.marks])
         for i, mark in enumerate(self.marks):
             key = f"reference.mark[{i}]"
-            if not is_node_name(mark.name):
-                raise SceneError(f"{key}.name: expected a name that prints on one line, found {shown(mark.name)}")
-            if mark.name in names:
-                raise SceneError(
-                    f"{key}.name: expected a name of its own, found that of reference.mark[{names[mark.name]}]"
-                )
-            names[mark.name] = i
+            check_name(f"{key}.name", mark.name)
             if mark.name in network.names and mark.name != mark.node:
                 raise SceneError(f"{key}.name: expected no node's name but its own, found {shown(mark.name)}")
             self._check_place(key, mark, network)
@@ -78,11 +72,7 @@ class Reference:
 
     def _check_place(self, key: str, mark: ReferenceMark, network: MassSpringNetwork) -> None:
         if mark.node is None:
-            if len(mark.position_m) != network.dim:
-                raise SceneError(
-                    f"{key}.position_mm: expected {network.dim} numbers, as network.gravity_m_s2 has,"
-                    f" found {len(mark.position_m)}"
-                )
+            check_dim(f"{key}.position_mm", mark.position_m, network.dim)
         elif mark.node not in network.names:
             raise SceneError(f"{key}.node: no node named {shown(mark.node)}")
         elif not network.fixed[network.index(mark.node)]:
@@ -111,16 +101,8 @@ def reference_of(table: ReferenceTable | None) -> Reference:
 def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
     look = None
     if table.hue_deg is not None and table.diameter_mm is not None:
-        look = Mark(
-            table.name,
-            table.hue_deg,
-            1e-3 * table.diameter_mm,
-            half_width_deg=table.half_width_deg,
-            min_saturation=table.min_saturation,
-            min_value=table.min_value,
-            even=table.even,
-            ball=table.ball,
-        )
+        shown_as = table.model_dump(exclude={"name", "node", "position_mm", "diameter_mm"})
+        look = Mark(node=table.name, diameter_m=1e-3 * table.diameter_mm, **shown_as)
     return ReferenceMark(table.name, table.node, tuple(1e-3 * x for x in table.position_mm or ()), look)
 
 
@@ -128,16 +110,12 @@ def reference_lines(reference: Reference) -> list[str]:
     """The lines of `[reference]`; none where nothing is stated."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
-    lines = ["", "[reference]"]
-    if reference.drift_sd_m is not None:
-        lines += [f"drift_sd_mm = {toml_number(1e3 * reference.drift_sd_m)}"]
+    drift_sd_mm = None if reference.drift_sd_m is None else 1e3 * reference.drift_sd_m
+    lines = ["", "[reference]", *key_lines({"drift_sd_mm": drift_sd_mm})]
     for mark in reference.marks:
-        lines += ["", "[[reference.mark]]", f"name = {toml_text(mark.name)}"]
-        if mark.node is not None:
-            lines += [f"node = {toml_text(mark.node)}"]
-        else:
-            lines += [f"position_mm = {toml_list(1e3 * np.array(mark.position_m))}"]
-        lines += look_lines(mark.look) if mark.look is not None else []
+        place = {"node": mark.node} if mark.node is not None else {"position_mm": 1e3 * np.array(mark.position_m)}
+        look = {} if mark.look is None else look_keys(mark.look)
+        lines += ["", "[[reference.mark]]", *key_lines({"name": mark.name, **place, **look})]
     return lines
 
 

@@ -6,21 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty
+from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, parameter_label
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
 from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.cameras import camera_lines, camera_of, lens_lines
-from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_names, uncertainty_of
+from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
-from experiments.formats.scene.network import is_node_name, network_lines, network_of, spring_groups
+from experiments.formats.scene.network import check_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of
 from experiments.formats.scene.rest import check_rest
-from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile
+from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile, check_dim, check_own_names
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
-from experiments.formats.toml_file import VERSION, read_toml, toml_list, toml_text, toml_value
+from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera
 
 
@@ -50,25 +50,14 @@ class Scene:
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
-            if not is_node_name(name):
-                raise SceneError(
-                    f"network.node[{i}].name: expected a name that prints on one line, found {shown(name)}"
-                )
+            check_name(f"network.node[{i}].name", name)
         self._check_marks()
         self._check_led()
         self._check_free("target.node", self.target.node, "a hidden target")
-        if len(self.target.offset_m) not in (0, self.network.dim):
-            raise SceneError(
-                f"target.offset_mm: expected {self.network.dim} numbers, as network.gravity_m_s2 has,"
-                f" found {len(self.target.offset_m)}"
-            )
-        seen: dict[str, int] = {}
+        if self.target.offset_m:
+            check_dim("target.offset_mm", self.target.offset_m, self.network.dim)
+        check_own_names("camera", [camera.name for camera in self.cameras])
         for i, camera in enumerate(self.cameras):
-            if camera.name in seen:
-                raise SceneError(
-                    f"camera[{i}].name: expected a name of its own, found that of camera[{seen[camera.name]}]"
-                )
-            seen[camera.name] = i
             if self.network.dim != 2:
                 raise SceneError(f"camera[{i}].plane_to_px: expected a flat scene, found a network in space")
             for mark in self.marks:
@@ -82,15 +71,12 @@ class Scene:
         self.reference.check(self.network, self.cameras, self.marks)
 
     def _check_marks(self) -> None:
-        seen: dict[str, int] = {}
-        for i, mark in enumerate(self.marks):
-            self._check_free(f"mark[{i}].node", mark.node, "a mark tells of a free node")
-            if mark.node in seen:
-                raise SceneError(
-                    f"mark[{i}].node: expected one mark for a node, found a second one on {shown(mark.node)},"
-                    f" after mark[{seen[mark.node]}]"
-                )
-            seen[mark.node] = i
+        nodes = [mark.node for mark in self.marks]
+        for i, node in enumerate(nodes):
+            self._check_free(f"mark[{i}].node", node, "a mark tells of a free node")
+            if (first := nodes.index(node)) < i:
+                found = f"a second one on {shown(node)}, after mark[{first}]"
+                raise SceneError(f"mark[{i}].node: expected one mark for a node, found {found}")
         if not self.measured_nodes:
             raise SceneError("mark: expected one or more measured marks, found none")
 
@@ -228,12 +214,11 @@ def _content(scene: Scene) -> list[str]:
     lines += target_lines(scene.target)
     lines += reference_lines(scene.reference)
     if scene.uncertainty is not None:
-        names = uncertainty_names(network, scene.uncertainty)
-        lines += ["", "[uncertainty]", "parameters = [", *(f"    {toml_text(name)}," for name in names), "]"]
-        lines += ["directions = [", *(f"    {toml_list(row)}," for row in scene.uncertainty.directions), "]"]
+        names = [parameter_label(network, one) for one in scene.uncertainty.parameters]
+        lines += ["", "[uncertainty]", *long_list("parameters", names)]
+        lines += long_list("directions", scene.uncertainty.directions)
     if keys := filter_table(scene.settings):
-        lines += ["", "[filter]"]
-        lines += [f"{key} = {toml_value(value)}" for key, value in keys.items()]
+        lines += ["", "[filter]", *key_lines(keys)]
     for camera in scene.cameras:
         lines += camera_lines(camera)
     for lens in scene.lenses:

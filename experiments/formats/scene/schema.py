@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -12,6 +13,19 @@ from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positi
 
 class SceneError(ValueError):
     """Parts of a scene that do not fit together; the message is `key: expected …, found …`, keys as in scene.toml."""
+
+
+def check_own_names(key: str, names: Sequence[str]) -> None:
+    """Raise SceneError where two tables, `key[i]`, have one name."""
+    for i, name in enumerate(names):
+        if (first := names.index(name)) < i:
+            raise SceneError(f"{key}[{i}].name: expected a name of its own, found that of {key}[{first}]")
+
+
+def check_dim(key: str, place: Sequence[float], dim: int) -> None:
+    """Raise SceneError where a place has another number of axes than the scene."""
+    if len(place) != dim:
+        raise SceneError(f"{key}: expected {dim} numbers, as network.gravity_m_s2 has, found {len(place)}")
 
 
 class NodeTable(Strict):

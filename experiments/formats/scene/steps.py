@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from experiments.formats.scene.schema import ProvenanceTable, StepName
-from experiments.formats.toml_file import toml_text
+from experiments.formats.toml_file import key_lines, long_list
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +40,7 @@ def digest(lines: Sequence[str]) -> str:
 def step_of(table: ProvenanceTable) -> Step:
     """The step of a table."""
     return Step(
-        table.step,
-        table.program,
-        table.recording_sha256,
-        table.network_sha256,
-        table.scene_sha256,
-        tuple(table.kept),
+        table.step, table.program, table.recording_sha256, table.network_sha256, table.scene_sha256, tuple(table.kept)
     )
 
 
@@ -65,11 +60,7 @@ def step_lines(steps: Sequence[Step]) -> list[str]:
     """The lines of `[[provenance]]`, a table a step."""
     lines = []
     for step in steps:
-        lines += ["", "[[provenance]]", *(f"{key} = {toml_text(value)}" for key, value in step_keys(step).items())]
+        lines += ["", "[[provenance]]", *key_lines(step_keys(step))]
         if step.kept:
-            lines += ["kept = [  # not determined by the recording: as they were before", *_names(step.kept), "]"]
+            lines += long_list("kept", step.kept, why="not determined by the recording: as they were before")
     return lines
-
-
-def _names(names: Sequence[str]) -> list[str]:
-    return [f"    {toml_text(name)}," for name in names]

@@ -8,7 +8,7 @@ import numpy as np
 
 from estimators import TargetPoint
 from experiments.formats.scene.schema import TargetTable
-from experiments.formats.toml_file import toml_list, toml_number, toml_text
+from experiments.formats.toml_file import key_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +43,10 @@ def target_of(table: TargetTable) -> Target:
 
 def target_lines(target: Target) -> list[str]:
     """The lines of `[target]`; no offset where there is none."""
-    lines = ["", "[target]", f"node = {toml_text(target.node)}", f"radius_mm = {toml_number(1e3 * target.radius_m)}"]
-    if target.offset_m:
-        lines += [f"offset_mm = {toml_list(1e3 * np.array(target.offset_m))}"]
-    if target.position_sd_m is not None:
-        lines += [f"position_sd_mm = {toml_number(1e3 * target.position_sd_m)}"]
-    return lines
+    keys = {
+        "node": target.node,
+        "radius_mm": 1e3 * target.radius_m,
+        "offset_mm": 1e3 * np.array(target.offset_m) if target.offset_m else None,
+        "position_sd_mm": None if target.position_sd_m is None else 1e3 * target.position_sd_m,
+    }
+    return ["", "[target]", *key_lines(keys)]

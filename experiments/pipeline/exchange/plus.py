@@ -53,11 +53,11 @@ def _fields(of: Exported) -> Iterator[dict[str, str]]:
             known = row is not None and bool(trusted[row])
             fields |= transform_fields("TargetToReference", translation_mm(estimates.means[row]) if known else None)
             if row is not None:
-                fields["TargetStatus"] = estimates.table.words["status"][row]
+                fields["TargetStatus"] = estimates.table.texts["status"][row]
             if known:
                 fields["TargetCovariance"] = " ".join(f"{1e6 * x:.9g}" for x in estimates.covs[row].ravel())
         if advice is not None and k in advised:
-            fields["Advice"] = advice.table.words["advice"][advised[k]]
+            fields["Advice"] = advice.table.texts["advice"][advised[k]]
         yield fields
 
 

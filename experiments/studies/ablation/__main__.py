@@ -9,28 +9,22 @@ Last figures: docs/ablation.md.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from estimators import Status
-from estimators.process.target import target_map
-from experiments.engine.progress import run_bar
-from experiments.engine.study import run_study
-from experiments.engine.workers import add_worker_options, chosen_workers
-from experiments.errors import InputError
+from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.formats.page import rewrite_page
 from experiments.studies.ablation.recordings import BODIES, LUNG, recording
 from experiments.studies.ablation.switches import SWITCHES, WHOLE
-from experiments.studies.zoo.scores import hidden_scores
-
-PAGE = Path(__file__).parents[3] / "docs" / "ablation.md"
+from experiments.studies.grid import DOCS, chosen, command, grid, kept_runs, markdown_table, study_options
+from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
 """No prior was chosen on seeds from here on."""
@@ -49,25 +43,13 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     lost: frames that are not TRACKING; failed: why it ended early, whose other figures are those until then
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
-    means, covs, tracking, failed = [], [], [], ""
-    try:
-        with switch.patched():
-            tissue = switch.filter(given)
-            maps = [target_map(given.network, one) for one in given.targets]
-            for time_s, marks in given.frames:
-                tissue.predict(time_s)
-                tracking.append(tissue.update(marks).status is Status.TRACKING)
-                places = [tissue.place_of(one) for one in maps]
-                means.append([mean for mean, _ in places])
-                covs.append([cov for _, cov in places])
-    except (ArithmeticError, ValueError) as error:  # whatever a filter raises is a result of the study
-        failed = f"{type(error).__name__}: {error}"
-    n, dim = len(means), given.network.dim
-    read = np.array(covs) + given.read_sd_m**2 * np.eye(dim)
+    with switch.patched():
+        found = followed(partial(switch.filter, given), given.network, given.targets, given.frames)
+    n, read = len(found.status), found.covs + given.read_sd_m**2 * np.eye(given.network.dim)
     size_m = float(np.ptp(given.network.positions, axis=0).max())
-    found = hidden_scores(np.array(means), read, given.truth[:n], tracking=np.array(tracking[:n]), size_m=size_m)
-    figures = {name: found[name] for name in ("error_m", "covered", "nees")}
-    return {**figures, "frames": n, "lost": n - sum(tracking[:n]), "failed": failed}
+    scores = hidden_scores(found.means, read, given.truth[:n], tracking=found.tracking, size_m=size_m)
+    figures = {name: scores[name] for name in ("error_m", "covered", "nees")}
+    return {**figures, "frames": n, "lost": n - int(found.tracking.sum()), "failed": found.failure}
 
 
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
@@ -95,14 +77,13 @@ def compared(runs: pd.DataFrame) -> pd.DataFrame:
 
 def markdown(runs: pd.DataFrame) -> str:
     """The whole filter's figures, body by body, and the table of mechanisms, the most valuable first."""
-    whole = runs[runs["off"] == WHOLE].groupby("body", sort=False)[["error_m", "covered", "nees"]]
-    lines = _table(WHOLE_HEAD, (_of_whole(str(body), m) for body, m in whole.mean().iterrows()))
+    whole = runs[runs["off"] == WHOLE].groupby("body", sort=False)[["error_m", "covered", "nees"]].mean()
+    first = [
+        (str(body), f"{1e3 * m.error_m:.3g}", f"{100 * m.covered:.1f} %", f"{m.nees:.2f}")
+        for body, m in whole.iterrows()
+    ]
     rows = compared(runs).sort_values("error", ascending=False)
-    return "\n".join([*lines, "", *_table(HEAD, (_shown(row) for row in rows.itertuples()))]) + "\n"
-
-
-def _of_whole(body: str, m: pd.Series) -> tuple[str, ...]:
-    return body, f"{1e3 * m.error_m:.3g}", f"{100 * m.covered:.1f} %", f"{m.nees:.2f}"
+    return markdown_table(WHOLE_HEAD, first) + "\n" + markdown_table(HEAD, [_shown(row) for row in rows.itertuples()])
 
 
 def _shown(row: Any) -> tuple[str, ...]:
@@ -112,46 +93,28 @@ def _shown(row: Any) -> tuple[str, ...]:
     return (row.name, *errors, *covered, bodies, str(SWITCHES[row.name].lines))
 
 
-def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
-    ruled = ("---", *("---:" for _ in head[1:]))
-    return ["| " + " | ".join(row) + " |" for row in (head, ruled, *rows)]
-
-
-def main(arguments: Iterable[str] | None = None) -> int:
-    """Do the runs that the folder does not have yet, and write the table; the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m experiments.studies.ablation", description=(__doc__ or "").split("\n", maxsplit=1)[0]
-    )
-    parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on")
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Do the runs that the folder does not have yet, and write the table."""
+    parser = study_options(__doc__, page="ablation.md")
     parser.add_argument("--only", action="append", default=[], help="a mechanism; again for more; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; again for more; default: all")
     parser.add_argument("--seeds", type=int, default=1, help=f"runs of each body, from {FIRST_SEED} on: %(default)s")
     parser.add_argument("--lungs", type=Path, help="folder of case1.csv and others; default: no lungs")
-    parser.add_argument("--page", action="store_true", help="rewrite the tables of docs/ablation.md")
-    add_worker_options(parser)
-    given = parser.parse_args(None if arguments is None else list(arguments))
-    bodies = [*BODIES] if given.lungs is None else [*BODIES, LUNG]
-    try:
-        for option, chosen, known in (("--only", given.only, SWITCHES), ("--bodies", given.bodies, bodies)):
-            for name in chosen:
-                if name not in known:
-                    raise InputError.at(option, f"one of {', '.join(known)}", name)
-        cases = [
-            {"body": body, "seed": seed, "off": off, "lungs": str(given.lungs)}
-            for body in given.bodies or bodies
-            for seed in range(FIRST_SEED, FIRST_SEED + (1 if body == LUNG else given.seeds))
-            for off in dict.fromkeys([WHOLE, *(given.only or SWITCHES)])
-        ]
-        with run_bar("ablation") as advance:
-            page = markdown(run_study(run, cases, given.out, chosen_workers(given), advance).checked())
-    except InputError as error:
-        sys.stderr.write(f"{error}\n")
-        return 2
+    given = parser.parse_args(arguments)
+    bodies = chosen("--bodies", given.bodies, [*BODIES] if given.lungs is None else [*BODIES, LUNG])
+    off = dict.fromkeys([WHOLE, *chosen("--only", given.only, SWITCHES)])
+    seeds = range(FIRST_SEED, FIRST_SEED + given.seeds)
+    cases = [
+        {**case, "lungs": str(given.lungs)}
+        for body in bodies
+        for case in grid(body=[body], seed=seeds[:1] if body == LUNG else seeds, off=off)
+    ]
+    page = markdown(kept_runs(run, cases, given.out, chosen_workers(given)))
     write_whole(given.out / "table.md", page)
     sys.stdout.write(page)
     if given.page:
-        rewrite_page(PAGE, {"ablation table": page})
-    return 0
+        rewrite_page(DOCS / "ablation.md", {"ablation table": page})
 
 
 if __name__ == "__main__":

@@ -17,8 +17,9 @@ from experiments.arrays import Floats
 from experiments.studies.estimation.study import CONSTANT_SDS, perturbed
 from experiments.studies.estimation.trials import Model, Trial, seen
 from experiments.studies.honesty.run import recorded
+from experiments.studies.lungs.estimate import lung_frames
 from experiments.studies.lungs.landmarks import read_lungs
-from experiments.studies.lungs.model import LungConstants, lung_network
+from experiments.studies.lungs.model import LungConstants, lung_network, node_name
 from experiments.studies.zoo.case import Case
 from experiments.studies.zoo.constants import assumed, measured
 
@@ -53,8 +54,7 @@ def _zoo(name: str, constants: str, seconds: float) -> Callable[[int], Recording
     def made(seed: int) -> Recording:
         case = Case(name, seed, constants, length_s=seconds)
         body, model = case.motion, assumed(case.motion, case)
-        marks = measured(body, body.marked, seed)
-        frames = [(float(time_s), seen) for time_s, seen in zip(body.times_s, marks, strict=True)]
+        frames = measured(body, body.marked, seed)
         truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
         settings = FilterSettings(led_nodes=body.led)
         return Recording(model.network, body.marked, body.hidden, frames, truth, settings, model.uncertainty)
@@ -90,16 +90,10 @@ def _wrong(seed: int) -> Model:
 def lung(folder: Path) -> Recording:
     """The first lung of the folder, ten landmarks of its hull seen."""
     one, constants = read_lungs(folder)[0], LungConstants()
-    network = lung_network(one.positions[0], constants)
-    cov, marked = constants.reading_sd_m**2 * np.eye(3), one.seen(10)
-    names = network.names
-    frames = [
-        (float(time_s), [MarkMeasurement(names[i], places[i], cov) for i in marked])
-        for time_s, places in zip(one.times_s, one.positions, strict=True)
-    ]
-    hidden = [names[i] for i in one.inner]
-    truth = one.positions[:, one.inner]
-    return Recording(network, [names[i] for i in marked], hidden, frames, truth, read_sd_m=constants.reading_sd_m)
+    marked, sd_m = one.seen(10), constants.reading_sd_m
+    seen, hidden = ([node_name(i) for i in landmarks] for landmarks in (marked, one.inner))
+    network, truth = lung_network(one.positions[0], constants), one.positions[:, one.inner]
+    return Recording(network, seen, hidden, lung_frames(one, marked, sd_m), truth, read_sd_m=sd_m)
 
 
 BODIES: Mapping[str, Callable[[int], Recording]] = {

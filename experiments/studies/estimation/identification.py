@@ -15,11 +15,9 @@ logarithm of a constant by its standard error. Development seeds are 0 to 39, th
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -34,18 +32,15 @@ from dynamics import (
     rest_shape,
     scale_parameters,
 )
-from estimators import IdentificationSettings, MarkMeasurement, identify_constants
+from estimators import IdentificationSettings, identify_constants
 from experiments.arrays import Floats
-from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case
-from experiments.engine.study import run_study
-from experiments.engine.workers import add_worker_options, chosen_workers
+from experiments.engine.workers import chosen_workers
 from experiments.formats.page import rewrite_page
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
-from experiments.studies.estimation.trials import Frames
-
-PAGE = Path(__file__).parents[3] / "docs" / "identification.md"
+from experiments.studies.estimation.trials import Frames, frames_of
+from experiments.studies.grid import DOCS, grid, kept_runs, markdown_table, study_options
 
 PRIOR_SD: Mapping[str, float] = {
     "stiffness": 0.1,
@@ -63,16 +58,8 @@ FIRST_SEED, N_RUNS = 1000, 40
 BOUNDS = {"mean": (-0.3, 0.3), "spread": (0.8, 1.2)}
 """Between which the pulls' mean and standard deviation are to be."""
 
-_PLACES_MM = {
-    "P1": (-90, 70),
-    "P2": (-60, 150),
-    "P3": (55, 160),
-    "P4": (95, 80),
-    "T": (5, 85),
-    "A1": (-100, 0),
-    "A2": (0, 0),
-    "A3": (100, 0),
-}
+_PLACES_MM = {"P1": (-90, 70), "P2": (-60, 150), "P3": (55, 160), "P4": (95, 80), "T": (5, 85)}
+_PLACES_MM |= {"A1": (-100, 0), "A2": (0, 0), "A3": (100, 0)}
 _MASSES_KG = {"P1": 0.12, "P2": 0.10, "P3": 0.08, "P4": 0.12, "T": 0.15}
 _SPRINGS = [
     ("P1", "P2", 160.0, 0.3),
@@ -118,32 +105,22 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
     return five_mass_phantom(), ("P1", "P2", "P3", "P4"), "T"
 
 
-def recorded(
-    network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float, frames_per_s: float = FRAMES_PER_S
-) -> tuple[Frames, Floats]:
-    """Frames with the marks of all free nodes, one of these nodes poked at a time, and their true places.
-
-    The places are in metres, (n_frames, n_free, dim).
-    """
+def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> tuple[Frames, Floats]:
+    """Frames with the marks of all free nodes, and their true places [m], (n_frames, n_free, dim)."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
     change = {
         "seed": seed,
         "duration_s": duration_s,
-        "frame_interval_s": 1.0 / frames_per_s,
+        "frame_interval_s": 1.0 / FRAMES_PER_S,
         "pokes": scenario.pokes.model_copy(update={"nodes": list(poked)}),
     }
     rng = np.random.default_rng(seed)
     truth = true_motion(network, scenario.model_copy(update=change), rng)
     noisy = truth.positions + rng.normal(0.0, MARK_SD_M, truth.positions.shape)
     names = [network.names[i] for i in network.free]
-    cov = MARK_SD_M**2 * np.eye(network.dim)
-    frames = [
-        (float(time_s), [MarkMeasurement(name, place, cov) for name, place in zip(names, places, strict=True)])
-        for time_s, places in zip(truth.times_s, noisy, strict=True)
-    ]
-    return frames, truth.positions
+    return frames_of(truth.times_s, noisy, names, MARK_SD_M), truth.positions
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
@@ -168,28 +145,21 @@ def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
     found: dict[tuple[str, str], dict[str, float]] = {}
     for (name, kind), rows in table.groupby(["phantom", "kind"], sort=False):
         pull = (rows["error"] / rows["sd"]).to_numpy()
-        found[str(name), str(kind)] = {
-            "fits": float(rows["seed"].nunique()),
-            "mean": float(pull.mean()),
-            "spread": float(pull.std(ddof=1)),
-            "before": float(np.sqrt((rows["before"] ** 2).mean())),
-            "after": float(np.sqrt((rows["error"] ** 2).mean())),
-            "sd": float(np.sqrt((rows["sd"] ** 2).mean())),
-        }
+        rms = {key: float(np.sqrt((rows[key] ** 2).mean())) for key in ("before", "error", "sd")}
+        pulled = {"mean": float(pull.mean()), "spread": float(pull.std(ddof=1))}
+        found[str(name), str(kind)] = {"fits": float(rows["seed"].nunique()), **pulled, **rms}
     return found
 
 
 def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
     """The table of the page; what is out of its bounds is bold."""
-    lines = [
-        "| phantom | constants | fits | pull, mean | pull, spread | off before | off after | standard error |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    heads = ["phantom", "constants", "fits", "pull, mean", "pull, spread", "off before", "off after", "standard error"]
+    rows = []
     for (name, kind), row in found.items():
         mean, spread = (_marked(row[key], *BOUNDS[key]) for key in ("mean", "spread"))
-        rest = " | ".join(f"{100.0 * row[key]:.3g} %" for key in ("before", "after", "sd"))
-        lines.append(f"| {name} | {kind.replace('_', ' ')} | {row['fits']:.0f} | {mean} | {spread} | {rest} |")
-    return "\n".join(lines)
+        rest = [f"{100.0 * row[key]:.3g} %" for key in ("before", "error", "sd")]
+        rows.append([name, kind.replace("_", " "), f"{row['fits']:.0f}", mean, spread, *rest])
+    return markdown_table(heads, rows, left=(0, 1))
 
 
 def _marked(value: float, low: float, high: float) -> str:
@@ -198,24 +168,17 @@ def _marked(value: float, low: float, high: float) -> str:
 
 def main() -> None:
     """Do the fits, print the table, and put it into the page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    parser.add_argument("--out", type=Path, required=True)
+    parser = study_options(__doc__, page="identification.md")
     parser.add_argument("--runs", type=int, default=N_RUNS)
     parser.add_argument("--seeds", type=int, default=FIRST_SEED, help="the first one")
-    parser.add_argument("--page", action="store_true", help="rewrite the table of docs/identification.md")
-    add_worker_options(parser)
-    chosen = parser.parse_args()
-    cases = [
-        {"phantom": name, "seed": seed, "duration_s": LONG_S}
-        for seed in range(chosen.seeds, chosen.seeds + chosen.runs)
-        for name in ("built-in", "five-mass")
-    ]
-    with run_bar("identification") as advance:
-        table = run_study(identified, cases, chosen.out, chosen_workers(chosen), advance).checked()
+    given = parser.parse_args()
+    seeds = range(given.seeds, given.seeds + given.runs)
+    cases = grid(duration_s=[LONG_S], seed=seeds, phantom=["built-in", "five-mass"])
+    table = kept_runs(identified, cases, given.out, chosen_workers(given))
     made = page_table(pulls(table.sort_values("phantom", kind="stable")))
-    sys.stdout.write(made + "\n")
-    if chosen.page:
-        rewrite_page(PAGE, {"pulls": made})
+    sys.stdout.write(made)
+    if given.page:
+        rewrite_page(DOCS / "identification.md", {"pulls": made})
 
 
 if __name__ == "__main__":

@@ -12,16 +12,16 @@ are half sines (`poked`: one mass at a time; `shoved`: all outer masses at once,
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache as once
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from dynamics import (
     HIDDEN,
@@ -35,13 +35,14 @@ from dynamics import (
     parameters,
     scale_parameters,
 )
-from estimators import FilterSettings, identify_constants, principal_uncertainty
+from estimators import FilterSettings, coverage, identify_constants, principal_uncertainty
 from experiments.engine.runs import Case
-from experiments.engine.workers import add_worker_options, chosen_workers
+from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.estimation.limits import bound, hard, lost, overturned
-from experiments.studies.estimation.runs import Row, Study, by_scenario
-from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, outcome_of, outcome_row, run, seen
+from experiments.studies.estimation.limits import bound_row, hard_trial, longest, lost_row
+from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, run, seen
+from experiments.studies.grid import grid as cases_of
+from experiments.studies.grid import kept_runs, print_figures, study_options
 
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 """Relative standard deviations of the errors of constants, by kind: 10 %, rest lengths 1 % (2 mm)."""
@@ -50,9 +51,98 @@ LEFT = {kind: 0.02 for kind in KINDS if kind != "rest_length"}
 """What is taken to be left after identification in the grid; rest lengths are corrected by a picture at rest."""
 
 SCENARIOS = ("quiet", "poked", "shoved")
-
 NOISES_MM = (0.1, 0.3, 1.0, 4.14, 8.0)
 RATES = (5, 10, 30, 60, 120)
+
+FAR_M = 0.04
+"""Error of the hidden mass that counts as large [m]."""
+
+UNREPORTED_S = 0.5
+"""Time [s] within which a filter of such an error must report it."""
+
+Row = dict[str, float | int]
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """Where a study keeps its runs and truths, how many runs each figure takes, and where they are done."""
+
+    folder: Path
+    n_runs: int
+    workers: Workers = ALL_CORES
+
+    @property
+    def seeds(self) -> range:
+        """Of the runs."""
+        return range(100, 100 + self.n_runs)
+
+    @property
+    def cache(self) -> Path:
+        """Where truths are kept."""
+        return self.folder / "truth"
+
+    def runs(self, part: str, work: Callable[..., Any], cases: Sequence[Case]) -> pd.DataFrame:
+        """The rows of work(case, cache=...) of all cases, in their order, kept in the folder `runs/PART`."""
+        return kept_runs(partial(work, cache=self.cache), cases, self.folder / "runs" / part, self.workers)
+
+
+def row_of(outcome: Outcome) -> dict[str, Any]:
+    """The figures of one run; errors are means [mm], mean squares [mm²] and largest, shares are of its frames.
+
+    diverged: an error of more than FAR_M while TRACKING, for UNREPORTED_S or longer or in the last frame; ever_far: at
+    any time; unsaid_s: the longest time for which it was surely wrong and TRACKING: more than FAR_M with a NEES above
+    30, which one frame in three million has
+    """
+    ours_mm = 1e3 * outcome.filtered
+    far = (outcome.filtered > FAR_M) & (np.array(outcome.status) == "TRACKING")
+    return {
+        "frames": len(ours_mm),
+        "open_loop_mm": float(1e3 * outcome.open_loop.mean()),
+        "filter_mm": float(ours_mm.mean()),
+        "square_mm2": float((ours_mm**2).mean()),
+        "worst_mm": float(ours_mm.max()),
+        "coverage95": coverage(outcome.nees, 2),
+        "nees": float(outcome.nees.mean()),
+        "diverged_frames": outcome.status.count("DIVERGED"),
+        "repairs": outcome.repairs,
+        "turned": outcome.turned,
+        "diverged": bool(longest(outcome.times_s, far) >= UNREPORTED_S or far[-1]),
+        "ever_far": bool((outcome.filtered > FAR_M).any()),
+        "unsaid_s": longest(outcome.times_s, far & (outcome.nees > 30.0)),
+    }
+
+
+def figures(runs: pd.DataFrame) -> Row:
+    """Mean errors [mm], their ratio, 95 % coverage, mean NEES, worst error [mm], frames by status and repairs."""
+
+    def mean(column: str) -> float:
+        return float(np.average(runs[column], weights=runs["frames"]))
+
+    return {
+        "runs": len(runs),
+        "open_loop_mm": mean("open_loop_mm"),
+        "filter_mm": mean("filter_mm"),
+        "ratio": mean("filter_mm") / mean("open_loop_mm"),
+        "coverage95": mean("coverage95"),
+        "nees": mean("nees"),
+        "rmse_mm": float(np.sqrt(mean("square_mm2"))),
+        "worst_mm": float(runs["worst_mm"].max()),
+        "frames": int(runs["frames"].sum()),
+        "diverged_frames": int(runs["diverged_frames"].sum()),
+        "repairs": int(runs["repairs"].sum()),
+    }
+
+
+def far_figures(runs: pd.DataFrame) -> Row:
+    """`figures`, runs that diverged or were ever far, and the longest time [s] that one was surely wrong unsaid."""
+    far = {"runs_diverged": int(runs["diverged"].sum()), "runs_ever_far": int(runs["ever_far"].sum())}
+    return figures(runs) | far | {"longest_unsaid_s": float(runs["unsaid_s"].max())}
+
+
+def by_scenario(runs: pd.DataFrame, label: str = "") -> dict[str, Row]:
+    """`figures` of all frames together and of each scenario, as `label` and its name."""
+    each = {f"{label}{name}": figures(own) for name, own in runs.groupby("scenario", sort=False)}
+    return {f"{label}all": figures(runs)} | each
 
 
 def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertainty | None = None) -> Model:
@@ -74,53 +164,35 @@ def calibration(seed: int, cache: Path) -> Frames:
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
 
 
-def identified_run(seed: int, cache: Path) -> dict[str, Any]:
+def identified(study: Study) -> dict[str, Row]:
+    """Constants wrong by 10 %, identified from 30 s, both methods with what was found; 4.14 mm, 30 frames/s."""
+    found = study.runs("identified", identified_rows, cases_of(seed=study.seeds))
+    means = found.drop_duplicates("seed")[["chi2_by_degrees", "passes", "directions"]].mean()
+    return by_scenario(found) | {"constants": means.to_dict()}
+
+
+def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
     """One phantom with wrong constants, identified from a calibration recording, then tracked in all scenarios."""
+    seed = case["seed"]
     model = perturbed(seed, CONSTANT_SDS)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
     known = replace(model, network=found.network, uncertainty=found.uncertainty)
     network = four_mass_phantom()
     true = np.log([parameter_value(network, one) / parameter_value(model.network, one) for one in found.parameters])
     error = found.change - true
-    return {
-        "outcomes": {name: run(Trial(name, seed), known, cache) for name in SCENARIOS},
-        "chi2": float(error @ np.linalg.solve(found.cov, error)),
+    own = {
+        "chi2_by_degrees": float(error @ np.linalg.solve(found.cov, error)) / len(error),
         "passes": found.passes,
         "directions": len(found.uncertainty.directions),
     }
-
-
-def identified(study: Study) -> dict[str, Row]:
-    """Constants wrong by 10 %, identified from 30 s, both methods with what was found; 4.14 mm, 30 frames/s."""
-    found = study.rows("identified", identified_rows, [{"seed": seed} for seed in study.seeds])
-    rows = by_scenario({name: [outcome_of(row) for row in found if row["scenario"] == name] for name in SCENARIOS})
-    runs = found[:: len(SCENARIOS)]
-    rows["constants"] = {
-        "chi2_by_degrees": float(np.mean([one["chi2"] for one in runs]) / len(parameters(four_mass_phantom()))),
-        "passes": float(np.mean([one["passes"] for one in runs])),
-        "directions": float(np.mean([one["directions"] for one in runs])),
-    }
-    return rows
-
-
-def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """`identified_run`, a row for each scenario."""
-    found = identified_run(case["seed"], cache)
-    own = {name: value for name, value in found.items() if name != "outcomes"}
-    return [{"scenario": name, **own, **outcome_row(one)} for name, one in found["outcomes"].items()]
+    return [{"scenario": name, **own, **row_of(run(Trial(name, seed), known, cache))} for name in SCENARIOS]
 
 
 def unidentified(study: Study) -> dict[str, Row]:
     """Constants wrong by 10 %, not identified: the filter considers their uncertainty, or ignores it."""
-    labels = ("considered", "ignored")
-    cases = [
-        {"uncertainty": label, "scenario": name, "seed": seed}
-        for label in labels
-        for name in SCENARIOS
-        for seed in study.seeds
-    ]
-    found = study.rows("unidentified", unidentified_row, cases)
-    return _labelled({label: [row for row in found if row["uncertainty"] == label] for label in labels})
+    cases = cases_of(uncertainty=("considered", "ignored"), scenario=SCENARIOS, seed=study.seeds)
+    found = study.runs("unidentified", unidentified_row, cases).groupby("uncertainty", sort=False)
+    return {name: row for label, runs in found for name, row in by_scenario(runs, f"{label}, ").items()}
 
 
 def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
@@ -128,40 +200,26 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
     which = parameters(four_mass_phantom())
     known = independent_uncertainty(which, [CONSTANT_SDS[one.kind] for one in which])
     model = perturbed(case["seed"], CONSTANT_SDS, known if case["uncertainty"] == "considered" else None)
-    return outcome_row(run(Trial(case["scenario"], case["seed"]), model, cache))
-
-
-def _labelled(rows_of: dict[str, list[dict[str, Any]]]) -> dict[str, Row]:
-    """`by_scenario` of the outcomes under each label, as `label, scenario`."""
-    rows: dict[str, Row] = {}
-    for label, found in rows_of.items():
-        outcomes: dict[str, list[Outcome]] = {}
-        for row in found:
-            outcomes.setdefault(row["scenario"], []).append(outcome_of(row))
-        rows |= {f"{label}, {name}": row for name, row in by_scenario(outcomes).items()}
-    return rows
+    return row_of(run(Trial(case["scenario"], case["seed"]), model, cache))
 
 
 def grid(study: Study) -> dict[str, Row]:
     """Mark noise by frame rate, constants wrong by 2 %, known to that, rest seen; half the runs quiet, half shoved."""
-    cases = [
-        {"noise_mm": noise, "rate": rate, "scenario": name, "seed": seed}
-        for noise in NOISES_MM
-        for rate in RATES
-        for name in ("quiet", "shoved")
-        for seed in study.seeds[: (study.n_runs + 1) // 2]
-    ]
-    found: dict[str, list[dict[str, Any]]] = {}
-    for row in study.rows("grid", grid_row, cases):
-        found.setdefault(f"{row['noise_mm']:g} mm, {row['rate']}/s", []).append(row)
-    return _labelled(found)
+    seeds = study.seeds[: (study.n_runs + 1) // 2]
+    cases = cases_of(noise_mm=NOISES_MM, rate=RATES, scenario=("quiet", "shoved"), seed=seeds)
+    found = study.runs("grid", grid_row, cases).groupby(["noise_mm", "rate"], sort=False)
+    return {
+        name: row
+        for (noise_mm, rate), runs in found
+        for name, row in by_scenario(runs, f"{noise_mm:g} mm, {rate}/s, ").items()
+    }
 
 
 def grid_row(case: Case, cache: Path) -> dict[str, Any]:
     """One run of the grid."""
-    noise_m, seed = 1e-3 * case["noise_mm"], case["seed"]
-    trial = Trial(case["scenario"], seed, frames_per_s=case["rate"], mark_sd_m=noise_m)
-    return outcome_row(run(trial, resting(perturbed(seed, LEFT, _left(cache))), cache))
+    seed = case["seed"]
+    trial = Trial(case["scenario"], seed, frames_per_s=case["rate"], mark_sd_m=1e-3 * case["noise_mm"])
+    return row_of(run(trial, resting(perturbed(seed, LEFT, _left(cache))), cache))
 
 
 @once
@@ -173,34 +231,70 @@ def _left(cache: Path) -> ParameterUncertainty:
     return principal_uncertainty(network, wide, calibration(0, cache), OUTER, HIDDEN)
 
 
+def bound(study: Study) -> dict[str, Row]:
+    """Nobody pokes, constants known: RMSE by the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
+    runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
+    rows: dict[str, Row] = {}
+    for label, own in runs.groupby("from", sort=False):
+        rmse_mm, bound_mm = (1e3 * float(np.sqrt(own[key].mean())) for key in ("square_m2", "bound_m2"))
+        rows[str(label)] = {"runs": len(own), "rmse_mm": rmse_mm, "bound_mm": bound_mm, "ratio": rmse_mm / bound_mm}
+    return rows
+
+
+def hard(study: Study) -> dict[str, Row]:
+    """1,000 runs of 6 s over frame rates 5 to 120, 0.5 to 8 mm, 30 % of the marks lost, pokes up to 1.5 times."""
+    runs = study.runs("hard", hard_row, cases_of(seed=range(10 * study.n_runs)))
+    parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
+    return {label: far_figures(own) for label, own in parts.items() if len(own)}
+
+
+def hard_row(case: Case, cache: Path) -> dict[str, Any]:
+    """One of the thousand."""
+    return row_of(run(hard_trial(case["seed"]), Model(), cache))
+
+
+def overturned(study: Study) -> dict[str, Row]:
+    """Pokes so strong that the truth turns over: whether the filter follows, or reports that it does not."""
+    cases = cases_of(strength=(1.5, 2.0, 3.0), seed=[3000 + seed for seed in study.seeds])
+    runs = study.runs("overturned", overturned_row, cases)
+    by_strength = runs[runs["turned"]].groupby("strength", sort=False)
+    return {f"{10 * strength:g} m/s²": far_figures(own) for strength, own in by_strength}
+
+
+def overturned_row(case: Case, cache: Path) -> dict[str, Any]:
+    """One run of strong pokes."""
+    return row_of(run(Trial("shoved", case["seed"], strength=case["strength"]), Model(), cache))
+
+
+def lost(study: Study) -> dict[str, Row]:
+    """All marks lost for 2 s, pokes going on, and half a second of them after; 4.14 mm, 30 frames/s."""
+    rows: dict[str, Row] = {}
+    cases = cases_of(scenario=SCENARIOS, seed=study.seeds)
+    for name, runs in study.runs("lost", lost_row, cases).groupby("scenario", sort=False):
+        counts = {key: int(runs[key].sum()) for key in ("coasted_then_lost", "grew", "tracking")}
+        errors = {"mean_mm": float(runs["error_mm"].mean()), "worst_mm": float(runs["error_mm"].max())}
+        rows[str(name)] = {"runs": len(runs), **counts, "coverage95": coverage(runs["nees"].to_numpy(), 2), **errors}
+    return rows
+
+
 PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
-    "identified": identified,
-    "grid": grid,
-    "unidentified": unidentified,
-    "bound": bound,
-    "hard": hard,
-    "overturned": overturned,
-    "lost": lost,
+    one.__name__: one for one in (identified, grid, unidentified, bound, hard, overturned, lost)
 }
 
 
 def main() -> None:
     """Run the parts named, or all, and keep their figures."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = study_options(__doc__)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="default: all")
-    parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--runs", type=int, default=100)
-    add_worker_options(parser)
     chosen = parser.parse_args()
     study = Study(chosen.out, chosen.runs, chosen_workers(chosen))
     study.cache.mkdir(parents=True, exist_ok=True)
     for name in chosen.parts or PARTS:
-        sys.stderr.write(f"{name}\n")
         rows = PARTS[name](study)
         write_whole(study.folder / f"{name}.json", json.dumps(rows, indent=1) + "\n")
         for label, row in rows.items():
-            columns = "  ".join(f"{key} {value:.3g}" for key, value in row.items() if not isinstance(value, str))
-            sys.stdout.write(f"{label}: {columns}\n")
+            print_figures(f"{label}: ", row)
 
 
 if __name__ == "__main__":

@@ -6,12 +6,9 @@ Truth is by SciPy's RK45 (`experiments.simulation.simulate`), kept in a folder s
 from __future__ import annotations
 
 import io
-import json
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -39,9 +36,6 @@ MISPLACED_M = (0.03, 0.15)
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
 """Of a filter whose model is the true one, as scenes of simulated phantoms state."""
-
-SERIES = ("times_s", "open_loop", "filtered", "nees", "sigma")
-"""Fields of an outcome that have a number for each frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,34 +68,25 @@ class Model:
 class Outcome:
     """What came of a run.
 
-    open_loop, filtered: error of the hidden mass [m], (n_frames,); nees, sigma [m]: by and of the filter's covariance
-    statuses, rejected, repairs: counts; turned: whether a spring of the truth ever turned by more than a right angle
+    open_loop, filtered: error of the hidden mass [m], (n_frames,); nees: by the filter's covariance
+    repairs: of covariances; turned: whether a spring of the truth ever turned by more than a right angle
     """
 
     times_s: Floats
     open_loop: Floats
     filtered: Floats
     nees: Floats
-    sigma: Floats
     status: tuple[str, ...]
-    rejected: Counter[str]
-    repairs: Counter[str]
+    repairs: int
     turned: bool
 
 
-def outcome_row(outcome: Outcome) -> dict[str, Any]:
-    """An outcome as a row of a table: series as lists, counts as JSON."""
-    series = {name: getattr(outcome, name) for name in SERIES}
-    counts = {name: json.dumps(getattr(outcome, name)) for name in ("rejected", "repairs")}
-    return {**series, "status": list(outcome.status), **counts, "turned": outcome.turned}
-
-
-def outcome_of(row: Mapping[str, Any]) -> Outcome:
-    """The outcome of a row that `outcome_row` made."""
-    rejected, repairs = (Counter(json.loads(row[name])) for name in ("rejected", "repairs"))
-    series: dict[str, Any] = {name: row[name] for name in SERIES}
-    status, over = tuple(row["status"]), bool(row["turned"])
-    return Outcome(**series, status=status, rejected=rejected, repairs=repairs, turned=over)
+def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequence[str], sd_m: float) -> Frames:
+    """Marks of these names at these places [m], (n_frames, n_names, dim), that are known to so much an axis [m]."""
+    return [
+        (float(time_s), [MarkMeasurement(name, z, sd_m**2 * np.eye(len(z))) for name, z in zip(names, at, strict=True)])
+        for time_s, at in zip(times_s, places, strict=True)
+    ]
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
@@ -153,41 +138,32 @@ def _misplaced(shape: tuple[int, ...], share: float, rng: np.random.Generator) -
     return np.where(rng.random((len(ways), 1)) < share, ways, 0.0)
 
 
+def passed(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
+    """The filter's estimates, frame by frame."""
+    estimates = []
+    for time_s, marks in frames:
+        tissue.predict(time_s)
+        estimates.append(tissue.update(marks))
+    return estimates
+
+
 def run(trial: Trial, model: Model, cache: Path) -> Outcome:
     """The paper's method and ours on the same marks."""
     rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
     frames, hidden = seen(trial, cache, rng)
-    tissue = TissueFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
     open_loop = OpenLoop(model.network, HIDDEN)
-    paper, ours = [], []
-    for time_s, marks in frames:
-        paper.append(open_loop.update(time_s, marks).mean)
-        tissue.predict(time_s)
-        ours.append(tissue.update(marks))
-    return outcome(np.array([t for t, _ in frames]), hidden, np.array(paper), ours, tissue, turned(truth(trial, cache)))
-
-
-def outcome(
-    times_s: Floats,
-    hidden: Floats,
-    paper: Floats,
-    ours: Sequence[TargetEstimate],
-    tissue: TissueFilter,
-    over: bool,
-) -> Outcome:
-    """Errors and counts of one run."""
+    paper = np.array([open_loop.update(time_s, marks).mean for time_s, marks in frames])
+    tissue = TissueFilter(model.network, HIDDEN, OUTER, model.settings, uncertainty=model.uncertainty)
+    ours = passed(tissue, frames)
     errors = np.array([estimate.mean for estimate in ours]) - hidden
-    covs = np.array([estimate.cov for estimate in ours])
     return Outcome(
-        times_s,
+        np.array([time_s for time_s, _ in frames]),
         np.linalg.norm(paper - hidden, axis=1),
         np.linalg.norm(errors, axis=1),
-        normalised_error_squared(errors, covs),
-        np.sqrt(np.trace(covs, axis1=1, axis2=2)),
+        normalised_error_squared(errors, np.array([estimate.cov for estimate in ours])),
         tuple(estimate.status.value for estimate in ours),
-        tissue.rejected,
-        tissue.repairs,
-        over,
+        sum(tissue.repairs.values()),
+        turned(truth(trial, cache)),
     )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import cast
 
 import cv2
 import numpy as np
 
 from experiments.studies.faults.judge import FOREVER, HIDDEN_S, LASTS_S, ONSET_S
-from experiments.studies.faults.scripted import ScriptedFault
+from experiments.studies.faults.scripted import Alters, Arrives, ScriptedFault
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival
 from vision.arrays import Image
 
@@ -24,23 +26,28 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arriv
     return [replace(one, image=None) if _within(one) else one for one in arrivals]
 
 
-def _blocked(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
-    return [one for one in arrivals if not _within(one)]
+def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
+    """While the fault lasts only these reads come back, counted from its onset on."""
+
+    def arrives(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
+        first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
+        return [one for k, one in enumerate(arrivals) if not _within(one) or keeps(k - first, rng)]
+
+    return arrives
 
 
-def _frozen(arrivals: list[Arrival], n_pictures: int) -> list[Arrival]:
-    before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
-    turns = iter(range(len(arrivals)))
-    return [replace(one, image=before[next(turns) % n_pictures]) if _within(one) else one for one in arrivals]
+_blocked = _kept(lambda _k, _rng: False)
 
 
-def _every_other(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
-    first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
-    return [one for k, one in enumerate(arrivals) if not _within(one) or (k - first) % 2]
+def _frozen(n_pictures: int) -> Arrives:
+    """So many pictures in turn."""
 
+    def arrives(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+        before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
+        turns = iter(range(len(arrivals)))
+        return [replace(one, image=before[next(turns) % n_pictures]) if _within(one) else one for one in arrivals]
 
-def _at_random(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
-    return [one for one in arrivals if not _within(one) or rng.random() > 0.5]
+    return arrives
 
 
 def _late(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
@@ -53,34 +60,30 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
     return [replace(one, at_s=one.at_s + 1.0) if one.at_s - BEGAN_S >= ONSET_S else one for one in arrivals]
 
 
-def _resized(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
-    return np.asarray(cv2.resize(image, (320, 240)), dtype=np.uint8)
+def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng: arrivals) -> Arrives:
+    """Of a device that states times, by a clock that is this much off while the fault lasts [s]."""
+    return lambda arrivals, rng: arrives(
+        [
+            replace(one, told_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, FOREVER) else 0.0))
+            for k, one in enumerate(arrivals)
+        ],
+        rng,
+    )
 
 
-def _bgra(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
-    return np.dstack([image, np.full(image.shape[:2], 255, np.uint8)])
-
-
-def _sixteen_bit(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
-    return image.astype(np.uint16) * 257  # type: ignore[return-value]
-
-
-def _black(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
-    return rng.integers(0, 4, image.shape, dtype=np.uint8)
-
-
-def _overexposed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
-    return rng.integers(250, 256, image.shape, dtype=np.uint8)
-
-
-def _dimmed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
-    return np.clip(0.35 * image + rng.normal(0.0, 1.2, image.shape), 0, 255).astype(np.uint8)
+def _noise(low: int, high: int) -> Alters:
+    """Nothing but values from low to below high."""
+    return lambda image, _since_s, rng: rng.integers(low, high, image.shape, dtype=np.uint8)
 
 
 def _shifted_hue(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
     hsv[..., 0] = (hsv[..., 0].astype(np.int16) + 15) % 180
     return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), dtype=np.uint8)
+
+
+def _dimmed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
+    return np.clip(0.35 * image + rng.normal(0.0, 1.2, image.shape), 0, 255).astype(np.uint8)
 
 
 def _bleeding(image: Image, since_s: float, _rng: np.random.Generator) -> Image:
@@ -92,56 +95,64 @@ def _bleeding(image: Image, since_s: float, _rng: np.random.Generator) -> Image:
     return stained
 
 
-def _told(arrivals: list[Arrival], fault_s: float) -> list[Arrival]:
-    """From a device that tells times, by a clock that is this much off while the fault lasts [s]."""
-    return [
-        replace(one, told_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, FOREVER) else 0.0))
-        for k, one in enumerate(arrivals)
-    ]
-
-
-def _nan(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
-    return np.full(image.shape, np.nan, dtype=np.float32)
-
+_PICTURES: tuple[tuple[str, str, float, Alters], ...] = (
+    ("black", "black pictures for 2 s", LASTS_S, _noise(0, 4)),
+    ("overexposed", "white pictures for 2 s", LASTS_S, _noise(250, 256)),
+    (
+        "another size",
+        "pictures of 320 x 240 for 2 s",
+        LASTS_S,
+        lambda image, _since_s, _rng: np.asarray(cv2.resize(image, (320, 240)), dtype=np.uint8),
+    ),
+    (
+        "BGRA",
+        "pictures of four channels for 2 s",
+        LASTS_S,
+        lambda image, _since_s, _rng: np.dstack([image, np.full(image.shape[:2], 255, np.uint8)]),
+    ),
+    (
+        "16 bit",
+        "pictures of 16 bit for 2 s",
+        LASTS_S,
+        lambda image, _since_s, _rng: cast(Image, image.astype(np.uint16) * 257),
+    ),
+    ("dimmed", "the lamp gives a third of its light from now on", FOREVER, _dimmed),
+    ("hue shifted", "all hues turn by 30 degrees from now on", FOREVER, _shifted_hue),
+    ("blood", "blood as red as a mark runs over the picture", FOREVER, _bleeding),
+)
 
 CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault("unplugged", "the camera is unplugged for 2 s", arrivals=_unplugged),
     ScriptedFault("blocked", "reads do not come back for 2 s", arrivals=_blocked),
-    ScriptedFault("frozen", "the same picture for 2 s", arrivals=lambda arrivals, _rng: _frozen(arrivals, 1)),
+    ScriptedFault("frozen", "the same picture for 2 s", arrivals=_frozen(1)),
+    ScriptedFault("frozen in turn", "two pictures in turn for 2 s", arrivals=_frozen(2)),
+    ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_kept(lambda k, _rng: bool(k % 2))),
     ScriptedFault(
-        "frozen in turn", "two pictures in turn for 2 s", arrivals=lambda arrivals, _rng: _frozen(arrivals, 2)
-    ),
-    ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_every_other),
-    ScriptedFault(
-        "dropped at random", "half of the frames, at random, are lost for 2 s", within_s=HIDDEN_S, arrivals=_at_random
+        "dropped at random",
+        "half of the frames, at random, are lost for 2 s",
+        within_s=HIDDEN_S,
+        arrivals=_kept(lambda _k, rng: rng.random() > 0.5),
     ),
     ScriptedFault("late frames", "frames come 50 ms late on average, in bursts, for 2 s", arrivals=_late),
     ScriptedFault("lag", "from now on all frames come 1 s late", FOREVER, arrivals=_lag),
     ScriptedFault(
         "blocked, dated",
         "reads of a camera that tells its times do not come back for 2 s",
-        arrivals=lambda a, rng: _blocked(_told(a, 0.0), rng),
+        arrivals=_dated(0.0, _blocked),
     ),
     ScriptedFault(
         "lag, dated",
         "from now on all frames of a camera that tells its times come 1 s late",
         FOREVER,
-        arrivals=lambda a, rng: _lag(_told(a, 0.0), rng),
+        arrivals=_dated(0.0, _lag),
     ),
-    ScriptedFault("black", "black pictures for 2 s", picture=_black),
-    ScriptedFault("overexposed", "white pictures for 2 s", picture=_overexposed),
-    ScriptedFault("another size", "pictures of 320 x 240 for 2 s", picture=_resized),
-    ScriptedFault("BGRA", "pictures of four channels for 2 s", picture=_bgra),
-    ScriptedFault("16 bit", "pictures of 16 bit for 2 s", picture=_sixteen_bit),
-    ScriptedFault("dimmed", "the lamp gives a third of its light from now on", FOREVER, picture=_dimmed),
-    ScriptedFault("hue shifted", "all hues turn by 30 degrees from now on", FOREVER, picture=_shifted_hue),
-    ScriptedFault("blood", "blood as red as a mark runs over the picture", FOREVER, picture=_bleeding),
+    *(ScriptedFault(name, what, lasts_s, picture=alters) for name, what, lasts_s, alters in _PICTURES),
+    ScriptedFault("clock ahead", "the camera's clock jumps ahead by 10 s", FOREVER, arrivals=_dated(10.0)),
+    ScriptedFault("clock back", "the camera's clock jumps back by 10 s", FOREVER, arrivals=_dated(-10.0)),
+    ScriptedFault("NaN times", "the camera's clock tells no number", FOREVER, arrivals=_dated(np.nan)),
     ScriptedFault(
-        "clock ahead", "the camera's clock jumps ahead by 10 s", FOREVER, arrivals=lambda a, _: _told(a, 10.0)
+        "NaN pictures",
+        "pictures of NaN for 2 s",
+        picture=lambda image, _since_s, _rng: np.full(image.shape, np.nan, dtype=np.float32),
     ),
-    ScriptedFault(
-        "clock back", "the camera's clock jumps back by 10 s", FOREVER, arrivals=lambda a, _: _told(a, -10.0)
-    ),
-    ScriptedFault("NaN times", "the camera's clock tells no number", FOREVER, arrivals=lambda a, _: _told(a, np.nan)),
-    ScriptedFault("NaN pictures", "pictures of NaN for 2 s", picture=_nan),
 )

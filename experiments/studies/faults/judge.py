@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import re
+import tempfile
+from abc import ABC, abstractmethod
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 from scipy.stats import chi2
 
 from experiments.arrays import Floats
+from experiments.log import LOG
 
 ONSET_S = 4.0
 """When a fault begins, from the first exposure on [s]: the breath is learnt by then."""
@@ -97,27 +103,36 @@ class Judged:
     lacks_s: float | None = None
 
 
-class Fault(Protocol):
+@dataclass(frozen=True, slots=True)
+class Fault(ABC):
     """A fault, and how it is made and judged.
 
-    name: as the table has it; what: in a few words; within_s: when it has to be noticed, at the latest, or covered [s]
+    name: as the table has it; what: in a few words; lasts_s: from ONSET_S on [s], inf for one that stays
+    within_s: when it has to be noticed, at the latest, or covered [s]
     alone: whether its run takes place in real time, so that nothing else may be at work on the machine
     """
 
-    @property
-    def name(self) -> str: ...  # noqa: D102
+    name: str
+    what: str
+    lasts_s: float = LASTS_S
+    within_s: float = FRAME_S
+    alone: ClassVar[bool] = False
 
-    @property
-    def what(self) -> str: ...  # noqa: D102
-
-    @property
-    def within_s(self) -> float: ...  # noqa: D102
-
-    @property
-    def alone(self) -> bool: ...  # noqa: D102
-
+    @abstractmethod
     def judged(self, seed: int, folder: Path) -> Judged:
         """What came of it in a run; folder: one that exists, for what the run writes."""
+
+
+@contextmanager
+def quiet_folder() -> Iterator[Path]:
+    """A folder for what a run writes, gone afterwards; meanwhile nothing is logged."""
+    level = LOG.level
+    LOG.setLevel(logging.CRITICAL)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            yield Path(folder)
+    finally:
+        LOG.setLevel(level)
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:

@@ -140,7 +140,8 @@ class LiveRun:
 
     folder: that exists, for its output; options: of the command line, beside these; on_terminal: whether it runs in a
     terminal, not in pipes; igtl_port: where OpenIGTLink listens, 0 for nowhere
-    State: the process; who reads what it writes; who watches it; what else is held until its end.
+    State: the process, and who reads what it writes, from `start` on; port and token of its page, and who watches it,
+    once it is there; other viewers; what is held until its end.
     """
 
     film: Film
@@ -150,9 +151,11 @@ class LiveRun:
     igtl_port: int = 0
     held: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     others: list[Viewer] = field(default_factory=list)
-    _process: subprocess.Popen[bytes] | None = None
-    _terminal: Terminal | None = None
-    _viewer: Viewer | None = None
+    process: subprocess.Popen[bytes] = field(init=False)
+    terminal: Terminal = field(init=False)
+    address: tuple[int, str] = field(init=False)
+    viewer: Viewer = field(init=False)
+    _killed: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
         """As a context manager: nothing of it is left at its end."""
@@ -161,14 +164,7 @@ class LiveRun:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._process is not None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
-        for viewer in (*self.others, *([] if self._viewer is None else [self._viewer])):
-            viewer.close()
-        if self._terminal is not None:
-            self._terminal.close()
+        self._killed.close()
         self.held.close()
 
     @property
@@ -176,42 +172,32 @@ class LiveRun:
         """The folder of its tables."""
         return self.folder / "live"
 
-    @property
-    def process(self) -> subprocess.Popen[bytes]:
-        """The process, once it runs."""
-        assert self._process is not None
-        return self._process
-
-    @property
-    def terminal(self) -> Terminal:
-        """Who reads what it writes, once it runs."""
-        assert self._terminal is not None
-        return self._terminal
-
-    @property
-    def viewer(self) -> Viewer:
-        """Who watches it, once its page is there."""
-        assert self._viewer is not None
-        return self._viewer
-
     def start(self) -> bool:
         """Start it, and watch it once its page is there; whether that came to be."""
         command = [sys.executable, "-c", SOFTAIM, "live", "--source", str(self.film.folder)]
         command += ["--needle", str(self.film.needle), "--out", str(self.out), "--record", *self.options]
         theirs, mine = self._ends()
-        self._process = subprocess.Popen(
+        self.process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=theirs[0], stderr=theirs[1], start_new_session=True
         )
         for end in set(theirs):
             os.close(end)
-        self._terminal = Terminal(*mine)
+        self.terminal = Terminal(*mine)
+        self.held.callback(self.terminal.close)
+        self._killed.callback(self._kill)
         until = time.monotonic() + STARTS_S
-        while self._process.poll() is None and time.monotonic() < until:
-            if self._address() is not None:
-                self._viewer = self.watched()
+        while self.process.poll() is None and time.monotonic() < until:
+            if found := re.search(r"page: http://127\.0\.0\.1:(\d+)/#token=([\w-]+)\s", self.terminal.text):
+                self.address = int(found[1]), found[2]
+                self.viewer = self.watched()
                 return True
             time.sleep(0.01)
         return False
+
+    def _kill(self) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
         """What it writes to, its standard output and standard error, and where that is read."""
@@ -225,18 +211,9 @@ class LiveRun:
         """Another viewer."""
         scene = self.film.scene
         target, n_measured = scene.network.index(scene.target.node), len(scene.measured_nodes)
-        return Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
-
-    @property
-    def address(self) -> tuple[int, str]:
-        """Port and token of its page, once they were told."""
-        found = self._address()
-        assert found is not None
-        return found
-
-    def _address(self) -> tuple[int, str] | None:
-        found = re.search(r"page: http://127\.0\.0\.1:(\d+)/#token=([\w-]+)\s", self.terminal.text)
-        return None if found is None else (int(found[1]), found[2])
+        viewer = Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
+        self.held.callback(viewer.close)
+        return viewer
 
     def stop(self) -> float:
         """End it as Ctrl-C does, unless it ends by itself; the film's time then [s], inf where it had ended before."""

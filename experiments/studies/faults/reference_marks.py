@@ -20,10 +20,8 @@ Those of the breast are of 6 s (--seconds 6); there the filter is overconfident 
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -31,9 +29,8 @@ import numpy as np
 from dynamics import breast_phantom, integrate_adaptive, pack, unpack
 from estimators import MarkMeasurement, RigidMotion, coverage, normalised_error_squared
 from experiments.arrays import Floats
-from experiments.engine.executor import results
-from experiments.engine.progress import run_bar
-from experiments.engine.workers import Workers, add_worker_options, chosen_workers
+from experiments.engine.runs import Case
+from experiments.engine.workers import chosen_workers
 from experiments.formats.scenario import Scenario, completed, read_scenario
 from experiments.formats.scene.reference import Reference, ReferenceMark, reference_places
 from experiments.formats.scene.scene import Scene
@@ -41,6 +38,7 @@ from experiments.pipeline.line import FILTER, Line
 from experiments.projects.template import scene_with_marks
 from experiments.simulation.seen_marks import Truth
 from experiments.simulation.simulate import exposures, scene_of, start_and_forces
+from experiments.studies.grid import grid, print_figures, runs_of, study_options
 
 MARK_SD_M, SECONDS, MOVED_S = 1e-3, 10.0, 3.0
 POKE_M_S2 = 5.0
@@ -48,50 +46,23 @@ N_ON_BREAST = 4
 SEEDS = range(100, 110)
 
 
-def _still(_t: float, dim: int) -> Floats:
-    return np.zeros(dim * (dim + 1) // 2)
-
-
-def _drift(t: float, dim: int) -> Floats:
-    change = _still(t, dim)
-    change[0] = 1e-3 * t
-    return change
-
-
-def _moved(t: float, dim: int) -> Floats:
-    change = _still(t, dim)
-    change[:2] = np.array([8e-3, 6e-3]) * (t > MOVED_S)
-    return change
-
-
-def _turned(t: float, dim: int) -> Floats:
-    change = _still(t, dim)
-    change[-1] = np.radians(2.0) * (t > MOVED_S)
-    return change
-
-
-MOTIONS: dict[str, Callable[[float, int], Floats]] = {
-    "still": _still,
-    "unseen": _drift,
-    "none": _still,
-    "drift 1 mm/s": _drift,
-    "moved 10 mm": _moved,
-    "turned 2 deg": _turned,
-}
-"""Change of the camera's pose from where it is calibrated, (n,), at a time since the start [s]."""
-
+ROWS = ("still", "unseen", "none", "drift 1 mm/s", "moved 10 mm", "turned 2 deg")
 WITHOUT = ("still", "unseen")
 """Rows without reference marks."""
 
 BODIES = ("phantom", "breast")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """Errors of the target [m], (n_frames, dim), and their covariances [m²], (n_frames, dim, dim)."""
-
-    errors: Floats
-    covs: Floats
+def moved_by(row: str, t: float, dim: int) -> Floats:
+    """Change of the camera's pose from where it is calibrated, (n,), at a time since the start [s]."""
+    change = np.zeros(dim * (dim + 1) // 2)
+    if row in ("drift 1 mm/s", "unseen"):
+        change[0] = 1e-3 * t
+    elif row == "moved 10 mm" and t > MOVED_S:
+        change[:2] = 8e-3, 6e-3
+    elif row == "turned 2 deg" and t > MOVED_S:
+        change[-1] = np.radians(2.0)
+    return change
 
 
 def scene_and_scenario(body: str, seed: int, seconds: float) -> tuple[Scene, Scenario]:
@@ -129,8 +100,8 @@ def _truth(body: str, seed: int, seconds: float) -> Truth:
     return Truth(times, unpack(states, network.dim)[0])
 
 
-def run(body: str, row: str, seed: int, seconds: float = SECONDS) -> Run:
-    """One seeded run; the noise of the marks is the same in every row."""
+def run(body: str, row: str, seed: int, seconds: float = SECONDS) -> tuple[Floats, Floats]:
+    """Errors of the target [m], (n_frames, dim), and covariances; the noise of the marks is the same in every row."""
     scene, _ = scene_and_scenario(body, seed, seconds)
     truth, network = _truth(body, seed, seconds), scene.network
     still = reference_places(scene.reference, network)
@@ -141,7 +112,7 @@ def run(body: str, row: str, seed: int, seconds: float = SECONDS) -> Run:
     names, cov = [network.names[i] for i in network.free], MARK_SD_M**2 * np.eye(network.dim)
     estimates = []
     for time_s, positions in zip(truth.times_s, truth.positions, strict=True):
-        motion = nothing.changed(MOTIONS[row](time_s - truth.times_s[0], dim))
+        motion = nothing.changed(moved_by(row, time_s - truth.times_s[0], dim))
         places = {**{node: positions[names.index(node)] for node in scene.measured_nodes}, **still}
         noise = rng.normal(0.0, MARK_SD_M, (len(places), dim))
         seen = motion.moved(np.array(list(places.values()))) + noise
@@ -152,17 +123,17 @@ def run(body: str, row: str, seed: int, seconds: float = SECONDS) -> Run:
         ]
         estimates.append(line.take(float(time_s), marks).estimates[FILTER])
     hidden = truth.positions[:, names.index(scene.target.node)]
-    return Run(np.array([e.mean for e in estimates]) - hidden, np.array([e.cov for e in estimates]))
+    return np.array([e.mean for e in estimates]) - hidden, np.array([e.cov for e in estimates])
 
 
-def seeded_run(case: tuple[str, str, int, float]) -> Run:
+def case_run(case: Case) -> tuple[Floats, Floats]:
     """`run` of a body, a row, a seed and a length [s]."""
-    return run(*case)
+    return run(**case)
 
 
-def figures(runs: Sequence[Run]) -> dict[str, float]:
+def figures(runs: Sequence[tuple[Floats, Floats]]) -> dict[str, float]:
     """Error of the target [mm], root mean square and mean; share inside the 95 % region; sigma of an axis [mm]."""
-    errors, covs = np.concatenate([one.errors for one in runs]), np.concatenate([one.covs for one in runs])
+    errors, covs = (np.concatenate(parts) for parts in zip(*runs, strict=True))
     dim = errors.shape[1]
     return {
         "rmse_mm": 1e3 * float(np.sqrt((errors**2).sum(axis=1).mean())),
@@ -174,25 +145,19 @@ def figures(runs: Sequence[Run]) -> dict[str, float]:
 
 def main() -> None:
     """Print the figures of all rows."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
+    parser = study_options(__doc__, out=False)
     parser.add_argument("--seeds", type=int, default=len(SEEDS))
     parser.add_argument("--seconds", type=float, default=SECONDS)
     parser.add_argument("--body", choices=BODIES, action="append")
-    parser.add_argument("--row", choices=tuple(MOTIONS), action="append")
-    add_worker_options(parser)
-    chosen = parser.parse_args()
-    workers: Workers = chosen_workers(chosen)
-    seeds = SEEDS[: chosen.seeds]
-    for body in chosen.body or BODIES:
+    parser.add_argument("--row", choices=ROWS, action="append")
+    given = parser.parse_args()
+    for body in given.body or BODIES:
         still = 0.0
-        for row in chosen.row or MOTIONS:
-            with run_bar(f"{body}, {row}") as advance:
-                cases = [(body, row, seed, chosen.seconds) for seed in seeds]
-                found = figures(results(seeded_run, cases, workers, advance))
+        for row in given.row or ROWS:
+            cases = grid(body=[body], row=[row], seed=SEEDS[: given.seeds], seconds=[given.seconds])
+            found = figures(runs_of(case_run, cases, chosen_workers(given)))
             still = still or found["mae_mm"]
-            told = "  ".join(f"{key} {value:.3f}" for key, value in found.items())
-            sys.stdout.write(f"{body:8} {row:13} by still {found['mae_mm'] / still:.3f}  {told}\n")
-            sys.stdout.flush()
+            print_figures(f"{body:8} {row:13} by still {found['mae_mm'] / still:.3f}  ", found)
 
 
 if __name__ == "__main__":

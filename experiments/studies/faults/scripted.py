@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from experiments.pipeline.line import Line
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher, Shown
-from experiments.studies.faults.judge import FRAME_S, LASTS_S, ONSET_S, Judged, Moment, is_wrong, verdict
+from experiments.studies.faults.judge import ONSET_S, Fault, Judged, Moment, is_wrong, verdict
 from experiments.studies.faults.world import (
     BEGAN_S,
     INTERVAL_S,
@@ -43,9 +43,13 @@ LESION_M = 0.012
 """Radius of the lesion [m]: so large that without a fault nearly always GO is shown, and nothing hides behind WAIT."""
 ABOVE_M = 0.03
 """From the entry of the needle to its target, as the scene is drawn [m]."""
+WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
+"""From the target to where the needle comes from, by dimension."""
 
+Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
 Moves = Callable[[Floats, float, Scene], Floats]
+Arrives = Callable[[list[Arrival], np.random.Generator], list[Arrival]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,35 +66,15 @@ class TrackedNeedle:
     seen: Callable[[float], bool] = lambda _since_s: True
 
 
-def _same_picture(image: Image, _since_s: float, _rng: np.random.Generator) -> Image:
-    return image
-
-
-def _same_places(places: Floats, _since_s: float, _scene: Scene) -> Floats:
-    return places
-
-
-def _same_arrivals(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
-    return arrivals
-
-
-def _same_network(network: MassSpringNetwork) -> MassSpringNetwork:
-    return network
-
-
-def _same_scene(scene: Scene) -> Scene:
-    return scene
-
-
-def _nothing(_session: Session) -> None:
-    return
+def as_is(thing: Thing) -> Thing:
+    """What does not change."""
+    return thing
 
 
 @dataclass(frozen=True, slots=True)
-class ScriptedFault:
+class ScriptedFault(Fault):
     """A `Fault` that a script makes.
 
-    lasts_s: from ONSET_S on [s], inf for one that stays
     picture: what becomes of a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
     places: where the picture shows the nodes [m]; arrivals: what the reads give
     becomes: what becomes of the true network at the onset; believed: the scene that the filter is given
@@ -98,19 +82,14 @@ class ScriptedFault:
     upsets: what is done to the run itself, once, at the onset
     """
 
-    name: str
-    what: str
-    lasts_s: float = LASTS_S
-    within_s: float = FRAME_S
-    picture: Alters = _same_picture
+    picture: Alters = lambda image, _since_s, _rng: image
     covered: tuple[str, ...] = ()
-    places: Moves = _same_places
-    arrivals: Callable[[list[Arrival], np.random.Generator], list[Arrival]] = _same_arrivals
-    becomes: Callable[[MassSpringNetwork], MassSpringNetwork] = _same_network
-    believed: Callable[[Scene], Scene] = _same_scene
+    places: Moves = lambda places, _since_s, _scene: places
+    arrivals: Arrives = lambda arrivals, _rng: arrivals
+    becomes: Callable[[MassSpringNetwork], MassSpringNetwork] = as_is
+    believed: Callable[[Scene], Scene] = as_is
     needle: TrackedNeedle | None = None
-    upsets: Callable[[Session], None] = _nothing
-    alone: ClassVar[bool] = False
+    upsets: Callable[[Session], None] = lambda _session: None
 
     def acts(self, time_s: float) -> bool:
         """Whether it acts at this time from the first exposure on [s]."""
@@ -169,12 +148,14 @@ def misses(needle: NeedlePose, truth_m: Floats) -> bool:
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """A needle from above that is almost there: whatever the breath, it is advised on."""
-    node = scene.network.positions[scene.network.index(scene.target.node)]
-    entry = node + np.array([0.0, ABOVE_M])
+    """A needle that is almost there: whatever the breath, GO is shown while all is well."""
+    network = scene.network
+    way = np.array(WAYS[network.dim])
+    way /= np.linalg.norm(way)
+    entry = network.positions[network.index(scene.target.node)] + ABOVE_M * way
     return NeedlePlan(
-        insertion=Insertion(entry=entry, axis=node - entry, speed_m_s=0.5),
-        lesion=Lesion.ball(LESION_M, scene.network.dim),
+        insertion=Insertion(entry=entry, axis=-way, speed_m_s=0.5),
+        lesion=Lesion.ball(LESION_M, network.dim),
         needle=Needle(),
         settings=AdviceSettings(go=0.5, worth=1.0),
     )
@@ -193,7 +174,7 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
     pushed = None
     if needle is not None and needle.push_N:
         pushed = pressed(scene.network, plan.insertion, lambda time_s: pose(time_s).inserted_m > 0.0, needle.push_N)
-    if pushed is None and fault.becomes is _same_network:
+    if pushed is None and fault.becomes is as_is:
         motion = undisturbed(seed, duration_s)
     else:
         motion = moved(scenario, scene.network, fault.becomes, ONSET_S, pushed)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,8 +15,18 @@ from experiments.engine.study import run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.log import LOG
-from experiments.studies.faults.catalogue import FAULTS, fault_of
+from experiments.studies.faults.camera import CAMERA
+from experiments.studies.faults.judge import Fault, quiet_folder
+from experiments.studies.faults.loop import LOOP
+from experiments.studies.faults.scripted import ScriptedFault
+from experiments.studies.faults.system import SYSTEM
+from experiments.studies.faults.tissue import TISSUE
+from experiments.studies.grid import chosen, grid, markdown_table
+
+_ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
+
+FAULTS: Mapping[str, Fault] = {fault.name: fault for fault in _ALL}
+"""All faults by name, in the order of the table."""
 
 ROWS = "faults.csv"
 NEVER = float("nan")
@@ -26,23 +34,9 @@ NEVER = float("nan")
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """One fault with one seed, as a row of the study; NaN for what never came."""
-    level = LOG.level
-    LOG.setLevel(logging.CRITICAL)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            row = asdict(fault_of(case["fault"]).judged(case["seed"], Path(folder)))
-    finally:
-        LOG.setLevel(level)
+    with quiet_folder() as folder:
+        row = asdict(FAULTS[case["fault"]].judged(case["seed"], folder))
     return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
-
-
-def names_of(only: Sequence[str]) -> list[str]:
-    """The faults to run: all, or those named; InputError for a name that none has."""
-    known = [fault.name for fault in FAULTS]
-    for name in only:
-        if name not in known:
-            raise InputError.at("--only", f"one of {', '.join(known)}", name)
-    return list(only) or known
 
 
 def faults_study(
@@ -61,8 +55,8 @@ def faults_study(
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
         raise InputError.at(folder, "an empty or a new folder, or one of this study", "files in it")
-    cases = [{"fault": name, "seed": seed} for name in names_of(only) for seed in seeds]
-    alone = [case for case in cases if fault_of(str(case["fault"])).alone]
+    cases = grid(fault=chosen("--only", only, FAULTS), seed=seeds)
+    alone = [case for case in cases if FAULTS[case["fault"]].alone]
     if alone:
         run_study(run, alone, folder, Workers(1), lambda share: advance(share * len(alone) / len(cases)))
     found = run_study(run, cases, folder, workers, advance).checked()
@@ -79,7 +73,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
     ended: how programs of its own ended; lacks_s: what its tables or recording lack at most [s]
     """
     rows = []
-    for fault in FAULTS:
+    for fault in FAULTS.values():
         own = runs[runs["fault"] == fault.name]
         if own.empty:
             continue
@@ -136,5 +130,4 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 def markdown(rows: pd.DataFrame) -> str:
     """The table of docs/faults.md."""
-    lines = ["| " + " | ".join(HEADS) + " |", "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: | --- | ---: |"]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in cells(rows)]) + "\n"
+    return markdown_table(HEADS, cells(rows), left=(0, 2, 8))

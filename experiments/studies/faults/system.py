@@ -20,7 +20,7 @@ from typing import ClassVar
 import numpy as np
 
 from experiments.errors import InputError
-from experiments.studies.faults.judge import FOREVER, FRAME_S, LASTS_S, ONSET_S, Judged, Moment, verdict
+from experiments.studies.faults.judge import FOREVER, LASTS_S, ONSET_S, Fault, Judged, Moment, verdict
 from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
@@ -45,26 +45,17 @@ IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not 
 Acts = Callable[[LiveRun], None]
 
 
-def _nothing(_run: LiveRun) -> None:
-    return
-
-
 @dataclass(frozen=True, slots=True)
-class SystemFault:
+class SystemFault(Fault):
     """A `Fault` of a real process: `softaim live` of a film that is recorded, watched by a client of its stream.
 
-    lasts_s: from its onset on [s], inf for one that stays
     before: what is done before the process starts; begins, ends: at the onset, and after lasts_s
     writes: whether it can write on after the onset
     """
 
-    name: str
-    what: str
-    lasts_s: float = LASTS_S
-    within_s: float = FRAME_S
-    before: Acts = _nothing
-    begins: Acts = _nothing
-    ends: Acts = _nothing
+    before: Acts = lambda _run: None
+    begins: Acts = lambda _run: None
+    ends: Acts = lambda _run: None
     writes: bool = True
     alone: ClassVar[bool] = True
 

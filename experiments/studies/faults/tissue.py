@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,22 +12,18 @@ from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.studies.faults.judge import FOREVER, HIDDEN_S
-from experiments.studies.faults.scripted import ScriptedFault
+from experiments.studies.faults.scripted import Moves, ScriptedFault
 
 
-def _slides(places: Floats, since_s: float, scene: Scene) -> Floats:
-    """The first measured mark slides on the skin, 6 mm/s, down to 12 mm."""
-    moved = places.copy()
-    moved[scene.network.index(scene.measured_nodes[0])] += [0.0, -min(6e-3 * since_s, 12e-3)]
-    return moved
+def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
+    """The first measured mark displaced [m] by the time since the onset [s]."""
 
+    def moves(places: Floats, since_s: float, scene: Scene) -> Floats:
+        moved = places.copy()
+        moved[scene.network.index(scene.measured_nodes[0])] += by(since_s)
+        return moved
 
-def _elsewhere(places: Floats, since_s: float, scene: Scene) -> Floats:
-    """The first measured mark falls off and is stuck on 12 mm beside after a second."""
-    moved = places.copy()
-    away = [1.0, 0.0] if since_s < 1.0 else [12e-3, 0.0]
-    moved[scene.network.index(scene.measured_nodes[0])] += away
-    return moved
+    return moves
 
 
 def _exchanged(places: Floats, _since_s: float, scene: Scene) -> Floats:
@@ -37,11 +34,9 @@ def _exchanged(places: Floats, _since_s: float, scene: Scene) -> Floats:
     return moved
 
 
-def _falls(places: Floats, since_s: float, scene: Scene) -> Floats:
-    """The first measured mark falls to the ground."""
-    moved = places.copy()
-    moved[scene.network.index(scene.measured_nodes[0])] += [0.0, -0.5 * 9.81 * since_s**2]
-    return moved
+_slides = _displaced(lambda since_s: (0.0, -min(6e-3 * since_s, 12e-3)))
+_elsewhere = _displaced(lambda since_s: (1.0 if since_s < 1.0 else 12e-3, 0.0))
+_falls = _displaced(lambda since_s: (0.0, -0.5 * 9.81 * since_s**2))
 
 
 def _cut(network: MassSpringNetwork) -> MassSpringNetwork:

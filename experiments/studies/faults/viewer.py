@@ -50,7 +50,7 @@ class Viewer:
 
     def tell(self, text: str) -> None:
         """Note what somebody else was told."""
-        self._add(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, told=text)
+        self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, told=text))
 
     def close(self) -> None:
         """Watch no longer."""
@@ -81,7 +81,8 @@ class Viewer:
                 self._silent("NO CONNECTION")
 
     def _silent(self, word: str) -> None:
-        self._add(self.now_s, self.now_s - self._used_s, word, None, "", np.inf, wrong=False, well=False)
+        age_s = self.now_s - self._used_s
+        self.moments.append(Moment(self.now_s, age_s, word, None, "", np.inf, wrong=False, well=False))
 
     def _show(self, state: Mapping[str, Any]) -> None:
         self._origin_s = state["utc_s"] - state["time_s"]
@@ -100,16 +101,18 @@ class Viewer:
         lacking = state["from_frame"] and state["marks_used"] < self._n_measured
         why = state["fault"] or ("marks lost or refused" if lacking else "")
         why = advice["reason"] if word == "ABORT" else why
-        self._add(
-            now_s,
-            now_s - self._used_s,
-            state["status"],
-            word,
-            why,
-            np.inf if state["sigma_mm"] is None else 1e-3 * state["sigma_mm"],
-            wrong=is_wrong(mean, cov, self._motion.at(time_s)[self._target]),
-            well=state["status"] == "TRACKING" and not why,
-            told=self._new(state["events"]),
+        self.moments.append(
+            Moment(
+                now_s,
+                now_s - self._used_s,
+                state["status"],
+                word,
+                why,
+                np.inf if state["sigma_mm"] is None else 1e-3 * state["sigma_mm"],
+                wrong=is_wrong(mean, cov, self._motion.at(time_s)[self._target]),
+                well=state["status"] == "TRACKING" and not why,
+                told=self._new(state["events"]),
+            )
         )
 
     def _new(self, events: list[Mapping[str, Any]]) -> str:
@@ -117,18 +120,3 @@ class Viewer:
         texts = {str(one["text"]) for one in events}
         before, self._events = self._events, texts if self._events is None else self._events | texts
         return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))
-
-    def _add(
-        self,
-        time_s: float,
-        age_s: float,
-        status: str,
-        advice: str | None,
-        why: str,
-        sigma_m: float,
-        *,
-        wrong: bool,
-        well: bool,
-        told: str = "",
-    ) -> None:
-        self.moments.append(Moment(time_s, age_s, status, advice, why, sigma_m, wrong, well, told))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from estimators import (
-    MarkMeasurement,
     Status,
     TargetEstimate,
     TrackingProblem,
@@ -20,13 +19,12 @@ from estimators import (
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
+from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.faults.judge import is_wrong
 from experiments.studies.faults.world import INTERVAL_S, Motion
 from experiments.studies.faults.wrong_worlds.bodies import scene_of_body
 from experiments.studies.faults.wrong_worlds.run import REGION
 from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of
-
-Marks = Sequence[MarkMeasurement]
 
 PUSHES = {
     "nothing": Pushes(0.0, 0.0),
@@ -58,58 +56,43 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
     """
     scene, frames, truth = recorded(case)
-    errors, covs, wrong, n, lost = [], [], 0, 0, 0
-    for place, estimate in zip(truth, _estimates(scene, case["method"], frames), strict=True):
-        if estimate.time_s < AFTER_S:
-            continue
-        n += 1
-        if estimate.status not in (Status.TRACKING, Status.COASTING):
-            lost += 1
-            continue
-        assert estimate.cov is not None
-        errors.append(place - estimate.mean)
-        covs.append(estimate.cov)
-        wrong += is_wrong(estimate.mean, estimate.cov, place)
-    return {"frames": n, "lost": lost, "wrong": wrong, **_figures(np.array(errors), np.array(covs))}
-
-
-def recorded(case: Mapping[str, Any]) -> tuple[Scene, list[tuple[float, Marks]], list[Floats]]:
-    """The scene of a case, its frames, and where the target truly is in each [m]; arguments as for `run`."""
-    duration_s, dt = float(case["duration_s"]), INTERVAL_S
-    motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
-    scene = scene_of_body(case["body"])
-    scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
-    network, dim = scene.network, scene.network.dim
-    rng = np.random.default_rng([case["seed"], 7])
-    at, cov = network.index(scene.target.node), (case["sd_m"] * case["stated"]) ** 2 * np.eye(dim)
-    truth: list[Floats] = []
-    frames: list[tuple[float, Marks]] = []
-    for time_s in np.arange(0.0, duration_s, dt):
-        places = motion.at(float(time_s))
-        seen = places[[network.index(node) for node in scene.measured_nodes]]
-        seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
-        marks = [MarkMeasurement(node, z, cov) for node, z in zip(scene.measured_nodes, seen, strict=True)]
-        truth.append(places[at])
-        frames.append((float(time_s), marks))
-    return scene, frames, truth
-
-
-def _estimates(scene: Scene, method: str, frames: Sequence[tuple[float, Marks]]) -> Iterator[TargetEstimate]:
-    if method == FILTER:
-        line = Line(scene, baseline=False)
-        return (line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames)
-    problem = TrackingProblem(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
-    return (estimate for block in make_method(method, problem).run(frames) for estimate in block)
-
-
-def _figures(errors: Floats, covs: Floats) -> dict[str, float]:
-    if not len(errors):
-        return {"covered": 0.0, "nees": np.nan, "error_mm": np.nan, "sd_mm": np.nan}
-    dim = errors.shape[1]
-    nees = normalised_error_squared(errors, covs)
+    estimates = zip(truth, _estimates(scene, case["method"], frames), strict=True)
+    counted = [(place, one) for place, one in estimates if one.time_s >= AFTER_S]
+    guiding = [(place, one) for place, one in counted if one.status in (Status.TRACKING, Status.COASTING)]
+    found = {"frames": len(counted), "lost": len(counted) - len(guiding)}
+    if not guiding:
+        return {**found, "wrong": 0, "covered": 0.0, "nees": np.nan, "error_mm": np.nan, "sd_mm": np.nan}
+    errors = np.array([place - one.mean for place, one in guiding])
+    covs = np.array([one.cov for _, one in guiding])
+    dim, nees = errors.shape[1], normalised_error_squared(errors, covs)
     return {
+        **found,
+        "wrong": sum(is_wrong(one.mean, one.cov, place) for place, one in guiding),
         "covered": float(np.sum(nees <= REGION[dim])),
         "nees": float(np.mean(nees) / dim),
         "error_mm": 1e3 * float(np.sqrt(np.mean(errors**2))),
         "sd_mm": 1e3 * float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean() / dim)),
     }
+
+
+def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
+    """The scene of a case, its frames, and where the target truly is in each [m]; arguments as for `run`."""
+    duration_s, dt = float(case["duration_s"]), INTERVAL_S
+    motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
+    scene = scene_of_body(case["body"])
+    scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
+    network, rng = scene.network, np.random.default_rng([case["seed"], 7])
+    times = np.arange(0.0, duration_s, dt)
+    places = np.array([motion.at(float(time_s)) for time_s in times])
+    seen = places[:, [network.index(node) for node in scene.measured_nodes]]
+    seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
+    frames = frames_of(times, seen, scene.measured_nodes, case["sd_m"] * case["stated"])
+    return scene, frames, list(places[:, network.index(scene.target.node)])
+
+
+def _estimates(scene: Scene, method: str, frames: Frames) -> Iterator[TargetEstimate]:
+    if method == FILTER:
+        line = Line(scene, baseline=False)
+        return (line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames)
+    problem = TrackingProblem(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
+    return (estimate for block in make_method(method, problem).run(frames) for estimate in block)

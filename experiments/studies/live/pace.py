@@ -111,7 +111,7 @@ def busy(spent_s: list[dict[str, float]]) -> dict[str, float]:
 
 def measured(seconds: float, fps: float) -> dict[str, float]:
     """The figures of a run of so long at so many frames/s. Raises RuntimeError where it does not end as it should."""
-    got: dict[str, Got] = {}
+    got = {name: Got() for name in CLIENTS}
     spent_s: list[dict[str, float]] = []
     reported: list[str] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -121,40 +121,33 @@ def measured(seconds: float, fps: float) -> dict[str, float]:
         words += ["--out", f"{folder}/out", "--duration", str(seconds), "--fps", str(fps), "--needle", str(needle)]
         words += ["--page", "127.0.0.1:0", "--openigtlink", "127.0.0.1:0"]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
-
-            def listen() -> None:
-                assert run.stderr is not None
-                for line in run.stderr:
-                    reported.append(line)
-                    for name in [one for one in CLIENTS if line.startswith(one)]:
-                        address = line.removeprefix(name).split("/")[0].strip()
-                        threading.Thread(
-                            target=CLIENTS[name], args=(address, got.setdefault(name, Got())), daemon=True
-                        ).start()
-                        if len(got) == len(CLIENTS):
-                            threading.Thread(target=watch, args=(run.pid, spent_s), daemon=True).start()
-
-            listening = threading.Thread(target=listen, daemon=True)
-            listening.start()
+            assert run.stderr is not None
             assert run.stdout is not None
+            waiting = dict(CLIENTS)
+            for line in run.stderr:
+                reported.append(line)
+                for name in [one for one in waiting if line.startswith(one)]:
+                    beside(waiting.pop(name), line.removeprefix(name).split("/")[0].strip(), got[name])
+                    if not waiting:
+                        beside(watch, run.pid, spent_s)
             text = run.stdout.read()
-        listening.join()
     if run.returncode or not text:
         raise RuntimeError(f"softaim live ended with {run.returncode}: {''.join(reported[-5:])}")
-    return figures(json.loads(text), [got[name] for name in CLIENTS], seconds) | busy(spent_s)
+    return figures(json.loads(text), list(got.values()), seconds) | busy(spent_s)
+
+
+def beside(work: Callable[..., None], *given: object) -> None:
+    """Do it in a thread that ends with the process."""
+    threading.Thread(target=work, args=given, daemon=True).start()
 
 
 def figures(done: Mapping[str, Any], got: Sequence[Got], seconds: float) -> dict[str, float]:
     """What the run and its clients counted."""
     page, igtl = got
     began_mb, end_mb = done["memory_mb"]
+    counted = {key: done[key] for key in ("frames", "without_frame", "not_used", "p50_ms", "p99_ms", "worst_ms")}
     return {
-        "frames": done["frames"],
-        "without_frame": done["without_frame"],
-        "not_used": done["not_used"],
-        "p50_ms": done["p50_ms"],
-        "p99_ms": done["p99_ms"],
-        "worst_ms": done["worst_ms"],
+        **counted,
         "missed_share": done["deadlines_missed"] / done["frames"],
         "memory_begin_mb": began_mb,
         "memory_end_mb": end_mb,

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from dynamics import NetworkError
-from estimators import CovarianceError, MarkMeasurement, TissueFilter, normalised_error_squared
-from estimators.process.target import target_map
+from estimators import TissueFilter, normalised_error_squared
 from experiments.arrays import Floats
+from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.lungs.landmarks import Lung
-from experiments.studies.lungs.model import LungConstants, lung_network
+from experiments.studies.lungs.model import LungConstants, lung_network, node_name
 from experiments.studies.zoo.rivals import thin_plate_weights
+from experiments.studies.zoo.scores import Followed, followed
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
 """How many landmarks of each lung are seen."""
@@ -52,34 +53,27 @@ def by_spline(lung: Lung, seen: str) -> Inner:
 
 def inner_landmarks(lung: Lung, seen: str, constants: LungConstants) -> Inner:
     """All methods on one lung, `seen` one of `SEEN`."""
-    found = by_spline(lung, seen)
-    try:
-        means, covs = filtered(lung, lung.seen(SEEN[seen]), constants)
-    except (NetworkError, CovarianceError, np.linalg.LinAlgError) as error:
-        return replace(found, failure=f"not possible yet: {error}")
-    errors = means[1:] - lung.positions[1:, lung.inner]
+    found, filtered = by_spline(lung, seen), followed_lung(lung, lung.seen(SEEN[seen]), constants)
+    if filtered.failure:
+        return replace(found, failure=f"not possible yet: {filtered.failure}")
+    errors = filtered.means[1:] - lung.positions[1:, lung.inner]
     # where a landmark was read is itself not exact
-    read = covs[1:] + constants.reading_sd_m**2 * np.eye(3)
+    read = filtered.covs[1:] + constants.reading_sd_m**2 * np.eye(3)
     nees = normalised_error_squared(errors.reshape(-1, 3), read.reshape(-1, 3, 3)).reshape(errors.shape[:2])
     return replace(found, filtered=np.linalg.norm(errors, axis=2), nees=nees)
 
 
-def filtered(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> tuple[Floats, Floats]:
-    """Means [m], (n_phases, n_inner, 3), and covariances of the inner landmarks by the filter, one run for all."""
+def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
+    """Times [s] and the marks of these landmarks of a lung."""
+    return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
+
+
+def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
+    """The inner landmarks of a lung by the filter, one run for all."""
     network = lung_network(lung.positions[0], constants)
-    names = [network.names[i] for i in marked]
-    inner = [network.names[i] for i in lung.inner]
-    tissue = TissueFilter(network, inner[0], names)
-    maps = [target_map(network, name) for name in inner]
-    cov = constants.reading_sd_m**2 * np.eye(3)
-    means, covs = [], []
-    for time_s, places in zip(lung.times_s, lung.positions, strict=True):
-        tissue.predict(float(time_s))
-        tissue.update([MarkMeasurement(name, places[i], cov) for name, i in zip(names, marked, strict=True)])
-        found = [tissue.place_of(one) for one in maps]
-        means.append([mean for mean, _ in found])
-        covs.append([spread for _, spread in found])
-    return np.array(means), np.array(covs)
+    inner = [node_name(i) for i in lung.inner]
+    begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])
+    return followed(begun, network, inner, lung_frames(lung, marked, constants.reading_sd_m))
 
 
 def errors_table(found: Sequence[Inner]) -> pd.DataFrame:

@@ -29,6 +29,11 @@ class LungConstants:
     reading_sd_m: float = 1e-3
 
 
+def node_name(landmark: int) -> str:
+    """The node of a landmark."""
+    return f"L{landmark}"
+
+
 def edges_of(points: Floats) -> NDArray[np.int64]:
     """Edges of the Delaunay tetrahedra of points (n, 3), each once, (n_edges, 2)."""
     tetrahedra = Delaunay(points).simplices
@@ -43,7 +48,7 @@ def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
     stiffness = constants.strand_n / lengths
     return MassSpringNetwork(
-        names=tuple(f"L{i}" for i in range(n)),
+        names=tuple(map(node_name, range(n))),
         positions=points,
         masses=np.full(n, constants.mass_kg / n),
         fixed=np.zeros(n, dtype=bool),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Any
 
@@ -28,7 +28,6 @@ class Case:
 
     body: its name in `BODIES`; constants: one of `CONSTANTS`
     length_s: of the recording [s], 0 for the body's own
-    limit_s: processor time after which the filter is stopped [s]
     """
 
     body: str
@@ -38,7 +37,6 @@ class Case:
     stiffness: float = 1.0
     mass: float = 1.0
     length_s: float = 0.0
-    limit_s: float = 60.0
 
     @property
     def scale(self) -> Scale:
@@ -57,13 +55,9 @@ class Case:
         """The body as it moves; cases of one motion that follow each other share it."""
         return _body(self.body, self.seed, self.scale, self.length_s)
 
-    def to_json(self) -> dict[str, Any]:
-        """As a table that JSON can write."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Case:
-        """As `to_json` made it; other columns are left out."""
+        """As a table has it; other columns are left out."""
         return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
 
 
@@ -72,20 +66,16 @@ def _body(name: str, seed: int, scale: Scale, length_s: float) -> Body:
     return make_body(name, seed, scale, length_s or None)
 
 
-def cases(
-    bodies: Sequence[str] = tuple(BODIES), seeds: Iterable[int] = REPORT_SEEDS, *, scaled: bool = True
-) -> list[Case]:
+def cases(bodies: Sequence[str] = tuple(BODIES), seeds: Sequence[int] = REPORT_SEEDS) -> list[Case]:
     """All cases of these bodies, cell by cell; scaled bodies with the first ten seeds."""
-    all_seeds = list(seeds)
     found = []
     for body in bodies:
-        found += [Case(body, seed, constants) for seed in all_seeds for constants in CONSTANTS]
-        if scaled:
-            found += [
-                Case(body, seed, size=scale.size, stiffness=scale.stiffness, mass=scale.mass)
-                for scale in SCALES
-                for seed in all_seeds[:N_SCALED]
-            ]
+        found += [Case(body, seed, constants) for seed in seeds for constants in CONSTANTS]
+        found += [
+            Case(body, seed, size=scale.size, stiffness=scale.stiffness, mass=scale.mass)
+            for scale in SCALES
+            for seed in seeds[:N_SCALED]
+        ]
     return found
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, fit_rest_lengths
-from estimators import CovarianceError, FilterSettings, IdentificationError, MarkMeasurement, identify_constants
+from estimators import CovarianceError, FilterSettings, IdentificationError, identify_constants
 from estimators.identification.budget import Budget
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
+from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.zoo.case import Case
 
 WRONG = float(np.log(1.2))
@@ -81,9 +82,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     if body.at_rest:
         start = fit_rest_lengths(start, body.network.positions)
     other = replace(case, seed=case.seed + OTHER_RECORDING).motion
-    names = other.marked + other.hidden
-    seen = measured(other, names, case.seed + OTHER_RECORDING)
-    frames = [(float(time_s), marks) for time_s, marks in zip(other.times_s, seen, strict=True)]
+    frames = measured(other, other.marked + other.hidden, case.seed + OTHER_RECORDING)
     try:
         found = identify_constants(
             start,
@@ -103,10 +102,8 @@ def _kinds(body: Body) -> tuple[str, ...]:
     return body.kinds or tuple(str(spring) for spring in range(len(body.network.springs)))
 
 
-def measured(body: Body, names: tuple[str, ...], seed: int) -> list[list[MarkMeasurement]]:
-    """Noisy marks of these nodes, frame by frame."""
+def measured(body: Body, names: tuple[str, ...], seed: int) -> Frames:
+    """Times [s] and noisy marks of these nodes."""
     rng = np.random.default_rng([seed, 1])
-    nodes = [body.network.index(name) for name in names]
-    noisy = body.positions[:, nodes] + rng.normal(0.0, body.mark_sd_m, body.positions[:, nodes].shape)
-    cov = body.mark_sd_m**2 * np.eye(body.network.dim)
-    return [[MarkMeasurement(name, place, cov) for name, place in zip(names, frame, strict=True)] for frame in noisy]
+    places = body.positions[:, [body.network.index(name) for name in names]]
+    return frames_of(body.times_s, places + rng.normal(0.0, body.mark_sd_m, places.shape), names, body.mark_sd_m)

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.interpolate import CubicSpline, RBFInterpolator
 
 from dynamics import MassSpringNetwork, NetworkError
-from estimators import MarkMeasurement, OpenLoop
+from estimators import OpenLoop
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
+from experiments.studies.estimation.trials import Frames
 
 FLAT = 1e-3
 """A body is flat in a direction in which it extends by less than this share of its size."""
 
 
-def open_loop(network: MassSpringNetwork, body: Body, marks: Sequence[Sequence[MarkMeasurement]]) -> Floats | None:
-    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None where it has no shape to start from.
-
-    marks: of each of the first n_frames
-    """
+def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
+    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None where it has no shape to start from."""
     try:
         method = OpenLoop(network, body.hidden[0])
     except NetworkError:
@@ -28,13 +24,13 @@ def open_loop(network: MassSpringNetwork, body: Body, marks: Sequence[Sequence[M
     nodes = [network.index(name) for name in body.hidden]
     places = []
     with np.errstate(all="ignore"):  # it may run away; that is then its error
-        for time_s, seen in zip(body.times_s, marks, strict=False):
-            method.update(float(time_s), seen)
+        for time_s, seen in frames:
+            method.update(time_s, seen)
             places.append(method.positions[nodes].copy())
     return np.array(places)
 
 
-def spline(body: Body, marks: Sequence[Sequence[MarkMeasurement]]) -> Floats:
+def spline(body: Body, frames: Frames) -> Floats:
     """Hidden nodes by a spline through the seen ones and the anchors [m], (n_frames, n_hidden, dim).
 
     Of a body in a line a cubic one along its length; else a thin-plate spline of the displacement from the drawn shape.
@@ -45,7 +41,7 @@ def spline(body: Body, marks: Sequence[Sequence[MarkMeasurement]]) -> Floats:
     hidden = [network.index(name) for name in body.hidden]
     known = np.r_[anchors, seen]
     fixed = network.positions[anchors]
-    places = np.array([np.vstack([fixed, [mark.position for mark in frame]]) for frame in marks])
+    places = np.array([np.vstack([fixed, [mark.position for mark in marks]]) for _, marks in frames])
     drawn = network.positions
     if body.in_line:
         along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(drawn, axis=0), axis=1))]

@@ -1,15 +1,80 @@
-"""Scores of estimates of hidden nodes against the truth."""
+"""What a filter makes of a recording at hidden points, and the scores of that against the truth."""
 
 from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators import coverage, normalised_error_squared
+from dynamics import MassSpringNetwork
+from estimators import MarkMeasurement, Status, TissueFilter, coverage, normalised_error_squared
+from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
 """TRACKING is wrong where the error is both beyond so many sigma and beyond this share of the body's size."""
+
+
+@dataclass(slots=True, eq=False)
+class Followed:
+    """What a filter made of a recording, until it failed or its time was up.
+
+    means: of the hidden points [m], (n, n_hidden, dim); covs [m²], (n, n_hidden, dim, dim); status: of each frame
+    seconds: processor time of predict and update; repairs: counts by kind; failure: empty, or why it ended early
+    """
+
+    means: Floats
+    covs: Floats
+    status: list[Status] = field(default_factory=list)
+    seconds: float = 0.0
+    repairs: Counter[str] = field(default_factory=Counter)
+    failure: str = ""
+
+    @property
+    def tracking(self) -> NDArray[np.bool_]:
+        """Which frames are TRACKING, (n,)."""
+        return np.array([status is Status.TRACKING for status in self.status], dtype=bool)
+
+
+def followed(
+    begun: Callable[[], TissueFilter],
+    network: MassSpringNetwork,
+    hidden: Sequence[str | TargetPoint],
+    frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
+    limit_s: float = np.inf,
+) -> Followed:
+    """A filter's way through a recording, all hidden points of the network read from its state.
+
+    begun: makes the filter; limit_s: processor time that it may take [s]
+    """
+    means, covs = [], []
+    found = Followed(np.empty((0, len(hidden), network.dim)), np.empty((0, len(hidden), network.dim, network.dim)))
+    start_s = time.process_time()
+    try:
+        with np.errstate(all="ignore"):  # a state that overflows is counted as such
+            tissue = begun()
+            maps = [target_map(network, one) for one in hidden]
+            for time_s, marks in frames:
+                tissue.predict(time_s)
+                estimate = tissue.update(marks)
+                found.repairs = Counter(tissue.repairs)
+                places = [tissue.place_of(one) for one in maps]
+                found.status.append(estimate.status)
+                means.append([mean for mean, _ in places])
+                covs.append([cov for _, cov in places])
+                if time.process_time() - start_s > limit_s and len(means) < len(frames):
+                    found.failure = f"stopped after {limit_s:g} s"
+                    break
+    except Exception as error:  # whatever a filter raises is a result of the study
+        found.failure = f"{type(error).__name__}: {error}"
+    found.seconds = time.process_time() - start_s
+    if means:
+        found.means, found.covs = np.array(means), np.array(covs)
+    return found
 
 
 def mean_distance(places: Floats, truth: Floats) -> float:

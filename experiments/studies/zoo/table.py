@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from experiments.studies.grid import markdown_table
 from experiments.studies.zoo.case import Case
-
-PAGE = Path(__file__).parents[3] / "docs" / "zoo.md"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,34 +72,28 @@ def cells_of(table: pd.DataFrame) -> list[Cell]:
 def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
     failures = [reason for run in runs if (reason := run.get("failure") or run.get("ended"))]
     done = [run for run in runs if run.get("frames_done")]
-    filter_m, loop_m, spline_m = (_mean(done, key) for key in ("error_m", "open_loop_m", "spline_m"))
-    rivals = [m for m in (loop_m, spline_m) if m is not None]
+
+    def mean(key: str, factor: float = 1.0) -> float | None:
+        values = [value for run in done if (value := run.get(key)) is not None]
+        return factor * float(np.mean(values)) if values and len(values) == len(done) else None
+
+    filter_mm, loop_mm, spline_mm = (mean(key, 1e3) for key in ("error_m", "open_loop_m", "spline_m"))
+    rivals = [mm for mm in (loop_mm, spline_mm) if mm is not None]
     return Cell(
         name=name,
         constants=runs[0]["constants"],
         runs=len(runs),
         failed=len(failures),
         failure=failures[0] if failures else "",
-        filter_mm=_mm(filter_m),
-        open_loop_mm=_mm(loop_m),
-        spline_mm=_mm(spline_m),
-        ratio=None if filter_m is None or not rivals else filter_m / min(rivals),
-        covered=_mean(done, "covered"),
-        nees=_mean(done, "nees"),
-        non_finite=int(sum(run["non_finite"] for run in done)),
-        wrong_tracking=int(sum(run["wrong_tracking"] for run in done)),
-        repairs=int(sum(run["repairs"] for run in done)),
-        ms_a_frame=_mean(done, "ms_a_frame"),
+        filter_mm=filter_mm,
+        open_loop_mm=loop_mm,
+        spline_mm=spline_mm,
+        ratio=None if filter_mm is None or not rivals else filter_mm / min(rivals),
+        covered=mean("covered"),
+        nees=mean("nees"),
+        **{key: int(sum(run[key] for run in done)) for key in ("non_finite", "wrong_tracking", "repairs")},
+        ms_a_frame=mean("ms_a_frame"),
     )
-
-
-def _mean(runs: Sequence[Mapping[str, Any]], key: str) -> float | None:
-    values = [value for run in runs if (value := run.get(key)) is not None]
-    return float(np.mean(values)) if values and len(values) == len(runs) else None
-
-
-def _mm(metres: float | None) -> float | None:
-    return None if metres is None else 1e3 * metres
 
 
 def geometric_mean(ratios: Sequence[float]) -> float:
@@ -145,34 +137,20 @@ def summary(cells: Sequence[Cell]) -> list[str]:
     return lines
 
 
-HEAD = (
-    "cell",
-    "runs",
-    "filter [mm]",
-    "open loop [mm]",
-    "spline [mm]",
-    "ratio",
-    "covered",
-    "NEES",
-    "non-finite",
-    "wrong tracking",
-    "repairs",
-    "ms a frame",
-    "beyond its bounds",
-)
+HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "covered", "NEES", "non-finite"]
+HEAD += ["wrong tracking", "repairs", "ms a frame", "beyond its bounds"]
 
 
 def markdown(cells: Sequence[Cell]) -> str:
     """The table, and the summary below it."""
-    rows = [HEAD, tuple("---" if k == 0 else "---:" for k in range(len(HEAD)))]
+    rows = []
     for cell in cells:
         shown = (_number(cell.filter_mm), _number(cell.open_loop_mm), _number(cell.spline_mm), _number(cell.ratio, 2))
         covered = "" if cell.covered is None else f"{100 * cell.covered:.1f} %"
         counts = (str(cell.non_finite), str(cell.wrong_tracking), str(cell.repairs), _number(cell.ms_a_frame))
         fault = ", ".join(faults(cell)) + (f" ({cell.failure})" if cell.failure else "")
         rows.append((cell.name, str(cell.runs), *shown, covered, _number(cell.nees, 2), *counts, fault))
-    table = "\n".join("| " + " | ".join(entry.replace("|", "/") for entry in row) + " |" for row in rows)
-    return table + "\n\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
+    return markdown_table(HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -10,25 +10,9 @@ import pytest
 
 from experiments.commands.app import COMMANDS
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import tree
 
 TABLE = tomllib.loads((Path(__file__).parent / "bad_input.toml").read_text(encoding="utf-8"))["case"]
-
-
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("good")
-    write_good_files(folder)
-    return folder
-
-
-@pytest.fixture
-def here(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Good files where the command is called."""
-    folder = tmp_path / "here"
-    shutil.copytree(good, folder)
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def spoil(folder: Path, change: dict[str, str]) -> None:
@@ -77,6 +61,7 @@ def test_the_table_is_of_every_command_that_takes_input() -> None:
     assert len({case["said"] for case in TABLE}) >= 60
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_files_are_good_before_they_are_spoilt(here: Path, capfd: pytest.CaptureFixture[str]):
     """What the table spoils is else taken: each kind of file once."""
     assert softaim("track", "marks", "--out", "out", "--json") == 0

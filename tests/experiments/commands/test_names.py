@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import tree
 
 BAD = os.fsdecode(b"k\xfcche")
 SHOWN = r"k\xfcche"
@@ -25,24 +25,13 @@ NAMES = [
 ]
 
 
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("good")
-    write_good_files(folder)
-    (folder / "shots").mkdir()
+@pytest.fixture(autouse=True)
+def _shots(here: Path) -> None:
+    """A folder of one picture."""
+    (here / "shots").mkdir()
     hsv = np.zeros((48, 64, 3), dtype=np.uint8)
     hsv[:12, :12] = (60, 255, 255)
-    cv2.imwrite(str(folder / "shots" / "1.png"), cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR))
-    return folder
-
-
-@pytest.fixture
-def here(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Good files where the command is called."""
-    folder = tmp_path / "here"
-    shutil.copytree(good, folder)
-    monkeypatch.chdir(folder)
-    return folder
+    cv2.imwrite("shots/1.png", cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR))
 
 
 @pytest.mark.parametrize("name", NAMES, ids=ascii)

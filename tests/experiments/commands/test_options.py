@@ -18,7 +18,8 @@ import typer
 from experiments.commands.app import app
 from experiments.formats.scene.scene import Scene, read_scene, scene_text
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree, write_good_files
+from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree
+from tests.experiments.rows import rows
 
 OF_ALL = {"--json", "--verbose", "--help"}
 """Options that every command has; test_run.py is of them."""
@@ -36,28 +37,18 @@ check scene.toml --out out | --fps 50 | checked.frames_per_s
 check scene.toml --out out | --sd-mm 0.1 | checked.sd_mm
 check scene.toml --out out | --vector pdf | write_picture.2
 check scene.toml --out notes | --force | code
-simulate scenario.toml | --out out | code
 simulate scenario.toml --out out | --seed 9 | out/video.avi
 simulate scenario.toml --out out --no-film | --runs 2 | out/seed-5/truth.csv
 simulate scenario.toml --out out | --film --no-film | out/marks.csv
-simulate scenario.toml --out notes | --force | code
-track marks | --out out | code
 track marks --out out | --scene other.toml | track.0.scene
 track marks --out out | --check | track.check
 track film --out out | --film | track.watch
 track marks --out out | --vector svg | write_track_plots.2
-track marks --out notes | --force | code
-smooth marks | --out out | code
 smooth marks --out out | --scene other.toml | compare.0.scene
 smooth marks --out out | --vector svg | write_comparison_plot.2
-smooth marks --out notes | --force | code
-replay film | --out out | code
-replay film --out notes | --force | code
-compare marks | --out out | code
 compare marks --out out | --scene other.toml | compare.0.scene
 compare marks --out out | --methods ekf | compare.1
 compare marks --out out | --vector pdf | write_comparison_plot.2
-compare marks --out notes | --force | code
 calibrate boards --square-mm 25 --out camera.toml | --board 9x6 | code
 calibrate boards --board 9x6 --out camera.toml | --square-mm 25 | code
 calibrate boards --board 9x6 --square-mm 25 | --out camera.toml | code
@@ -70,11 +61,9 @@ calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --ros-yaml a.yam
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --vector svg | command.also.vector
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --force | command.force
 advise film --out out | --needle needle.toml | code
-advise film --needle needle.toml | --out out | code
 advise film --needle needle.toml --out out | --scene other.toml | advise.0.scene
 advise film --needle needle.toml --out out | --film | advise.watch
 advise film --needle needle.toml --out out | --vector svg | write_advice_plot.2
-advise film --needle needle.toml --out notes | --force | code
 identify marks | --out out.toml | code
 identify marks --out out.toml | --scene other.toml | identified_scene.0.scene
 identify marks --out out.toml | --at-rest | resting_scene
@@ -84,11 +73,8 @@ tune marks | --out out.toml | code
 tune marks --out out.toml | --scene other.toml | tuned_scene.0.scene
 tune marks --out out.toml | --minutes 2 | tuned_scene.2
 tune marks --out scene.toml | --force | code
-plan scene.toml --plan plan.toml | --out out | code
 plan scene.toml --out out | --plan plan.toml | code
 plan scene.toml --plan plan.toml --out out | --vector pdf | write_picture.2
-plan scene.toml --plan plan.toml --out notes | --force | code
-insert scenario.toml | --out out | code
 insert scenario.toml --out out | --runs 3 | insert.1
 insert scenario.toml --out out | --scene other.toml | insert.0.given
 insert scenario.toml --out out | --needle needle.toml | insert.0.plan.needle
@@ -100,7 +86,6 @@ insert scenario.toml --out out | --strength 2 | insert.0.strength
 insert scenario.toml --out out | --processes 2 | insert.workers
 insert scenario.toml --out out | --scheduler tcp://127.0.0.1:1 | insert.workers
 insert scenario.toml --out out | --vector pdf | write_insertion_plots.2
-insert scenario.toml --out notes | --force | code
 demo | --out notes | code
 demo --out out | --vector pdf | demo.vector
 demo --out notes | --force | code
@@ -116,13 +101,11 @@ live --source film | --page 127.0.0.1:0 | served.0
 live --source film | --no-page | served.with_page
 live --source film --no-page | --openigtlink 127.0.0.1:0 | served.1
 live --source film --no-page --out notes | --force | code
-record film/video.avi | --out out | code
 record film/video.avi --out out | --scene scene.toml | out/scene.toml
 record film/video.avi --out out | --codec MJPG | out/video.mkv
 record film/video.avi --out out | --seconds 0.15 | out/frames.csv
 record film/video.avi --out out | --fps 240 | out/frames.csv
 record | --recover killed | killed/video.mkv
-record film/video.avi --out notes | --force | code
 hue colours | --at 3,3 | code
 hue colours --at 3,3 | --frame 1 | shown
 hue colours --out out --scene scene.toml | --fps 9 | out/hue.csv
@@ -137,7 +120,6 @@ export film --to plus --out film.igs.mha | --start 2026-01-31T09:00:00Z | film.i
 export film --to plus --out film.igs.mha --estimates results | --scene other.toml | film.igs.mha
 export film --to plus --out taken.igs.mha | --force | code
 import sleap.csv --out out --fps 30 | --scene scene.toml | code
-import sleap.csv --scene scene.toml --fps 30 | --out out | code
 import sleap.csv --scene scene.toml --out out | --fps 30 | code
 import sleap.csv --scene scene.toml --out out | --frames marks/frames.csv | code
 import deeplabcut.csv --scene scene.toml --out out --fps 30 --rename tail= | --least 0.1 | out/marks.csv
@@ -146,7 +128,6 @@ import deeplabcut.csv --scene scene.toml --out out --fps 30 | --rename tail=M4 |
 import sleap.csv --scene scene.toml --out out --fps 30 | --mm-per-px 9 --origin-px 1,2 | out/marks.csv
 import sleap.csv --scene scene.toml --out out --fps 30 --mm-per-px 9 | --origin-px 1,2 | code
 import several.csv --scene scene.toml --out out --fps 30 | --individual rat | code
-import sleap.csv --scene scene.toml --out notes --fps 30 | --force | code
 sweep sweep.toml | --out out | code
 sweep sweep.toml --out out | --processes 2 | run_sweep.2
 sweep sweep.toml --out out | --scheduler tcp://127.0.0.1:1 | run_sweep.2
@@ -233,21 +214,20 @@ class Seen:
 
 
 @pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def files(good: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Good files, and those that only options need."""
     import cv2
 
     from experiments.pipeline.recorder import Recorder
     from vision import Frame
 
-    folder = tmp_path_factory.mktemp("good")
-    write_good_files(folder)
+    folder = tmp_path_factory.mktemp("options") / "files"
+    shutil.copytree(good, folder)
     (folder / "nodes.csv").write_text(NODES, encoding="utf-8")
     (folder / "springs.csv").write_text(SPRINGS, encoding="utf-8")
     (folder / "several.csv").write_text(SEVERAL, encoding="utf-8")
     (folder / "taken.igs.mha").write_text("mine", encoding="utf-8")
     text = (folder / "scene.toml").read_text(encoding="utf-8")
-    (folder / "other.toml").write_text(text.replace("stiffness_N_m = ", "stiffness_N_m = 1"), encoding="utf-8")
     other = text.replace("stiffness_N_m = ", "stiffness_N_m = 1").replace("0.0, 31.5]", "0.0, 30.5]")
     (folder / "other.toml").write_text(other, encoding="utf-8")
     (folder / "colours").mkdir()
@@ -269,7 +249,7 @@ def known() -> dict[str, Seen]:
 
 @pytest.fixture
 def seen(
-    good: Path,
+    files: Path,
     known: dict[str, Seen],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -282,7 +262,7 @@ def seen(
             return known[words]
         known[words] = found = Seen()
         folder = tmp_path / f"{len(list(tmp_path.iterdir()))}"
-        shutil.copytree(good, folder)
+        shutil.copytree(files, folder)
         monkeypatch.chdir(folder)
         with monkeypatch.context() as patched:
             for name in WORK.get(words.split(maxsplit=1)[0], ()):
@@ -321,9 +301,16 @@ def noting(found: Seen, name: str) -> Any:
     return noting_context if key in ("served", "spare_cores") else note
 
 
-ROWS = [tuple(part.strip() for part in line.split("|")) for line in EFFECTS.strip().splitlines()]
-
-
+TO_FOLDERS = (
+    *("simulate scenario.toml", "track marks", "smooth marks", "replay film", "compare marks", "insert scenario.toml"),
+    *("advise film --needle needle.toml", "plan scene.toml --plan plan.toml", "record film/video.avi"),
+    "import sleap.csv --scene scene.toml --fps 30",
+)
+ROWS = [
+    *rows(EFFECTS),
+    *((call, "--out out", "code") for call in TO_FOLDERS),
+    *((f"{call} --out notes", "--force", "code") for call in TO_FOLDERS),
+]
 NAMES = [f"{call.split()[0]} {added}" for call, added, _ in ROWS]
 
 

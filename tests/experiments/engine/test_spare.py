@@ -12,6 +12,12 @@ SOON_S = 60.0
 """For what comes at once; a busy machine takes long."""
 
 
+@pytest.fixture(autouse=True)
+def _quickly(monkeypatch):
+    """Processes begin without what they would import ahead."""
+    monkeypatch.setattr("experiments.engine.spare.NEEDED", "json")
+
+
 def own_process(_item):
     return os.getpid()
 

@@ -59,10 +59,10 @@ def test_a_worker_that_is_killed_is_replaced_and_its_runs_are_done_again(tmp_pat
                 victims.append(next(iter(client.run(os.getpid).values())))
             os.kill(victims[0], signal.SIGKILL)
 
-    done = run_study(small_runs.slow, cases(60, tmp_path), tmp_path / "study", two, advance)
+    done = run_study(small_runs.slow, cases(40, tmp_path), tmp_path / "study", two, advance)
     assert victims
     assert done.failures == ()
-    assert list(done.table["twice"]) == [2 * seed for seed in range(60)]
+    assert list(done.table["twice"]) == [2 * seed for seed in range(40)]
 
 
 def test_a_run_that_kills_its_workers_fails_and_the_others_do_not(tmp_path, two):
@@ -81,7 +81,7 @@ from experiments.engine.workers import Workers
 from tests.experiments.engine import small_runs
 parts.KEEP_S = 0.2
 if __name__ == "__main__":
-    cases = [{{"seed": seed, "folder": {folder!r}}} for seed in range(80)]
+    cases = [{{"seed": seed, "folder": {folder!r}}} for seed in range(50)]
     run_study(small_runs.slow, cases, Path({study!r}), Workers(2))
 """
 
@@ -101,13 +101,13 @@ def test_what_is_done_is_not_done_again_after_a_kill(tmp_path):
     process.wait()
     (tmp_path / "held").unlink()
     known = pd.concat([pd.read_parquet(path) for path in kept.glob("*.parquet")])
-    assert 2 <= len(known) < 80
+    assert 2 <= len(known) < 50
     assert set(known["threads"]) == {"1"}
     times_before = {path.name: len(path.read_text()) for path in tmp_path.iterdir() if path.name.isdigit()}
-    done = run_study(small_runs.slow, cases(80, tmp_path), tmp_path / "study", OWN_PROCESS)
-    assert done.n_done == 80 - len(known)
+    done = run_study(small_runs.slow, cases(50, tmp_path), tmp_path / "study", OWN_PROCESS)
+    assert done.n_done == 50 - len(known)
     assert all((tmp_path / str(seed)).read_text() == "x" * times_before[str(seed)] for seed in known["seed"])
-    whole = run_study(small_runs.slow, cases(80, tmp_path), tmp_path / "other", OWN_PROCESS)
+    whole = run_study(small_runs.slow, cases(50, tmp_path), tmp_path / "other", OWN_PROCESS)
     same(done.table.drop(columns="threads"), whole.table.drop(columns="threads"))
 
 

@@ -144,11 +144,7 @@ def test_a_file_is_no_folder_to_write_into(tmp_path: Path):
     ("where", "source"),
     [
         ("rec", "rec"),
-        ("rec/out", "rec"),
-        (".", "rec"),
-        ("rec/../rec", "rec"),
-        ("link", "rec"),
-        ("rec", "link"),
+        *(("rec/out", "rec"), (".", "rec"), ("rec/../rec", "rec"), ("link", "rec"), ("rec", "link")),
         (".", "rec/scene.toml"),
     ],
 )
@@ -156,17 +152,10 @@ def test_what_is_read_is_not_written_over_even_with_force(tmp_path: Path, where:
     (tmp_path / "rec").mkdir()
     (tmp_path / "rec" / "scene.toml").write_text("mine")
     (tmp_path / "link").symlink_to(tmp_path / "rec")
+    found = "the same" if (tmp_path / where).resolve() == (tmp_path / source).resolve() else "one in the other"
     with (
-        pytest.raises(InputError, match=r"expected a folder apart from .*(rec|link)"),
+        pytest.raises(InputError, match=f"expected a folder apart from .*(rec|link).*, found {found}$"),
         output_folder(tmp_path / where, force=True, inputs=[tmp_path / source]),
-    ):
-        pytest.fail("work was begun")
-
-
-def test_the_very_folder_that_is_read_is_told_as_such(tmp_path: Path):
-    with (
-        pytest.raises(InputError, match=r"which is read, found the same$"),
-        output_folder(tmp_path, inputs=[tmp_path]),
     ):
         pytest.fail("work was begun")
 

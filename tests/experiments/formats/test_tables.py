@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from experiments.errors import InputError
 from experiments.formats import tables
 from experiments.formats.tables import read_table, write_table
+from tests.experiments.rows import complaint
 
 
 @pytest.fixture
@@ -61,10 +62,8 @@ BAD = {
 @pytest.mark.parametrize(("content", "message"), BAD.values(), ids=BAD.keys())
 def test_a_fault_is_told_in_one_line_with_row_and_column(path: Path, content: str, message: str):
     path.write_text(content, encoding="utf-8")
-    with pytest.raises(InputError) as fault:
-        read_table(path, ["a", "b"], ["node"], rejected={"camera": "one camera is read for now"})
-    assert str(fault.value).startswith(f"{path}{message}")
-    assert len(str(fault.value).splitlines()) == 1
+    said = complaint(read_table, path, ["a", "b"], ["node"], rejected={"camera": "one camera is read for now"})
+    assert said.startswith(f"{path}{message}")
 
 
 def test_rows_are_counted_through_chunks(path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -76,12 +75,6 @@ def test_rows_are_counted_through_chunks(path: Path, monkeypatch: pytest.MonkeyP
     table = read_table(path, ["a"], ["node"])
     np.testing.assert_array_equal(table.numbers["a"], np.arange(5.0))
     assert table.texts["node"] == ["n0", "n1", "n2", "n3", "n4"]
-
-
-def test_bytes_that_are_not_text_are_told_with_their_line(path: Path):
-    path.write_bytes(b"a,node\n1,x\n2,\xff\n")
-    with pytest.raises(InputError, match=r"t\.csv: line 3: expected UTF-8 text, found byte 0xff$"):
-        read_table(path, ["a"], ["node"])
 
 
 def test_order_is_checked_with_the_row_before(path: Path):
@@ -112,7 +105,7 @@ def test_order_within_groups_names_the_first_late_row_and_its_rival(path: Path):
         )
     )
 )
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_what_is_written_is_read_again(path: Path, rows: list[tuple[float, str]]):
     write_table(path, ["number", "text"], [[repr(number), text] for number, text in rows])
     table = read_table(path, ["number"], ["text"])
@@ -121,7 +114,7 @@ def test_what_is_written_is_read_again(path: Path, rows: list[tuple[float, str]]
 
 
 @given(st.binary(max_size=200))
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_bytes_are_a_table_or_one_line_of_complaint(path: Path, content: bytes):
     path.write_bytes(b"a,b\n" + content)
     complaint = ""

@@ -182,13 +182,6 @@ def test_choices_that_do_not_belong_together_are_one_line(words, message, tmp_pa
     assert not (tmp_path / "made").exists()
 
 
-def test_a_folder_with_files_is_left_alone(tmp_path, capsys) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    assert softaim("new", tmp_path) == 2
-    assert "expected an empty or a new folder" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
-
-
 def test_the_command_says_what_to_type_next(tmp_path, capsys) -> None:
     assert softaim("new", tmp_path / "mine", "--masses", 6, "--seed", 4) == 0
     assert f"cd {tmp_path / 'mine'}; softaim check scene.toml" in capsys.readouterr().out

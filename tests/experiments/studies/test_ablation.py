@@ -108,10 +108,3 @@ def test_the_command_writes_its_table(tmp_path, capsys):
     assert (tmp_path / "table.md").read_text() == page
     assert "| phantom | 0." in page
     assert "| outliers | " in page
-
-
-@pytest.mark.parametrize("option", ["--only", "--bodies"])
-def test_an_unknown_name_is_one_line(tmp_path, capsys, option):
-    assert main(["--out", str(tmp_path / "out"), option, "magic"]) == 2
-    assert f"{option}: expected one of" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dynamics import OUTER, four_mass_phantom
 from experiments.studies import bench_recording
 
 
@@ -9,7 +10,7 @@ def test_figures_are_those_of_the_work_named(monkeypatch):
     """No speed is asserted: ten frames, each figure more than nothing, each ratio that of its two times."""
     monkeypatch.setattr(bench_recording, "N_ADVISED", 2)
     monkeypatch.setattr(bench_recording, "N_BY_FILTER", 1)
-    frames = bench_recording.resting_frames(10)
+    frames = bench_recording.resting_frames(four_mass_phantom(), OUTER, 1e-3, 10)
     assert len(frames) == 10
     np.testing.assert_allclose(np.diff([time_s for time_s, _ in frames]), 1.0 / 30.0)
     found = bench_recording.advised(frames) | bench_recording.smoothed(frames)

@@ -4,14 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.engine.workers import OWN_PROCESS
-from experiments.studies import identity
 from experiments.studies.identity import (
     DURATION_S,
     FRAMES_PER_S,
     figures,
+    named_run,
     reported_names,
-    reported_run,
     run,
     world,
 )
@@ -27,13 +25,13 @@ def test_names_from_a_turned_start_are_right(turned):
     """The rest shape says that two are exchanged, the motion that they are not: no swap; and the other way round."""
     alike = [("M1", "M3", "M4")]
     told = reported_names("never", np.random.default_rng(0))
-    right = reported_run(turned, "never", told, alike)
+    right = named_run(turned, "never", told, alike)
     assert (right["swaps"], right["wrong_frames"]) == (0, 0)
     exchanged = told[:, [0, 2, 1]]
-    found = reported_run(turned, "from the start", exchanged, alike)
+    found = named_run(turned, "from the start", exchanged, alike)
     assert (found["swaps"], found["wrong_end"]) == (1, False)
     assert found["wrong_frames"] < 0.6 * FRAMES_PER_S
-    assert reported_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
+    assert named_run(turned, "from the start", exchanged, [])["wrong_frames"] == DURATION_S * FRAMES_PER_S
 
 
 @pytest.mark.slow
@@ -51,20 +49,3 @@ def test_figures_of_a_run_are_told_by_kind():
     assert start["runs_wrong_in_the_end"] == 0
     assert start["end_mm_else"] > 3 * start["end_mm"]
     assert told["phantom quiet a while"]["swaps"] == 2
-
-
-def test_the_study_writes_the_rows_of_its_runs(tmp_path, monkeypatch):
-    """Rows by hand, one kind with figures that the other has not: as a table of pandas would be written."""
-
-    def rows(seed, where, how):
-        at = {"where": where, "how": how, "seed": seed, "doubted": True}
-        return [
-            {**at, "kind": "never", "end_mm": 0.5 * seed, "swaps": 1, "first_swap": 45},
-            {**at, "kind": "hidden", "end_mm": 1.0 / 3.0, "swaps": 0},
-        ]
-
-    monkeypatch.setattr(identity, "run", rows)
-    monkeypatch.setattr(identity, "figures", lambda table: {"all": {"runs": len(table)}})
-    assert identity.study(2, tmp_path, OWN_PROCESS) == {"all": {"runs": 24}}
-    expected = pd.DataFrame([row for at in identity.SETTINGS for seed in range(2) for row in rows(seed, *at)])
-    assert (tmp_path / "identity.csv").read_text(encoding="utf-8") == expected.to_csv(index=False, float_format="%.4f")

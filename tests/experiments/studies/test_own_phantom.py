@@ -11,8 +11,7 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.scene.scene import read_scene
 from experiments.studies.own_phantom import __main__ as study
-from experiments.studies.own_phantom.insertions import insertions, reliability_table
-from experiments.studies.own_phantom.steps import steps_of, times_table
+from experiments.studies.own_phantom.steps import insertions, reliability_table, steps_of, times_table
 from tests.experiments.command import softaim
 
 TUTORIAL = Path(__file__).parents[3] / "docs" / "tutorial.md"
@@ -67,13 +66,6 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     assert 7 <= len(rows) <= 15
     assert rows[["told", "true"]].to_numpy().min() >= 0.0
     assert rows[["told", "true"]].to_numpy().max() <= 1.0
-
-
-@pytest.mark.parametrize("number", ["3", "-1", "plane"])
-def test_a_phantom_that_is_not_there_is_one_line(tmp_path, capsys, number):
-    assert study.main(["--out", str(tmp_path / "study"), "--phantoms", number]) == 2
-    assert capsys.readouterr().err == f"--phantoms: expected numbers among 0,1,2, found {number}\n"
-    assert not (tmp_path / "study").exists()
 
 
 def test_steps_that_ended_early_are_done_again(tmp_path, capsys, monkeypatch):

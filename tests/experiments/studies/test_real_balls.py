@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.studies import px_follower
-from experiments.studies.real_balls import FILMS, LABELS, against_labels, followed, stretched
+from experiments.studies import real_balls
+from experiments.studies.real_balls import FILMS, LABELS, PxFollower, against_labels, followed, stretched
 from tests.real_data import DATA
-from vision import MarkFinder, VideoFileFrames
+from vision import Disc, Frame, Lighting, MarkFinder, MarkHue, Outline, VideoFileFrames, draw_frame
 
 
 @pytest.mark.slow
@@ -57,7 +57,7 @@ def test_nothing_comes_in_a_balls_colour_but_what_is_drawn_in(name: str, monkeyp
             came.append([one.center_px for one in self.came])
             return found
 
-    monkeypatch.setattr(px_follower, "MarkFinder", partial(Watched, explain=True))
+    monkeypatch.setattr(real_balls, "MarkFinder", partial(Watched, explain=True))
     followed(DATA / film.path, film)
     told = [k for k, each in enumerate(came) if each]
     if name == "green-toss":  # of 60 frames
@@ -79,3 +79,27 @@ def test_a_wide_angle_draws_a_ball_wider_outward() -> None:
     shape = stretched(np.array([np.tan(np.pi / 6.0), 0.0]) * 900.0, 900.0)
     np.testing.assert_allclose(shape, np.diag([1.0 / np.cos(np.pi / 6.0), 1.0]))
     np.testing.assert_allclose(stretched(np.zeros(2), 900.0), np.eye(2))
+
+
+def test_two_marks_that_cross_are_followed_to_their_ends() -> None:
+    rng = np.random.default_rng(1)
+    hue, outline = MarkHue(0.0), Outline(10.0 * np.eye(2), 0.05)
+    starts = {"a": np.array([100.0, 200.0]), "b": np.array([420.0, 205.0])}
+    follower = PxFollower(dict.fromkeys(starts, hue), 100.0, starts)
+    for k in range(70):
+        places = {"a": starts["a"] + (4.5 * k, 0.0), "b": starts["b"] - (4.5 * k, 0.0)}
+        image = draw_frame((540, 400), [Disc(p, (10.0, 10.0), 0.0) for p in places.values()], Lighting(), rng)
+        found = follower.see(Frame(k, k / 30.0, image), dict.fromkeys(starts, outline))
+    assert np.abs(found["a"].center_px - places["a"]).max() < 0.2
+    assert np.abs(found["b"].center_px - places["b"]).max() < 0.2
+
+
+def test_a_mark_out_of_view_is_not_found_and_found_again() -> None:
+    rng = np.random.default_rng(2)
+    follower = PxFollower({"a": MarkHue(0.0)}, 500.0)
+    outline = {"a": Outline(10.0 * np.eye(2), 0.05)}
+    seen = []
+    for k in range(40):
+        discs = [] if 10 <= k < 25 else [Disc(np.array([100.0 + 2.0 * k, 150.0]), (10.0, 10.0), 0.0)]
+        seen.append("a" in follower.see(Frame(k, k / 30.0, draw_frame((320, 240), discs, Lighting(), rng)), outline))
+    assert seen == [not 10 <= k < 25 for k in range(40)]

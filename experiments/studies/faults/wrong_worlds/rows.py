@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynamics import MassSpringNetwork, fit_rest_lengths, rest_shape
 from dynamics.network.mass_spring import spring_lengths
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
-from experiments.formats.scene.schema import SceneFile, TargetTable
 from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.wrong_worlds.seen import MARK_SD_M, Seen, Sees
 from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Becomes, Pushes, Truth
@@ -30,7 +30,6 @@ class World:
     sd_m: of the marks, as the tracker states it [m]; reference: reference marks on the anchors are stated, and seen
     """
 
-    name: str
     onset_s: float = 0.0
     truth: Truth = AS_STATED
     seen: Sees = lambda seen, _rng: seen
@@ -38,12 +37,6 @@ class World:
     target: Mapping[str, float] = field(default_factory=dict)
     sd_m: float = MARK_SD_M
     reference: bool = False
-
-    @property
-    def is_supported(self) -> bool:
-        """Whether scene files have the keys that it states."""
-        has_reference = "reference" in SceneFile.model_fields
-        return self.target.keys() <= TargetTable.model_fields.keys() and (has_reference or not self.reference)
 
 
 def _way(dim: int, rng: np.random.Generator) -> Floats:
@@ -61,13 +54,17 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
     return replace(seen, places=places)
 
 
-def _camera_drifts(seen: Seen, rng: np.random.Generator) -> Seen:
-    way = _way(len(seen.middle), rng)
-    return seen.moved(1e-3 * np.clip(seen.exposed_s - ONSET_S, 0.0, None)[:, None] * way)
+def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
+    """All marks, or one, displaced [m] by the time since the onset [s], (n,), in a direction at random."""
 
+    def sees(seen: Seen, rng: np.random.Generator) -> Seen:
+        each = np.zeros_like(seen.places)
+        way = _way(len(seen.middle), rng)
+        which = [rng.integers(len(seen.nodes))] if one else slice(None)
+        each[:, which] = np.asarray(by(seen.exposed_s - ONSET_S))[:, None, None] * way
+        return replace(seen, places=seen.places + each)
 
-def _camera_moved(seen: Seen, rng: np.random.Generator) -> Seen:
-    return seen.moved(10e-3 * seen.since()[:, None] * _way(len(seen.middle), rng))
+    return sees
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
@@ -80,38 +77,18 @@ def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
     return replace(seen, places=np.where(seen.since()[:, None, None], turned, seen.places))
 
 
-def _shaken(seen: Seen, rng: np.random.Generator) -> Seen:
-    return seen.moved(8e-3 * seen.since(lasts_s=0.5)[:, None] * _way(len(seen.middle), rng))
-
-
-def _of_one(seen: Seen, by: Floats, rng: np.random.Generator) -> Seen:
-    """One mark displaced by so much in each frame [m], (n,), in a direction at random."""
-    each = np.zeros_like(seen.places)
-    each[:, rng.integers(len(seen.nodes))] = by[:, None] * _way(len(seen.middle), rng)
-    return seen.moved(each)
-
-
-def _slides(seen: Seen, rng: np.random.Generator) -> Seen:
-    return _of_one(seen, np.clip(4e-3 * (seen.exposed_s - ONSET_S), 0.0, 8e-3), rng)
-
-
-def _elsewhere(seen: Seen, rng: np.random.Generator) -> Seen:
-    return _of_one(seen, np.where(seen.since(), 5e-3, 0.0), rng)
-
-
 def _exchanged(seen: Seen, _rng: np.random.Generator) -> Seen:
     places, after = seen.places.copy(), seen.since()
     places[after, :2] = places[after, 1::-1]
     return replace(seen, places=places)
 
 
-def _mirrored(seen: Seen, _rng: np.random.Generator) -> Seen:
-    sides = np.where(np.arange(len(seen.middle)) == 1, -1.0, 1.0)
-    return replace(seen, places=seen.middle + sides * (seen.places - seen.middle))
-
-
-def _scaled(factor: float) -> Sees:
-    return lambda seen, _rng: replace(seen, places=seen.middle + factor * (seen.places - seen.middle))
+def _scaled(x: float, y: float) -> Sees:
+    """By these factors along the first two axes, and the first one along the third, about the middle."""
+    factors = np.array([x, y, x])
+    return lambda seen, _rng: replace(
+        seen, places=seen.middle + factors[: len(seen.middle)] * (seen.places - seen.middle)
+    )
 
 
 def _late(seen: Seen, _rng: np.random.Generator) -> Seen:
@@ -132,22 +109,67 @@ def _heavy(seen: Seen, rng: np.random.Generator) -> Seen:
     wild = rng.random(seen.places.shape[:2]) < 0.05
     ways = rng.normal(size=seen.places.shape)
     ways *= 10e-3 / np.linalg.norm(ways, axis=2, keepdims=True)
-    return seen.moved(np.where(wild[..., None], ways, 0.0))
+    return replace(seen, places=seen.places + np.where(wild[..., None], ways, 0.0))
 
 
-# what the tissue is
+# what the tissue is, or is stated to be
+
+Factor = float | Callable[[Scene], Floats]
+"""By what the constants of a kind differ."""
 
 
-def _at_target(scene: Scene) -> Floats:
-    """Which springs are at the target, (n_springs,), as booleans."""
-    return np.asarray((scene.network.springs == scene.network.index(scene.target.node)).any(axis=1))
+def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
+    """The network with its constants of these kinds times their factors."""
+    own = {kind: factor(scene) if callable(factor) else factor for kind, factor in factors.items()}
+    return replace(scene.network, **{kind: factor * getattr(scene.network, kind) for kind, factor in own.items()})
 
 
-def _most_loaded(scene: Scene) -> int:
-    """The spring at the target that bears most at rest."""
-    network = scene.network
+def _body(**factors: Factor) -> Truth:
+    """A body with such constants, drawn where it rests."""
+
+    def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
+        network = _times(scene, factors)
+        return replace(network, positions=rest_shape(network))
+
+    return Truth(changed)
+
+
+def _stated(**factors: Factor) -> Callable[[Scene], Scene]:
+    return lambda scene: replace(scene, network=_times(scene, factors))
+
+
+def _truly(change: Becomes) -> Truth:
+    return Truth(lambda scene, _rng: change(scene.network))
+
+
+def _of_target(factor: float) -> Callable[[Scene], Floats]:
+    """Of the springs at the target, (n_springs,)."""
+    return lambda scene: np.where(
+        (scene.network.springs == scene.network.index(scene.target.node)).any(axis=1), factor, 1.0
+    )
+
+
+def _of_most_loaded(factor: float) -> Callable[[Scene], Floats]:
+    """Of the spring at the target that bears most at rest, (n_springs,)."""
+
+    def factors(scene: Scene) -> Floats:
+        network, at_target = scene.network, _of_target(0.0)(scene) == 0.0
+        loads = np.abs(network.stiffness * (spring_lengths(network.positions, network.springs) - network.rest_lengths))
+        return np.where(np.arange(len(loads)) == np.argmax(loads * at_target), factor, 1.0)
+
+    return factors
+
+
+def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
+    return lambda scene: np.where(np.arange(scene.network.n_nodes) == scene.network.index(scene.target.node), factor, 1)
+
+
+def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
+    """The target's springs 0.3 as stiff, each as loaded as before: it rests where it is drawn, and hangs loose."""
+    factors = _of_target(0.3)(scene)
+    network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
-    return int(np.argmax(np.abs(network.stiffness * (lengths - network.rest_lengths)) * _at_target(scene)))
+    return replace(network, rest_lengths=lengths - (lengths - network.rest_lengths) / factors)
 
 
 def _rests_at(by_m: float) -> Truth:
@@ -159,66 +181,10 @@ def _rests_at(by_m: float) -> Truth:
     return Truth(moved)
 
 
-def _springs(
-    factors: Callable[[Scene], Floats], damping: Callable[[Scene], Floats] = lambda _scene: np.ones(1)
-) -> Truth:
-    def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-        network = scene.network
-        stiffness, dashpots = network.stiffness * factors(scene), network.damping * damping(scene)
-        return _at_rest(replace(network, stiffness=stiffness, damping=dashpots))
-
-    return Truth(changed)
-
-
-def _soft(share: float, *, one: bool) -> Truth:
-    """The target's springs, or that which bears most, so much as stiff."""
-
-    def factors(scene: Scene) -> Floats:
-        chosen = np.arange(len(scene.network.springs)) == _most_loaded(scene) if one else _at_target(scene)
-        return np.where(chosen, share, 1.0)
-
-    return _springs(factors, factors)
-
-
-def _loose(share: float) -> Truth:
-    """The target's springs so much as stiff, each as loaded as before: it rests where it is drawn, and hangs loose."""
-
-    def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-        network, factors = scene.network, np.where(_at_target(scene), share, 1.0)
-        lengths = spring_lengths(network.positions, network.springs)
-        rest_lengths = lengths - (lengths - network.rest_lengths) / factors
-        stiffness, damping = network.stiffness * factors, network.damping * factors
-        return replace(network, stiffness=stiffness, damping=damping, rest_lengths=rest_lengths)
-
-    return Truth(changed)
-
-
-def _masses(factor: float, *, target: bool = False) -> Truth:
-    def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-        network, masses = scene.network, scene.network.masses.copy()
-        masses[network.index(scene.target.node) if target else slice(None)] *= factor
-        return _at_rest(replace(network, masses=masses))
-
-    return Truth(changed)
-
-
-def _at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network drawn where it rests."""
-    return replace(network, positions=rest_shape(network))
-
-
-def _truly(change: Becomes) -> Truth:
-    return Truth(lambda scene, _rng: change(scene.network))
-
-
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
     """Ten times as much; where there is none, such that a free mass would stop in a tenth of a second."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
-
-
-def _undragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    return replace(network, drag=np.zeros_like(network.drag))
 
 
 def _rough(network: MassSpringNetwork) -> MassSpringNetwork:
@@ -231,74 +197,68 @@ def _slipped(network: MassSpringNetwork) -> MassSpringNetwork:
     return replace(network, positions=positions)
 
 
-# what is stated
+_MOVES = {
+    "the camera drifts by 1 mm/s": _displaced(lambda t: 1e-3 * np.clip(t, 0.0, None)),
+    "the camera is moved by 10 mm": _displaced(lambda t: 10e-3 * (t >= 0.0)),
+    "the camera is turned by 2 degrees": _camera_turned,
+}
 
-
-def _smooth(network: MassSpringNetwork) -> MassSpringNetwork:
-    return replace(network, friction=np.zeros_like(network.friction))
-
-
-def _stated(change: Becomes) -> Callable[[Scene], Scene]:
-    return lambda scene: replace(scene, network=change(scene.network))
-
-
-_MOVES = (
-    World("the camera drifts by 1 mm/s", ONSET_S, seen=_camera_drifts),
-    World("the camera is moved by 10 mm", ONSET_S, seen=_camera_moved),
-    World("the camera is turned by 2 degrees", ONSET_S, seen=_camera_turned),
-)
-
-_PLACED = tuple(World(f"the target rests {mm} mm from where it is drawn", truth=_rests_at(1e-3 * mm)) for mm in (10, 3))
-
-WORLDS: tuple[World, ...] = (
-    World("nothing"),
-    World("values freeze for 2 s, times go on", ONSET_S, seen=_frozen),
-    *_MOVES,
-    *(replace(one, name=f"{one.name}; reference marks on the anchors", reference=True) for one in _MOVES),
-    World("all marks move by 8 mm for half a second", ONSET_S, seen=_shaken),
-    *_PLACED,
-    *(
-        replace(one, name=f"{one.name}; so stated", target={"position_sd_mm": mm})
-        for one, mm in zip(_PLACED, (10.0, 3.0), strict=True)
+WORLDS: Mapping[str, World] = {
+    "nothing": World(),
+    "values freeze for 2 s, times go on": World(ONSET_S, seen=_frozen),
+    **{name: World(ONSET_S, seen=seen) for name, seen in _MOVES.items()},
+    **{
+        f"{name}; reference marks on the anchors": World(ONSET_S, seen=seen, reference=True)
+        for name, seen in _MOVES.items()
+    },
+    "all marks move by 8 mm for half a second": World(
+        ONSET_S, seen=_displaced(lambda t: 8e-3 * ((t >= 0.0) & (t < 0.5)))
     ),
-    World("the target's springs are a third as stiff", truth=_soft(1.0 / 3.0, one=False)),
-    World("a spring of the target is a third as stiff", truth=_soft(1.0 / 3.0, one=True)),
-    World("a spring of the target is missing", truth=_soft(1e-3, one=True)),
-    World("the target hangs loose where it is drawn", truth=_loose(0.3)),
-    World("the target's mass is three times as large", truth=_masses(3.0, target=True)),
-    World("all springs are half as stiff", truth=_springs(lambda _scene: np.full(1, 0.5))),
-    World("all springs are twice as stiff", truth=_springs(lambda _scene: np.full(1, 2.0))),
-    World("all masses are half as large", truth=_masses(0.5)),
-    World("all masses are twice as large", truth=_masses(2.0)),
-    World("damping is five times as large", truth=_springs(lambda _scene: np.ones(1), lambda _scene: np.full(1, 5.0))),
-    World("drag is ten times as large", truth=_truly(_dragged)),
-    World("there is no drag", truth=_truly(_undragged)),
-    World("dry friction of 5 % of the weight that nobody stated", truth=_truly(_rough), scene=_stated(_smooth)),
-    World("gravity stated as 0", scene=_stated(lambda network: replace(network, gravity=0.0 * network.gravity))),
-    World("gravity stated upside down", scene=_stated(lambda network: replace(network, gravity=-network.gravity))),
-    World("masses stated in g", scene=_stated(lambda network: replace(network, masses=1e3 * network.masses))),
-    World(
-        "stiffness stated in N/mm", scene=_stated(lambda network: replace(network, stiffness=1e-3 * network.stiffness))
+    **{f"the target rests {mm} mm from where it is drawn": World(truth=_rests_at(1e-3 * mm)) for mm in (10, 3)},
+    **{
+        f"the target rests {mm} mm from where it is drawn; so stated": World(
+            truth=_rests_at(1e-3 * mm), target={"position_sd_mm": float(mm)}
+        )
+        for mm in (10, 3)
+    },
+    "the target's springs are a third as stiff": World(
+        truth=_body(stiffness=_of_target(1.0 / 3.0), damping=_of_target(1.0 / 3.0))
     ),
-    World("the target is poked, too", truth=Truth(pushes=Pushes(hidden=True))),
-    World("pokes of 15 m/s²", truth=Truth(pushes=Pushes(pokes_m_s2=15.0))),
-    World("a second breath from aside", truth=Truth(pushes=Pushes(second=True))),
-    World("an anchor slips by 5 mm", ONSET_S, truth=Truth(becomes=_slipped, onset_s=ONSET_S)),
-    World("a mark slides by 8 mm in 2 s", ONSET_S, seen=_slides),
-    World("a mark is stuck on 5 mm elsewhere", ONSET_S, seen=_elsewhere),
-    World("two marks are exchanged", ONSET_S, seen=_exchanged),
-    World("marks with y down", seen=_mirrored),
-    World("the scale is 3 % off", seen=_scaled(1.03)),
-    World("the scale is 10 % off", seen=_scaled(1.1)),
-    World("a tenth of the marks' sd is stated", sd_m=0.1 * MARK_SD_M),
-    World("ten times the marks' sd are stated", sd_m=10.0 * MARK_SD_M),
-    World("one mark in twenty is 10 mm off", seen=_heavy),
-    World("a delay of 100 ms that nobody states", seen=_late),
-    World("half of the frames are lost", seen=_halved),
-    World("the tracker's clock is 2 % fast", seen=_fast),
-)
-
-
-def world_of(name: str) -> World:
-    """The world of this name; KeyError where there is none."""
-    return {world.name: world for world in WORLDS}[name]
+    "a spring of the target is a third as stiff": World(
+        truth=_body(stiffness=_of_most_loaded(1.0 / 3.0), damping=_of_most_loaded(1.0 / 3.0))
+    ),
+    "a spring of the target is missing": World(
+        truth=_body(stiffness=_of_most_loaded(1e-3), damping=_of_most_loaded(1e-3))
+    ),
+    "the target hangs loose where it is drawn": World(truth=Truth(_loose)),
+    "the target's mass is three times as large": World(truth=_body(masses=_of_target_mass(3.0))),
+    "all springs are half as stiff": World(truth=_body(stiffness=0.5)),
+    "all springs are twice as stiff": World(truth=_body(stiffness=2.0)),
+    "all masses are half as large": World(truth=_body(masses=0.5)),
+    "all masses are twice as large": World(truth=_body(masses=2.0)),
+    "damping is five times as large": World(truth=_body(damping=5.0)),
+    "drag is ten times as large": World(truth=_truly(_dragged)),
+    "there is no drag": World(truth=Truth(lambda scene, _rng: _times(scene, {"drag": 0.0}))),
+    "dry friction of 5 % of the weight that nobody stated": World(truth=_truly(_rough), scene=_stated(friction=0.0)),
+    "gravity stated as 0": World(scene=_stated(gravity=0.0)),
+    "gravity stated upside down": World(scene=_stated(gravity=-1.0)),
+    "masses stated in g": World(scene=_stated(masses=1e3)),
+    "stiffness stated in N/mm": World(scene=_stated(stiffness=1e-3)),
+    "the target is poked, too": World(truth=Truth(pushes=Pushes(hidden=True))),
+    "pokes of 15 m/s²": World(truth=Truth(pushes=Pushes(pokes_m_s2=15.0))),
+    "a second breath from aside": World(truth=Truth(pushes=Pushes(second=True))),
+    "an anchor slips by 5 mm": World(ONSET_S, truth=Truth(becomes=_slipped, onset_s=ONSET_S)),
+    "a mark slides by 8 mm in 2 s": World(ONSET_S, seen=_displaced(lambda t: np.clip(4e-3 * t, 0.0, 8e-3), one=True)),
+    "a mark is stuck on 5 mm elsewhere": World(ONSET_S, seen=_displaced(lambda t: 5e-3 * (t >= 0.0), one=True)),
+    "two marks are exchanged": World(ONSET_S, seen=_exchanged),
+    "marks with y down": World(seen=_scaled(1.0, -1.0)),
+    "the scale is 3 % off": World(seen=_scaled(1.03, 1.03)),
+    "the scale is 10 % off": World(seen=_scaled(1.1, 1.1)),
+    "a tenth of the marks' sd is stated": World(sd_m=0.1 * MARK_SD_M),
+    "ten times the marks' sd are stated": World(sd_m=10.0 * MARK_SD_M),
+    "one mark in twenty is 10 mm off": World(seen=_heavy),
+    "a delay of 100 ms that nobody states": World(seen=_late),
+    "half of the frames are lost": World(seen=_halved),
+    "the tracker's clock is 2 % fast": World(seen=_fast),
+}
+"""By name, in the order of the table."""

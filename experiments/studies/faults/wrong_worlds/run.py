@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 import re
-import tempfile
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,15 +18,15 @@ from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.scene import Scene, scene_text, usable_scene
 from experiments.formats.toml_file import toml_text, toml_value
-from experiments.log import LOG
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher, Shown
-from experiments.studies.faults.judge import is_wrong
+from experiments.studies.faults.judge import is_wrong, quiet_folder
+from experiments.studies.faults.scripted import plan_of
 from experiments.studies.faults.world import BEGAN_S, Motion
-from experiments.studies.faults.wrong_worlds.bodies import BODIES, plan_of, scene_of_body
-from experiments.studies.faults.wrong_worlds.rows import World, world_of
+from experiments.studies.faults.wrong_worlds.bodies import BODIES, scene_of_body
+from experiments.studies.faults.wrong_worlds.rows import WORLDS, World
 from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
 from experiments.studies.faults.wrong_worlds.truth import motion_of
 
@@ -98,17 +96,13 @@ class Judging(Publisher):
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """A world with a body and a seed, as a row of the study; `duration_s` of the case in place of the body's [s]."""
-    world, scene = world_of(case["world"]), scene_of_body(case["body"])
+    world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
     duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
-    level = LOG.level
-    LOG.setLevel(logging.CRITICAL)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            return counted(moments_of(world, scene, case["seed"], duration_s, Path(folder)))
-    except InputError as error:
-        return {**counted([]), REFUSED: True, "shown": _plain(str(error).replace(f"{folder}/", ""))}
-    finally:
-        LOG.setLevel(level)
+    with quiet_folder() as folder:
+        try:
+            return counted(moments_of(world, scene, case["seed"], duration_s, folder))
+        except InputError as error:
+            return {**counted([]), REFUSED: True, "shown": _plain(str(error).replace(f"{folder}/", ""))}
 
 
 def _plain(text: str) -> str:

@@ -6,7 +6,7 @@ import json
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +42,6 @@ class Seen:
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
         """The frames that are exposed from this time on, for so long [s], (n,)."""
         return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
-
-    def moved(self, by: Floats) -> Seen:
-        """All marks displaced [m], (n, dim) of each frame or (n, n_marks, dim) of each mark."""
-        return replace(self, places=self.places + (by[:, None] if by.ndim == 2 else by))
 
 
 Sees = Callable[[Seen, np.random.Generator], Seen]

@@ -52,25 +52,12 @@ class Truth:
 AS_STATED = Truth()
 
 
+@lru_cache(maxsize=32)
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
-    """The motion of a scene's body; kept of one that is as stated, for most worlds are of the same.
+    """The motion of a scene's body; kept, for most worlds are of the same.
 
     Raises RuntimeError where the body has no rest: no scene is refused for that.
     """
-    try:
-        if truth == AS_STATED:
-            return _as_stated(scene, seed, duration_s)
-        return _moved(scene, truth, seed, duration_s)
-    except InputError as error:
-        raise RuntimeError(f"truth: {error}") from error
-
-
-@lru_cache(maxsize=8)
-def _as_stated(scene: Scene, seed: int, duration_s: float) -> Motion:
-    return _moved(scene, AS_STATED, seed, duration_s)
-
-
-def _moved(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
     more = None
@@ -80,7 +67,10 @@ def _moved(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
     if truth.pushes.hidden:
         pokes = _pokes(truth.pushes, [scene.target.node])
         more = poke_force(network, pokes, duration_s, np.random.default_rng([seed, 12]))
-    return moved(scenario, network, truth.becomes, truth.onset_s, more)
+    try:
+        return moved(scenario, network, truth.becomes, truth.onset_s, more)
+    except InputError as error:
+        raise RuntimeError(f"truth: {error}") from error
 
 
 def _scenario(scene: Scene, pushes: Pushes, seed: int, duration_s: float) -> Scenario:

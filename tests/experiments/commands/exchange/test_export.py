@@ -10,16 +10,12 @@ import pytest
 from mcap.reader import make_reader
 
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import tree, write_good_files
+from tests.experiments.commands.good_files import tree
 
 CALL = ("export", "film", "--to", "mcap", "--out", "film.mcap", "--estimates", "results")
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    write_good_files(tmp_path)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def test_it_says_what_is_in_the_file(capfd: pytest.CaptureFixture[str]) -> None:
@@ -86,14 +82,3 @@ def test_with_force_a_file_is_replaced() -> None:
     assert Path("film.mcap").read_text() == "mine"
     assert softaim(*CALL, "--force") == 0
     assert Path("film.mcap").read_bytes().startswith(b"\x89MCAP0\r\n")
-
-
-def test_without_the_package_it_is_one_line(
-    here: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("experiments.extras.find_spec", lambda _name: None)
-    before = tree(here)
-    assert softaim(*CALL) == 2
-    said = 'expected the extra export (pip install "softaim[export]"), found no mcap'
-    assert capfd.readouterr().err == f"softaim: --to mcap: {said}\n"
-    assert tree(here) == before

@@ -8,6 +8,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.exchange.pose_table import PoseTable, read_poses
+from tests.experiments.rows import rows
 
 PARTS = ("nose", "left.ear")
 PLACES = np.array([[[1.5, 2.5], [30.0, 40.0]], [[2.0, 3.0], [np.nan, np.nan]], [[2.5, 3.5], [31.0, 41.0]]])
@@ -112,27 +113,21 @@ def test_an_analysis_file_in_hdf5_is_asked_for_as_csv(tmp_path: Path) -> None:
         read_poses(tmp_path / "poses.h5")
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (
-            "scorer,a,a,a\nindividuals,m,m,m\nbodyparts,n,n,n\n",
-            "row 4: expected the row coords of DeepLabCut, found none",
-        ),
-        ("scorer,a,a,a\nbodyparts,n,n,n\n", "row 3: expected the row coords of DeepLabCut, found none"),
-        ("scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,likelihood\n", "expected a row for each frame, and body parts"),
-        ("scorer\nbodyparts\ncoords\n0\n", "expected a row for each frame, and body parts, found none"),
-        ("scorer,a,a\nbodyparts,n,n\ncoords,x,y\n0,1,2\n", "row 3: expected x, y, likelihood of each body part"),
-        ("track,frame_idx,instance.score\n,0,1\n", "expected a row for each frame, and body parts, found none"),
-        ("track,frame_idx,n.x,n.y\n,0,1,2\n", "row 1: expected a column n.score, found none"),
-        (
-            "track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n",
-            'columns of different names, found "n.x" twice',
-        ),
-        ("track,frame_idx,n.x,n.y,n.score\n,0.5,1,2,1\n", "row 2: frame_idx: expected a frame's number, .* found 0.5"),
-        (",,\n,,\n", "expected a table of DeepLabCut .*, found an empty file"),
-    ],
-)
+FAULTS = r"""
+scorer,a,a,a\nindividuals,m,m,m\nbodyparts,n,n,n\n | row 4: expected the row coords of DeepLabCut, found none
+scorer,a,a,a\nbodyparts,n,n,n\n | row 3: expected the row coords of DeepLabCut, found none
+scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,likelihood\n | expected a row for each frame, and body parts
+scorer\nbodyparts\ncoords\n0\n | expected a row for each frame, and body parts, found none
+scorer,a,a\nbodyparts,n,n\ncoords,x,y\n0,1,2\n | row 3: expected x, y, likelihood of each body part
+track,frame_idx,instance.score\n,0,1\n | expected a row for each frame, and body parts, found none
+track,frame_idx,n.x,n.y\n,0,1,2\n | row 1: expected a column n.score, found none
+track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n | columns of different names, found "n.x" twice
+track,frame_idx,n.x,n.y,n.score\n,0.5,1,2,1\n | row 2: frame_idx: expected a frame's number, .* found 0.5
+,,\n,,\n | expected a table of DeepLabCut .*, found an empty file
+"""
+
+
+@pytest.mark.parametrize(("text", "said"), rows(FAULTS))
 def test_other_tables_are_refused(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "poses.csv").write_text(text)
     with pytest.raises(InputError, match=said):

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import write_scene
 from experiments.simulation.simulate import scene_of
 from tests.experiments.command import softaim
+from tests.experiments.rows import complaint
 
 SCENE = scene_of(read_scenario("webcam"))
 FRAMES = np.arange(12) / 30.0
@@ -75,9 +75,7 @@ UNITS = {
 def test_another_unit_is_refused_and_named(tmp_path, name, with_frames) -> None:
     times, found = UNITS[name]
     folder = recording(tmp_path, times, with_frames=with_frames)
-    with pytest.raises(InputError) as error:
-        read_recording(folder)
-    said = str(error.value)
+    said = complaint(read_recording, folder)
     file, row, column = ("frames.csv", 3, "exposure_s") if with_frames else ("marks.csv", 5, "time_s")
     assert said.startswith(f"{folder / file}: row {row}: {column}: expected seconds, frames 0.001 to 5 s apart, found")
     assert f"found {found}" in said
@@ -98,9 +96,8 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_times_that_are_none_or_do_not_rise_are_refused(tmp_path, name) -> None:
     times, message = FAULTS[name]
-    with pytest.raises(InputError) as error:
-        read_recording(recording(tmp_path, times, with_frames=True))
-    assert f"{tmp_path / 'frames.csv'}: {message}" in str(error.value)
+    said = complaint(read_recording, recording(tmp_path, times, with_frames=True))
+    assert f"{tmp_path / 'frames.csv'}: {message}" in said
 
 
 @pytest.mark.parametrize(("name", "header"), [("truth", "time_s,node,x_mm,y_mm"), ("fixes", "time_s,x_mm,y_mm,sd_mm")])
@@ -109,9 +106,7 @@ def test_truth_and_fixes_of_another_time_than_the_frames_are_refused(tmp_path, n
     folder = recording(tmp_path, texts(FRAMES), with_frames=True)
     row = f"{stated},M2,0,188" if name == "truth" else f"{stated},0,188,1"
     (folder / f"{name}.csv").write_text(f"{header}\n{row}\n")
-    with pytest.raises(InputError) as error:
-        read_recording(folder)
-    said = str(error.value)
+    said = complaint(read_recording, folder)
     assert f"{name}.csv: row 2: time_s: expected seconds, as those of the frames, 0 to 0.366667, found none" in said
     assert said.endswith(f"it seems to be {unit}" if unit else "none after -1000")
 

@@ -12,11 +12,7 @@ from dynamics.phantoms.planar import planar_phantom
 from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import SceneError
 
-PHANTOMS = {
-    "four-mass": four_mass_phantom(),
-    "planar": planar_phantom(5).network,
-    "breast": breast_phantom(10).network,
-}
+PHANTOMS = {"four-mass": four_mass_phantom(), "planar": planar_phantom(5).network, "breast": breast_phantom(10).network}
 
 
 def as_drawn(network: MassSpringNetwork) -> MassSpringNetwork:

@@ -5,16 +5,28 @@ import re
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from estimators import IdentificationSettings
 from experiments.engine.workers import OWN_PROCESS
 from experiments.studies.estimation import page as estimation_page
-from experiments.studies.estimation.limits import bound, hard_trial
+from experiments.studies.estimation import study as module
+from experiments.studies.estimation.limits import hard_trial
 from experiments.studies.estimation.page import PAGE, TABLES
-from experiments.studies.estimation.runs import Study, by_scenario, figures
-from experiments.studies.estimation.study import PARTS, identified_run, perturbed, resting
-from experiments.studies.estimation.trials import SERIES, Model, Trial, outcome_of, outcome_row, run
+from experiments.studies.estimation.study import (
+    PARTS,
+    Study,
+    bound,
+    by_scenario,
+    far_figures,
+    figures,
+    identified_rows,
+    perturbed,
+    resting,
+    row_of,
+)
+from experiments.studies.estimation.trials import Model, Outcome, Trial
 
 
 @pytest.fixture(scope="module")
@@ -24,57 +36,45 @@ def study(tmp_path_factory):
     return Study(folder, n_runs=1, workers=OWN_PROCESS)
 
 
-@pytest.fixture(scope="module")
-def outcomes(study):
-    return {name: [run(Trial(name, 100, duration_s=5.0), Model(), study.cache)] for name in ("quiet", "shoved")}
+def outcome(errors_mm, status, far_nees=40.0):
+    """A run of 10 frames/s with these errors of the filter, twice as large ones of the open loop, and such NEES."""
+    errors = 1e-3 * np.array(errors_mm, dtype=float)
+    times_s = np.arange(len(errors)) / 10
+    return Outcome(times_s, 2.0 * errors, errors, np.where(errors > 0.04, far_nees, 2.0), status, 1, turned=False)
 
 
-@pytest.mark.slow
-def test_the_filter_is_far_below_the_open_loop(outcomes):
-    """5 s of each: below a quarter of the open loop's error (the whole study: 0.10 and 0.20), within its regions."""
-    rows = by_scenario(outcomes)
-    assert rows["quiet"]["ratio"] < 0.2
-    assert rows["shoved"]["ratio"] < 0.3
-    assert 0.85 < rows["all"]["coverage95"] <= 1.0
-    assert rows["all"]["frames"] == 300
-    assert not outcomes["quiet"][0].turned
+def test_figures_are_those_of_all_frames():
+    """Two frames of 1 and 3 mm, and six of 5 mm."""
+    runs = pd.DataFrame([row_of(outcome(errors, ("TRACKING",) * len(errors))) for errors in ([1.0, 3.0], [5.0] * 6)])
+    found = figures(runs)
+    assert (found["runs"], found["frames"], found["repairs"]) == (2, 8, 2)
+    assert found["filter_mm"] == pytest.approx(34.0 / 8.0)
+    assert found["rmse_mm"] == pytest.approx(np.sqrt((1.0 + 9.0 + 150.0) / 8.0))
+    assert (found["ratio"], found["worst_mm"]) == pytest.approx((0.5, 5.0))
+    assert (found["coverage95"], found["nees"]) == pytest.approx((1.0, 2.0))
 
 
-def test_figures_are_those_of_all_frames(outcomes):
-    runs = outcomes["quiet"] + outcomes["shoved"]
-    row = figures(runs)
-    errors = 1e3 * np.concatenate([one.filtered for one in runs])
-    assert row["filter_mm"] == pytest.approx(errors.mean(), rel=1e-12)
-    assert row["rmse_mm"] == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-12)
-    assert row["worst_mm"] == errors.max()
-    assert row["ratio"] == row["filter_mm"] / row["open_loop_mm"]
-
-
-OUTCOMES = []
-"""What `known_row` gives, in this process."""
-
-
-def known_row(case, cache):
-    """An outcome that is known, as a run gives it."""
-    return outcome_row(OUTCOMES[0])
-
-
-def test_an_outcome_is_the_same_after_it_was_kept(study, outcomes):
-    OUTCOMES[:] = outcomes["shoved"]
-    rows = study.rows("kept", known_row, [{"seed": seed} for seed in (1, 2)])
-    kept, before = outcome_of(rows[1]), outcomes["shoved"][0]
-    for name in SERIES:
-        np.testing.assert_array_equal(getattr(kept, name), getattr(before, name))
-    assert (kept.status, kept.rejected, kept.repairs) == (before.status, before.rejected, before.repairs)
-    assert figures([kept]) == figures([before])
+@pytest.mark.parametrize(
+    ("errors_mm", "status", "nees", "diverged", "unsaid_s"),
+    [
+        ([50.0] * 6 + [1.0], "TRACKING", 40.0, 1, 0.5),
+        ([50.0] * 6 + [1.0], "TRACKING", 20.0, 1, 0.0),
+        ([50.0] * 4 + [1.0], "TRACKING", 40.0, 0, 0.3),
+        ([1.0] * 6 + [50.0], "TRACKING", 40.0, 1, 0.0),
+        ([50.0] * 7, "DIVERGED", 40.0, 0, 0.0),
+    ],
+)
+def test_a_run_diverged_where_it_was_far_off_and_did_not_say_so(errors_mm, status, nees, diverged, unsaid_s):
+    found = far_figures(pd.DataFrame([row_of(outcome(errors_mm, (status,) * len(errors_mm), nees))]))
+    assert (found["runs_diverged"], found["runs_ever_far"]) == (diverged, 1)
+    assert found["longest_unsaid_s"] == pytest.approx(unsaid_s)
 
 
 @pytest.mark.slow
 def test_the_bound_lies_below_and_not_far(study, monkeypatch):
     """One quiet run of 8 s: RMSE 0.8 to 1.3 of the bound (100 runs: 1.05)."""
     monkeypatch.setattr("experiments.studies.estimation.limits.Trial", partial(Trial, duration_s=8.0))
-    rows = bound(study)
-    assert 0.8 < rows["from the first frame"]["ratio"] < 1.3
+    assert 0.8 < bound(study)["from the first frame"]["ratio"] < 1.3
 
 
 def test_constants_that_are_off_are_off_and_rest_can_be_kept():
@@ -108,15 +108,17 @@ def test_the_page_has_room_for_every_part_and_its_tables_are_whole():
         assert len(lines) >= 3
 
 
-def test_the_command_puts_the_tables_that_are_there_into_the_page(outcomes, tmp_path, monkeypatch):
+def test_the_command_puts_the_tables_that_are_there_into_the_page(tmp_path, monkeypatch):
+    rows = by_scenario(pd.DataFrame([{"scenario": "quiet", **row_of(outcome([1.0, 3.0], ("TRACKING",) * 2))}]))
     page = tmp_path / "page.md"
     page.write_text("a\n<!-- unidentified -->\nold\n<!-- end of unidentified -->\nz", encoding="utf-8")
-    (tmp_path / "unidentified.json").write_text(json.dumps(by_scenario(outcomes)), encoding="utf-8")
+    (tmp_path / "unidentified.json").write_text(json.dumps(rows), encoding="utf-8")
     monkeypatch.setattr(estimation_page, "PAGE", page)
     monkeypatch.setattr("sys.argv", ["page", str(tmp_path)])
     estimation_page.main()
     new = page.read_text(encoding="utf-8")
     assert new.startswith("a\n<!-- unidentified -->\n|  | runs |")
+    assert "| quiet | 1 | 4.00 | 2.00 | 0.500 | 100.0% | 2.00 | 3.0 |" in new
     assert new.endswith("\n<!-- end of unidentified -->\nz")
     assert "old" not in new
 
@@ -127,7 +129,6 @@ def test_identified_runs_hold_their_figures(study, monkeypatch):
 
     The search has one start.
     """
-    import experiments.studies.estimation.study as module
 
     def short(name, seed, duration_s=5.0):
         return Trial(name, seed, duration_s=2.0 if duration_s > 5.0 else duration_s)
@@ -135,7 +136,7 @@ def test_identified_runs_hold_their_figures(study, monkeypatch):
     monkeypatch.setattr(module, "Trial", short)
     one_start = IdentificationSettings(n_starts=1)
     monkeypatch.setattr("estimators.identification.constants.IdentificationSettings", lambda: one_start)
-    found = identified_run(100, study.cache)
-    assert found["chi2"] < 80.0  # of 38 constants
-    for name, limit in (("quiet", 0.4), ("poked", 0.4), ("shoved", 0.4)):
-        assert figures([found["outcomes"][name]])["ratio"] < limit
+    found = pd.DataFrame(identified_rows({"seed": 100}, study.cache))
+    assert found["scenario"].tolist() == ["quiet", "poked", "shoved"]
+    assert (found["chi2_by_degrees"] < 80.0 / 38.0).all()
+    assert (found["filter_mm"] / found["open_loop_mm"] < 0.4).all()

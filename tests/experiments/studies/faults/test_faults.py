@@ -10,10 +10,9 @@ from experiments.engine.workers import Workers
 from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.studies.faults import study
-from experiments.studies.faults.catalogue import FAULTS, fault_of
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Judged, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
-from experiments.studies.faults.study import cells, markdown, names_of, run, summary
+from experiments.studies.faults.study import FAULTS, cells, markdown, run, summary
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn
 from tests.experiments.webcam import coarse_webcam
 
@@ -47,16 +46,8 @@ def _drawn_once(pictures, monkeypatch):
 
 
 def moment(time_s: float, **changes: object) -> Moment:
-    usual = {
-        "age_s": 0.02,
-        "status": "TRACKING",
-        "advice": "GO",
-        "why": "",
-        "sigma_m": 1e-3,
-        "wrong": False,
-        "well": True,
-    }
-    return Moment(time_s, **(usual | changes))  # type: ignore[arg-type]
+    usual = {"age_s": 0.02, "status": "TRACKING", "advice": "GO", "why": "", "sigma_m": 1e-3}
+    return Moment(time_s, **(usual | {"wrong": False, "well": True} | changes))  # type: ignore[arg-type]
 
 
 def test_a_moment_of_go_counts_where_estimate_or_needle_are_wrong_or_old_and_the_time_to_notice_is_over():
@@ -118,19 +109,24 @@ def test_a_scripted_camera_is_a_live_one():
     assert frames.told().startswith("DROPPED: ")
 
 
+def played(name, n_frames):
+    """A scripted camera with a fault, its pictures 1/30 s apart, and when each of these was exposed [s]."""
+    rng, fault = np.random.default_rng(1), FAULTS[name]
+    times = INTERVAL_S * np.arange(n_frames)
+    pictures = rng.integers(0, 255, (n_frames, 4, 4, 3), dtype=np.uint8)
+    shown = [fault.picture(one, t, rng) if fault.acts(t) else one for one, t in zip(pictures, times, strict=True)]
+    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(shown, times, strict=True)]
+    exposed = {one.tobytes(): BEGAN_S + t for one, t in zip(pictures, times, strict=True)}
+    return ScriptedFrames(fault.arrivals(given, rng)), exposed
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [("clock ahead", "CLOCK"), ("clock back", "CLOCK"), ("NaN times", "CLOCK"), ("NaN pictures", "DROPPED")],
 )
 def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_frames_and_no_time_jumps(name, told):
     """180 pictures of 1/30 s whose clock was trusted until the fault: times go on by arrival, to 1 ms."""
-    rng, fault = np.random.default_rng(1), fault_of(name)
-    times = INTERVAL_S * np.arange(180)
-    pictures = rng.integers(0, 255, (len(times), 4, 4, 3), dtype=np.uint8)
-    shown = [fault.picture(one, t, rng) if fault.acts(t) else one for one, t in zip(pictures, times, strict=True)]
-    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(shown, times, strict=True)]
-    frames = ScriptedFrames(fault.arrivals(given, rng))
-    found = []
+    (frames, _), found = played(name, 180), []
     while not frames.ended:
         frame = frames.next(0.1)
         if frames.take_events() and told in (said := frames.told()):
@@ -143,13 +139,9 @@ def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_fram
 
 def test_a_camera_of_which_every_other_frame_is_lost_is_reported_within_three_of_its_frames_and_once():
     """Two seconds of 180 pictures of 1/30 s, from the fourth on: of a film that is played nobody is told."""
-    rng, fault = np.random.default_rng(1), fault_of("dropped frames")
-    times = INTERVAL_S * np.arange(240)
-    pictures = rng.integers(0, 255, (len(times), 4, 4, 3), dtype=np.uint8)
-    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(pictures, times, strict=True)]
     told = {}
     for is_film in (False, True):
-        frames = ScriptedFrames(fault.arrivals(given, rng))
+        frames, _ = played("dropped frames", 240)
         frames._may_repeat = is_film
         told[is_film] = []
         while not frames.ended:
@@ -165,12 +157,7 @@ def test_a_camera_of_which_every_other_frame_is_lost_is_reported_within_three_of
 )
 def test_a_camera_that_tells_its_times_proves_after_a_pause_that_nothing_lags(name, late_s):
     """Of pictures that nothing proves to be of now, each is dated or said to be late by as much as it may be."""
-    rng, fault = np.random.default_rng(1), fault_of(name)
-    times = INTERVAL_S * np.arange(300)
-    pictures = rng.integers(0, 255, (len(times), 4, 4, 3), dtype=np.uint8)
-    given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(pictures, times, strict=True)]
-    exposed = {one.tobytes(): BEGAN_S + t for one, t in zip(pictures, times, strict=True)}
-    frames = ScriptedFrames(fault.arrivals(given, rng))
+    frames, exposed = played(name, 300)
     while not frames.ended:
         frame = frames.next(0.1)
         if frame is not None and frame.index > 0:
@@ -181,7 +168,7 @@ def test_a_camera_that_tells_its_times_proves_after_a_pause_that_nothing_lags(na
 
 def lasting(name: str, seconds: float) -> ScriptedFault:
     """A fault that is over after so long, if it does not stay."""
-    fault = fault_of(name)
+    fault = FAULTS[name]
     return replace(fault, lasts_s=min(fault.lasts_s, seconds)) if np.isfinite(fault.lasts_s) else fault
 
 
@@ -199,7 +186,7 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, tmp_path):
         assert found.covered
     else:
         assert found.noticed_ms is not None
-        assert found.noticed_ms <= 1e3 * fault_of(name).within_s
+        assert found.noticed_ms <= 1e3 * FAULTS[name].within_s
         assert found.recovered_ms is not None
         assert found.recovered_ms <= 500.0
 
@@ -267,11 +254,10 @@ def test_the_table_tells_the_slowest_and_the_sum():
     assert "| never |" in markdown(rows)
 
 
-def test_every_fault_has_a_name_of_its_own_and_another_is_refused():
-    assert len({fault.name for fault in FAULTS}) == len(FAULTS) == len(names_of([]))
-    assert names_of(["blood"]) == ["blood"]
+def test_a_fault_that_there_is_not_is_refused(tmp_path):
     with pytest.raises(InputError, match="--only: expected one of none, unplugged"):
-        names_of(["flood"])
+        study.faults_study(["flood"], range(1), tmp_path / "out", Workers(1))
+    assert not (tmp_path / "out").exists()
 
 
 def test_runs_that_take_place_in_real_time_are_done_first_and_one_by_one(tmp_path, monkeypatch):

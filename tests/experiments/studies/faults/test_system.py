@@ -13,7 +13,7 @@ from experiments.errors import InputError
 from experiments.pipeline.recorder import PIECE_S
 from experiments.servers.faces import PAGE_PORT
 from experiments.studies.faults import process, system
-from experiments.studies.faults.catalogue import fault_of
+from experiments.studies.faults.study import FAULTS
 from experiments.studies.faults.viewer import Viewer
 from experiments.studies.faults.world import Motion
 
@@ -48,7 +48,7 @@ def judged(name, folder, monkeypatch, enough=lambda _found: True):
         monkeypatch.setattr(system, "filmed", lambda *_, film=film: film)
         last = (starts_s, after_s) == PACES[-1]
         try:
-            found = fault_of(name).judged(SEED, folder, onset_s=0.5)
+            found = FAULTS[name].judged(SEED, folder, onset_s=0.5)
             if last or enough(found):
                 return found
         except InputError as fault:

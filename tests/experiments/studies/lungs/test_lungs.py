@@ -10,6 +10,7 @@ from experiments.studies.lungs.estimate import SEEN, Inner, by_spline, errors_ta
 from experiments.studies.lungs.landmarks import read_lungs, read_person
 from experiments.studies.lungs.model import LungConstants, edges_of, lung_network
 from experiments.studies.lungs.table import markdown
+from experiments.studies.zoo.scores import Followed
 from tests.experiments.studies.lungs.breathing import landmarks, write_case
 from tests.real_data import DATA
 
@@ -58,22 +59,20 @@ def test_what_the_filter_cannot_do_leaves_its_columns_empty_and_says_why():
     assert "- filter, 3 of 3 runs: not possible yet" in page
 
 
-def test_the_study_prints_its_table_and_writes_its_files(tmp_path, capsys, monkeypatch):
+def test_the_study_prints_its_table(tmp_path, capsys, monkeypatch):
     """A filter that leaves every landmark where it was, 10 mm an axis."""
 
     def still(lung, *_):
         means = np.tile(lung.positions[0][lung.inner], (len(lung.positions), 1, 1))
-        return means, np.tile(1e-4 * np.eye(3), (*means.shape[:2], 1, 1))
+        return Followed(means, np.tile(1e-4 * np.eye(3), (*means.shape[:2], 1, 1)))
 
-    monkeypatch.setattr(estimate, "filtered", still)
-    (tmp_path / "in").mkdir()
-    write_case(tmp_path / "in" / "case1.csv", landmarks(1, n=12, n_phases=2))
-    assert main([str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--processes", "1"]) == 0
+    monkeypatch.setattr(estimate, "followed_lung", still)
+    write_case(tmp_path / "case1.csv", landmarks(1, n=12, n_phases=2))
+    assert main([str(tmp_path), "--processes", "1"]) == 0
     *_, six = capsys.readouterr().out.splitlines()
     _, seen, nothing, _, ours, covered, *_ = (entry.strip() for entry in six.split("|"))
     assert (seen, covered) == ("six", "100.0 %")
     assert ours == nothing != "0.00"
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"table.md", "errors.csv", "lungs.png"}
 
 
 def test_a_folder_without_landmarks_is_one_line(tmp_path, capsys):

@@ -24,10 +24,10 @@ def test_a_thin_plate_spline_follows_an_affine_motion_exactly(flat):
 
 def test_one_link_of_two_is_put_on_the_straight_line_to_the_end():
     body = make_body("chain2", 0, seconds=0.1)
-    marks = measured(body, body.marked, 0)
+    frames = measured(body, body.marked, 0)
     first, second = body.network.rest_lengths
-    ends = np.array([frame[0].position for frame in marks])
-    assert spline(body, marks)[:, 0] == pytest.approx(ends * first / (first + second))
+    ends = np.array([marks[0].position for _, marks in frames])
+    assert spline(body, frames)[:, 0] == pytest.approx(ends * first / (first + second))
 
 
 def test_the_open_loop_holds_a_phantom_at_rest_where_it_is():

@@ -1,0 +1,123 @@
+"""Linear tetrahedra of all of a mesh, with the dilatation of nearly incompressible ones averaged over patches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.arrays import Floats
+from dynamics.elements.kernels import (
+    COROTATED,
+    LINEAR,
+    NEO_HOOKEAN,
+    PackedTetrahedra,
+    tetrahedra_forces,
+    tetrahedra_tangents,
+)
+from dynamics.mesh import TetMesh, lame
+
+Numbers = float | Floats
+
+LAWS = {"linear": LINEAR, "corotated": COROTATED, "neo-hookean": NEO_HOOKEAN}
+"""Laws of materials: of small strains, of small strains about large rotations, of large strains."""
+
+
+class TissueConstants(NamedTuple):
+    """Young's modulus [Pa], Poisson's ratio and damping as a time [s], each (m,) or one number.
+
+    At rest the damping matrix is the stiffness times that time.
+    """
+
+    modulus: Numbers
+    poisson: Numbers
+    damping: Numbers = 0.0
+
+
+class Tetrahedra:
+    """All tetrahedra of a mesh; an element of the protocol is a patch of them, or one where there are no patches.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+    law : str
+        A key of `LAWS`.
+    constants : TissueConstants
+    patch : (m,) int, optional
+        Of each tetrahedron, see `dynamics.mesh.patches`; wanted from a Poisson's ratio of some 0.45 on.
+
+    Attributes
+    ----------
+    nodes : (n_patches, n_corners) int
+        Nodes of each patch, its first one again where it has fewer than others.
+
+    Notes
+    -----
+    Of a neo-Hookean tetrahedron turned inside out the energy is infinite and the force not a number.
+    """
+
+    def __init__(
+        self, mesh: TetMesh, law: str, constants: TissueConstants, patch: NDArray[np.int64] | None = None
+    ) -> None:
+        m, n = len(mesh.elements), len(mesh.nodes)
+        modulus, poisson, damping = (np.broadcast_to(np.asarray(c, dtype=float), m) for c in constants)
+        self.law, self.constants = LAWS[law], TissueConstants(modulus, poisson, damping)
+        if not ((modulus > 0.0) & (poisson > -1.0) & (poisson < 0.5) & (damping >= 0.0)).all():
+            raise ValueError(
+                "constants: expected moduli above 0, Poisson's ratios from -1 to below 0.5, damping of 0 or more,"
+                f" found at least {modulus.min():g}, {poisson.min():g}, {damping.min():g}, at most {poisson.max():g}"
+            )
+        patch = np.arange(m) if patch is None else patch
+        self._order = np.argsort(patch, kind="stable")
+        elements, patch = mesh.elements[self._order], patch[self._order]
+        members, place = np.unique(n * patch[:, None] + elements, return_inverse=True)
+        firsts = np.searchsorted(members, n * np.arange(patch[-1] + 2))
+        of = members // n
+        self.nodes = np.repeat((members % n)[firsts[:-1], None], np.diff(firsts).max(), axis=1)
+        self.nodes[of, np.arange(len(of)) - firsts[of]] = members % n
+        self._packed = PackedTetrahedra(
+            np.searchsorted(patch, np.arange(patch[-1] + 2)),
+            place.reshape(m, 4) - firsts[patch][:, None],
+            mesh.volumes[self._order],
+            mesh.gradients[self._order],
+        )
+        self._moduli = self._of(*lame(modulus, poisson), 1.0, damping)
+
+    def energy(self, x: Floats) -> Floats:
+        """Stored energy of each patch [J], (n_patches,)."""
+        return self._forces(x, np.zeros_like(x), self._moduli)[0]
+
+    def force(self, x: Floats, v: Floats) -> Floats:
+        """Force on the corners [N], (n_patches, n_corners, 3)."""
+        return self._forces(x, v, self._moduli)[1]
+
+    def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Stiffness [N/m] and damping [N s/m], (n_patches, n_corners, 3, n_corners, 3) each."""
+        K, C = (np.zeros(x.shape + x.shape[1:]) for _ in range(2))
+        tetrahedra_tangents(x, v, self.law, self._packed, self._moduli, K, C)
+        return K, C
+
+    def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
+        """Derivatives of the force by the logarithm of modulus, Poisson's ratio and damping [N], each as `force`.
+
+        Of the constants of all tetrahedra of a patch together: the sum over the patches of a region is the region's.
+        """
+        E, nu, damping = (np.asarray(c) for c in self.constants)
+        by_nu = E * nu * (1.0 + 2.0 * nu**2) / ((1.0 + nu) * (1.0 - 2.0 * nu)) ** 2, -0.5 * E * nu / (1.0 + nu) ** 2
+        moduli = {
+            "modulus": self._moduli,
+            "poisson": self._of(*by_nu, 1.0, damping),
+            "damping": self._of(*lame(E, nu), 0.0, damping),
+        }
+        return {kind: self._forces(x, v, own)[1] for kind, own in moduli.items()}
+
+    def _of(self, lam: Floats, mu: Floats, stored: float, damping: Floats) -> Floats:
+        """Constants as the kernels read them, (m, 4), the stored part times a number."""
+        return np.stack([stored * lam, stored * mu, damping * lam, damping * mu], axis=1)[self._order]
+
+    def _forces(self, x: Floats, v: Floats, moduli: Floats) -> tuple[Floats, Floats]:
+        energy, force = np.empty(len(x)), np.zeros(x.shape)
+        tetrahedra_forces(x, v, self.law, self._packed, moduli, energy, force)
+        return energy, force

@@ -1,0 +1,22 @@
+"""Meshes of tetrahedra: checked nodes and elements, their surface, points in them, patches, stiffness at rest.
+
+What may enter: geometry of a body at rest, arrays in and arrays out. Forces of a deformed one are `dynamics.elements`.
+"""
+
+from dynamics.mesh.points import locate, locate_on_surface
+from dynamics.mesh.stiffness import lame, lumped_masses, patches, rest_stiffness
+from dynamics.mesh.surface import Surface, surface
+from dynamics.mesh.tet_mesh import MeshError, TetMesh
+
+__all__ = [
+    "MeshError",
+    "Surface",
+    "TetMesh",
+    "lame",
+    "locate",
+    "locate_on_surface",
+    "lumped_masses",
+    "patches",
+    "rest_stiffness",
+    "surface",
+]

@@ -1,0 +1,57 @@
+"""Points in a mesh and on its surface, by barycentric weights."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.arrays import Floats
+from dynamics.mesh.tet_mesh import MeshError, TetMesh
+
+INSIDE = -1e-9
+"""Least weight of a point that counts as inside an element [1]; numerical."""
+
+
+def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The element that holds each point, (k,) int, and the weights of its corners there, (k, 4).
+
+    points: at rest [m], (k, 3); MeshError for one outside.
+    """
+    centres = mesh.nodes[mesh.elements].mean(axis=1)
+    elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))
+    for k, point in enumerate(points):
+        each = 0.25 + np.einsum("ead,ed->ea", mesh.gradients, point - centres)
+        elements[k] = each.min(axis=1).argmax()
+        weights[k] = each[elements[k]]
+        if not weights[k].min() >= INSIDE:
+            raise MeshError(f"point {k}: expected a place inside the mesh, found {np.round(point, 6)} m outside")
+    return elements, weights
+
+
+def locate_on_surface(
+    mesh: TetMesh, faces: NDArray[np.int64], points: Floats
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """The face nearest to each point, (k,) int, the weights of its corners there, (k, 3), and the distance [m], (k,).
+
+    faces: (n_faces, 3) int as `surface` has them; points: [m], (k, 3)
+    """
+    corners, n = mesh.nodes[faces], len(faces)
+    edges = corners[:, [1, 2, 0]] - corners
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    normal /= (normal**2).sum(axis=1, keepdims=True)
+    found, weights, distances = np.empty(len(points), dtype=np.int64), np.empty((len(points), 3)), np.empty(len(points))
+    for k, point in enumerate(points):
+        away = point - corners
+        # Weight of each corner below the point, by the triangle that the opposite edge makes with it
+        below = np.einsum("fcd,fd->fc", np.cross(edges, away)[:, [1, 2, 0]], normal)
+        along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
+        candidates = np.zeros((4, n, 3))
+        candidates[0] = below
+        for edge in range(3):
+            candidates[1 + edge, :, edge] = 1.0 - along[:, edge]
+            candidates[1 + edge, :, (edge + 1) % 3] = along[:, edge]
+        apart = np.linalg.norm(np.einsum("qfc,fcd->qfd", candidates, corners) - point, axis=2)
+        apart[0, below.min(axis=1) < 0.0] = np.inf
+        q, found[k] = np.unravel_index(apart.argmin(), apart.shape)
+        weights[k], distances[k] = candidates[q, found[k]], apart[q, found[k]]
+    return found, weights, distances

@@ -1,0 +1,52 @@
+"""The outside of a mesh: its faces, and the areas and normals of their nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.arrays import Floats
+from dynamics.mesh.tet_mesh import TetMesh
+
+FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+"""Corners of the face opposite each corner of an element, counter-clockwise from outside."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """The outside of a mesh.
+
+    Attributes
+    ----------
+    faces : (n_faces, 3) int
+        Nodes of the mesh, counter-clockwise seen from outside.
+    nodes : (k,) int
+        Those of the faces, ascending.
+    areas : (k,)
+        A third of the faces about each of these nodes [m²].
+    normals : (k, 3)
+        Of these nodes, outward, of length 1: the mean over their faces by area.
+    """
+
+    faces: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+    areas: Floats
+    normals: Floats
+
+
+def surface(mesh: TetMesh) -> Surface:
+    """The faces that belong to one element only."""
+    n, faces = len(mesh.nodes), mesh.elements[:, FACES].reshape(-1, 3)
+    ordered = np.sort(faces, axis=1)
+    keys = (ordered[:, 0] * n + ordered[:, 1]) * n + ordered[:, 2]
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
+    faces = faces[np.sort(first[count == 1])]
+    a, b, c = (mesh.nodes[faces[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a) / 6.0
+    nodes, place = np.unique(faces, return_inverse=True)
+    shares = np.repeat(np.column_stack([np.linalg.norm(across, axis=1), across]), 3, axis=0)
+    summed: Floats = np.stack([np.bincount(place.ravel(), share) for share in shares.T], axis=1)
+    areas, normals = summed[:, 0], summed[:, 1:]
+    return Surface(faces, nodes, areas, normals / np.linalg.norm(normals, axis=1, keepdims=True))

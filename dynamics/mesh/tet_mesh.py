@@ -1,0 +1,114 @@
+"""Meshes of linear tetrahedra, checked at construction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dynamics.arrays import Floats, made_again
+
+LARGEST_M = 2.0
+"""Extent beyond which a mesh is taken to be in other units [m]; choice: no body of tissue is as long."""
+
+FLATTEST = 1e-4
+"""Volume of an element by its longest edge cubed, at least [1]; numerical, a regular one has 0.12."""
+
+
+class MeshError(ValueError):
+    """A mesh that cannot be used; the message says what was expected and what was found."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TetMesh:
+    """A body of linear tetrahedra in one piece.
+
+    Parameters
+    ----------
+    nodes : (n, 3)
+        Positions at rest [m].
+    elements : (m, 4) int
+        Nodes of each element: the fourth lies on the side of the first three to which they turn counter-clockwise.
+    regions : (m,) int
+        Tissue of each element, or that of all, (1,).
+
+    Attributes
+    ----------
+    volumes : (m,)
+        Of the elements [m³].
+    gradients : (m, 4, 3)
+        Of the barycentric weight of each corner [1/m].
+
+    Raises
+    ------
+    MeshError
+        Flat or flipped elements, loose parts, nodes of no element, an extent beyond 2 m.
+    """
+
+    nodes: Floats
+    elements: NDArray[np.int64]
+    regions: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    volumes: Floats = field(init=False, repr=False)
+    gradients: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        nodes, elements = np.array(self.nodes, dtype=float), np.array(self.elements)
+        regions, n, m = np.asarray(self.regions), len(nodes), len(elements)
+        if nodes.ndim != 2 or nodes.shape[1] != 3 or not np.isfinite(nodes).all():
+            raise MeshError(f"nodes: expected finite numbers of shape (n, 3), found shape {nodes.shape}")
+        if elements.shape != (m, 4) or elements.dtype.kind not in "iu" or not m:
+            raise MeshError(f"elements: expected integers of shape (m, 4), found {elements.dtype} {elements.shape}")
+        if elements.min() < 0 or elements.max() >= n:
+            raise MeshError(f"elements: expected nodes 0 to {n - 1}, found {elements.min()} to {elements.max()}")
+        if regions.shape not in ((1,), (m,)) or regions.dtype.kind not in "iu":
+            raise MeshError(f"regions: expected {m} integers, found {regions.dtype} {regions.shape}")
+        edges = nodes[elements[:, 1:]] - nodes[elements[:, :1]]
+        volumes = np.linalg.det(edges) / 6.0
+        self._check(nodes, elements, edges, volumes)
+        inner = np.linalg.inv(edges).swapaxes(1, 2)
+        gradients = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
+        for key, value in {
+            "nodes": nodes,
+            "elements": elements.astype(np.int64),
+            "regions": np.broadcast_to(regions, m).astype(np.int64),
+            "volumes": volumes,
+            "gradients": gradients,
+        }.items():
+            value.setflags(write=False)
+            object.__setattr__(self, key, value)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return made_again(self)
+
+    @staticmethod
+    def _check(nodes: Floats, elements: NDArray[np.int64], edges: Floats, volumes: Floats) -> None:
+        extent = np.ptp(nodes, axis=0).max()
+        if extent > LARGEST_M:
+            raise MeshError(f"nodes: expected metres, an extent of at most {LARGEST_M:g} m, found {extent:g} m")
+        sides = np.concatenate([edges, edges[:, [1, 2, 0]] - edges], axis=1)
+        longest = np.sqrt((sides**2).sum(axis=2).max(axis=1))
+        for what, wrong in (
+            ("flat elements", np.abs(volumes) < FLATTEST * longest**3),
+            ("flipped elements, whose volume is negative", volumes < 0.0),
+        ):
+            if wrong.any():
+                first = np.flatnonzero(wrong)[0]
+                raise MeshError(
+                    f"elements: expected no {what}, found {wrong.sum()} of {len(wrong)}, the first element {first}"
+                )
+        used = np.bincount(elements.ravel(), minlength=len(nodes)) > 0
+        if not used.all():
+            raise MeshError(
+                f"nodes: expected each in an element, found {(~used).sum()} in none, the first node {used.argmin()}"
+            )
+        pairs = (elements[:, [0, 0, 0]].ravel(), elements[:, 1:].ravel())
+        graph = coo_array((np.ones(len(pairs[0])), pairs), shape=(len(nodes),) * 2)
+        parts, part = connected_components(graph, directed=False)
+        if parts > 1:
+            sizes = np.sort(np.bincount(part))[::-1]
+            raise MeshError(f"elements: expected one connected body, found {parts} parts of {sizes[:5].tolist()} nodes")

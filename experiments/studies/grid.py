@@ -1,0 +1,107 @@
+"""What all studies share: a grid of cases, their runs, the options of a command, and what it prints."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.engine.executor import results
+from experiments.engine.progress import run_bar
+from experiments.engine.runs import Case, Work
+from experiments.engine.study import run_study
+from experiments.engine.workers import Workers, add_worker_options
+from experiments.errors import InputError
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+Main = Callable[[Sequence[str] | None], int | None]
+
+
+def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
+    """A case for each combination of the values; those of the last axis change fastest."""
+    return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
+
+
+def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argparse.ArgumentParser:
+    """Options of a study; doc: of its module, whose first line describes it and which has its command.
+
+    out: whether its runs are kept in a folder; page: whose tables it can rewrite, of docs/
+    """
+    text = doc or ""
+    command = re.search(r"python -m [\w.]+", text)
+    parser = argparse.ArgumentParser(prog=command and command[0], description=text.split("\n", maxsplit=1)[0])
+    if out:
+        parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on")
+    if page:
+        parser.add_argument("--page", action="store_true", help=f"rewrite the tables of docs/{page}")
+    add_worker_options(parser)
+    return parser
+
+
+def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
+    """`--seeds`, or another name, and `--first-seed`, which `seeds_of` reads."""
+    parser.add_argument(runs, dest="n_seeds", type=int, default=n, help="runs of each case: %(default)s")
+    parser.add_argument("--first-seed", type=int, default=first, help="of them: %(default)s")
+
+
+def seeds_of(given: argparse.Namespace) -> range:
+    """The seeds that were chosen by the options of `add_seeds`."""
+    return range(given.first_seed, given.first_seed + given.n_seeds)
+
+
+def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]:
+    """The names of an option, all known ones where none is given. Raises InputError for one that is not known."""
+    every = list(known)
+    for name in names:
+        if name not in every:
+            raise InputError.at(option, f"one of {', '.join(every)}", name)
+    return list(names) or every
+
+
+def kept_runs(work: Work, cases: Sequence[Case], folder: Path, workers: Workers) -> pd.DataFrame:
+    """The rows of all runs, kept in a folder, where they go on. Raises InputError, RunsFailedError."""
+    with run_bar(folder.name) as advance:
+        return run_study(work, cases, folder, workers, advance).checked()
+
+
+def runs_of(work: Work, jobs: Sequence[Any], workers: Workers) -> list[Any]:
+    """What each run gives, in the order of the jobs; nothing is kept. Raises InputError, RunsFailedError."""
+    with run_bar("runs") as advance:
+        return results(work, jobs, workers, advance)
+
+
+def command(main: Main) -> Callable[..., int]:
+    """The main function of a study with its exit code: what is wrong with the input is one line, and 2."""
+
+    @wraps(main)
+    def coded(arguments: Sequence[str] | None = None) -> int:
+        try:
+            return main(arguments) or 0
+        except InputError as error:
+            sys.stderr.write(f"{error}\n")
+            return 2
+
+    return coded
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = (0,)) -> str:
+    """A table in Markdown, these columns to the left and the others to the right."""
+    ruled = ["---" if k in left else "---:" for k in range(len(heads))]
+    return "".join(
+        "| " + " | ".join(entry.replace("|", "/") for entry in row) + " |\n" for row in (heads, ruled, *rows)
+    )
+
+
+def print_figures(label: str, figures: Mapping[str, float], digits: int = 3) -> None:
+    """One line: a label, and all figures with their names."""
+    columns = "  ".join(f"{name} {value:.{digits}g}" for name, value in figures.items() if not isinstance(value, str))
+    sys.stdout.write(f"{label}{columns}\n")
+    sys.stdout.flush()

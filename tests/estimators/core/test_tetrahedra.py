@@ -1,0 +1,35 @@
+"""A block of tetrahedra as the tissue of a process: what the elements do is what the process moves by."""
+
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from dynamics.elements import Assembly, Tetrahedra, TissueConstants
+from dynamics.mesh import lumped_masses, patches
+from estimators.core import TissueProcess
+from tests.dynamics.blocks import block
+
+
+def test_a_block_of_tetrahedra_sways_as_its_slowest_vibration():
+    """Let go in its slowest mode, it has crossed to the other side after half a period; springs are a millionth."""
+    mesh = block((1, 1, 2), (0.04, 0.04, 0.08))
+    n, masses = len(mesh.nodes), lumped_masses(mesh, 1000.0)
+    springs = np.unique(np.sort(mesh.elements[:, [[0, 1], [1, 2], [2, 3]]].reshape(-1, 2), axis=1), axis=0)
+    none, weak = np.zeros(n), np.full(len(springs), 1e-3)
+    network = MassSpringNetwork(
+        names=tuple(f"N{i}" for i in range(n)), positions=mesh.nodes, masses=masses, fixed=mesh.nodes[:, 2] < 1e-9,
+        drag=none, friction=none, springs=springs, stiffness=weak, damping=0.0 * weak, gravity=np.zeros(3),
+        rest_lengths=np.linalg.norm(mesh.nodes[springs[:, 1]] - mesh.nodes[springs[:, 0]], axis=1),
+    )  # fmt: skip
+    body = Tetrahedra(mesh, "corotated", TissueConstants(3e3, 0.49), patches(mesh))
+    process = TissueProcess(network, ["N2"], elements=[body])
+    rest = mesh.nodes[network.free].ravel()
+    by_mass = np.repeat(masses[network.free], 3)
+    K = Assembly(mesh.nodes, network.free, [body]).tangents(rest, 0.0 * rest)[0].toarray()
+    squares, modes = np.linalg.eigh(K / np.sqrt(np.outer(by_mass, by_mass)))
+    half, swing = np.pi / np.sqrt(squares[0]), 1e-4 * modes[:, 0] / np.sqrt(by_mass) * np.sqrt(by_mass.mean())
+    state = process.prior(level=1.0)[0]
+    state[process.parts["position"]] = rest + swing
+    for _ in range(40):
+        state = process.moved(state, half / 40)
+    crossed = (state[process.parts["position"]] - rest) @ swing / (swing @ swing)
+    assert -1.0 <= crossed < -0.97
